@@ -148,4 +148,6 @@ def test_the_command_writes_both(results: Path, tmp_path: Path, capsys: pytest.C
     output = capsys.readouterr()
     names = ("bop.csv", "coco.json", "")
     assert output.out.split() == [str(tmp_path / "files" / name) for name in names]
-    assert output.err.count("\n") == 1 and "Name the folder of its results" in output.err
+    exported, refused = output.err.splitlines()
+    assert exported.startswith("vig: exported bop.csv, coco.json: ")
+    assert "Name the folder of its results" in refused

@@ -39,12 +39,12 @@ GROWN = (1.0, 1.25, 1.6, 2.2)
 HIDDEN_PART = 1.15
 """Longer side of the object, as the network sees it, over that of a mask, from which the rest is hidden."""
 UNTRAINED = (
-    "expected a box or a mask of the object, as the class has no network to find it; got neither. Give one,"
-    " or train it with `vig class train`."
+    "expected a box or a mask of the object, as its class has no network to find it; got neither. Give --box"
+    " x,y,w,h in pixels, such as 120,80,300,240, or --mask FILE; `vig class train` trains a network."
 )
 UNPLACED = (
-    "expected a box or a mask of the object, as the class's network has no map to find it; got neither. Give"
-    " one, or train it again with `vig class train`, or `vig train --map-alone`."
+    "expected a box or a mask, as the class's network has no map to find objects; got neither. Give --box"
+    " x,y,w,h in pixels, such as 120,80,300,240, or --mask FILE, or train it by `vig train --map-alone`."
 )
 WINDOW_SIZE_DEVIATION, WINDOW_PLACE_DEVIATION = 0.35, 0.2
 """Of the logarithm of an object's size in a window over what it should be, and of its middle, in sides."""

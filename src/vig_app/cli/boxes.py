@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +12,15 @@ from vig.io.errors import UserError
 from vig.several import MOST_OBJECTS
 from vig_app.cli.common import FitCommand, pack_of_mesh
 from vig_app.cli.naming import by_photo, note
+from vig_app.corrections import corrected_in
 
 REMEDY = 'Write {"photo.jpg": [x, y, w, h]}, or a list of these or of {"box": [x, y, w, h], "class": "mug"}.'
 Objects = tuple[tuple[str, Box], ...]
 """Class and box of each object of a photo."""
 OF_ONE_OBJECT = ("mask", "marks", "visible", "points", "azimuth", "elevation", "roll", "pose")
 """Options that say something of a single object."""
+PLACES = ("box", "boxes", "mask", "marks", "objects")
+"""Options that tell where objects are."""
 
 
 def boxes_of(settings: FitCommand, photos: list[Path]) -> list[tuple[Box | None, Objects]]:
@@ -41,6 +45,25 @@ def boxes_of(settings: FitCommand, photos: list[Path]) -> list[tuple[Box | None,
     if any(objects for _, objects in of_photo.values()):
         _check_several(settings)
     return [of_photo.get(photo, (None, ())) for photo in photos]
+
+
+def check_place(settings: FitCommand, folders: Sequence[Path] = ()) -> None:
+    """UserError where nothing tells where the object of --mesh is, before the mesh is made ready; corrections
+    by hand in folders of earlier results do.
+    """
+    known = any(getattr(settings, name) is not None for name in PLACES)
+    if settings.mesh is None or known or any(map(corrected_in, folders)):
+        return
+    box = "x,y,w,h in pixels round the whole object, such as --box 120,80,300,240"
+    if settings.track:
+        raise UserError(
+            "expected --box with --mesh, as no network knows this object to find it; got none. Give that of"
+            f" the first frame, {box}."
+        )
+    raise UserError(
+        "expected --box or --mask with --mesh, as no network knows this object to find it; got neither. Give"
+        f" --box {box}, or --mask m.png, white where it is seen; of many --boxes FILE or --mask FOLDER."
+    )
 
 
 def classes_of(settings: FitCommand) -> tuple[str, tuple[str, ...]]:

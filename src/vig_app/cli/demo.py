@@ -26,6 +26,7 @@ from vig.io.files import atomic_write
 from vig.photo.images import coded
 from vig.scene import angle_difference
 from vig_app.cli.common import Demo
+from vig_app.cli.naming import end
 from vig_app.demo import DemoPhoto, demo_photos
 from vig_app.report.folder import FILES, outlined, save_entry
 from vig_app.report.folder_page import Entry, reduced
@@ -89,7 +90,7 @@ def demo(settings: Demo) -> int:
     console.print("\n".join(lines), soft_wrap=True, highlight=False, markup=False)
     if not settings.no_open and has_screen():
         webbrowser.open(page.resolve().as_uri())
-    print(out)
+    end(out, f"explained {len(rows)} photos: open {page}; then one of yours, as above")
     return 0
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import glob
 import json
 import os
+import shlex
 import sys
 from collections.abc import Sequence
-from contextlib import nullcontext
+from contextlib import closing, nullcontext
 from datetime import datetime
 from functools import partial
 from importlib.util import find_spec
@@ -29,12 +30,12 @@ from vig.photo.formats import why_no_photo
 from vig.photo.video import frames_of, is_video
 from vig.recognition import WEIGHTS_FILE
 from vig.scene import ObjectClass, Symmetry
-from vig_app.cli.boxes import boxes_of, classes_of
+from vig_app.cli.boxes import boxes_of, check_place, classes_of
 from vig_app.cli.cameras import cameras_of
 from vig_app.cli.common import FitCommand
 from vig_app.cli.hints import hints_of, mask_of
 from vig_app.cli.live import fit_live
-from vig_app.cli.naming import in_one_line, listed, note
+from vig_app.cli.naming import end, in_one_line, listed, note
 from vig_app.corrections import CORRECTIONS, Correction, corrected_in
 from vig_app.exports import RUN_FORMATS, export_run, run_files
 from vig_app.report.folder import FILES, check_files
@@ -82,19 +83,23 @@ def fit(settings: FitCommand) -> int:
         _check_track(settings)
     with ledger_of(settings.out) if any(map(is_video, settings.images)) else nullcontext():
         photos = photos_of(settings.images, settings.out)
+    folders = result_folders(photos, settings.out)
     boxes = boxes_of(settings, photos)
+    check_place(settings, folders)
     object_class, further_classes = classes_of(settings)
     for name in (object_class, *further_classes):
         if not settings.quiet and is_quick(Path(name)):
             note(f"'{name}' has a quick recognizer; `vig class train {name}` makes a better one")
         if not settings.quiet and settings.mesh is None and is_untrained(Path(name)):
-            note(f"no network was trained for '{name}': views are tried all round, where a box or mask tells")
+            note(
+                f"no network was trained for '{name}': each photo needs --box or --mask, and views are tried"
+                f" all round; `vig class train {name}` trains one"
+            )
     if settings.mesh is not None and not settings.quiet:
         note(_of_mesh(settings.mesh, ObjectClass.load(object_class)))
     hints = hints_of(settings, photos)
     mask = mask_of(settings, photos)
     cameras = cameras_of(settings, photos)
-    folders = result_folders(photos, settings.out)
     explain_settings = ExplainSettings(
         LIKELIHOODS[settings.likelihood],
         self_shadow=not settings.no_self_shadow,
@@ -128,24 +133,28 @@ def fit(settings: FitCommand) -> int:
         elif not settings.json and not settings.quiet:
             print(line, flush=True)
 
-    show_progress = len(photos) > 1 and not settings.quiet and sys.stderr.isatty()
-    try:
-        with Meter(len(photos), 0, show_progress, "photos") as meter:
-            if settings.track:
-                frames = run_tracked(list(tasks), settings.out, run_settings, take).frames
-            else:
-                resume = len(photos) > 1
-                for row in run(tasks, settings.out, run_settings, settings.workers, resume, settings.cluster):
-                    take(row)
-    finally:
-        rows = [row for folder in folders for row in rows_of_photo.get(folder.name, {}).values()]
-        if len(photos) > 1 and rows:
+    def all_rows() -> list[dict[str, Any]]:
+        return [row for folder in folders for row in rows_of_photo.get(folder.name, {}).values()]
+
+    def finish() -> None:
+        if rows := all_rows():
             if not all(row.get("done_before") for row in rows):
                 for name in run_files():  # of the results before
                     (settings.out / name).unlink(missing_ok=True)
             write_table(settings.out, rows)
             write_run_page(settings.out, rows)
             write_sheets(settings.out, rows)
+
+    show_progress = len(photos) > 1 and not settings.quiet and sys.stderr.isatty()
+    with Meter(len(photos), 0, show_progress, "photos") as meter:
+        if settings.track:
+            frames = run_tracked(list(tasks), settings.out, run_settings, take, finish).frames
+        else:
+            how = settings.workers, len(photos) > 1, settings.cluster
+            with closing(run(tasks, settings.out, run_settings, *how, finish)) as found:
+                for row in found:
+                    take(row)
+    rows = all_rows()
     if settings.track and not settings.json and not settings.quiet:
         lost = sum(frame.lost for frame in frames)
         print(f"{len(frames)} frames, {lost} of them lost: {settings.out / TRACK}.csv")
@@ -157,22 +166,36 @@ def fit(settings: FitCommand) -> int:
         result = {"results": _results(rows, settings.out), "errors": errors, "folder": str(settings.out)}
         print(json.dumps(result, indent=2))
     elif failed < len(rows):
-        if not settings.quiet:
-            page = settings.out / ("" if len(photos) > 1 else folders[0].name) / "report.html"
-            if page.exists():
-                print(f"to look at: {page}")
-        print(settings.out)
+        if settings.quiet:
+            print(settings.out)
+        else:
+            end(settings.out, _next(settings, folders, len(rows_of_photo) - failed))
     return 0 if not failed else 1 if failed < len(rows) else 2
+
+
+def _next(settings: FitCommand, folders: Sequence[Path], explained: int) -> str:
+    """What was made, and what to do with it."""
+    one = len(folders) == 1
+    folder = folders[0] if one else settings.out
+    page = folder / "report.html"
+    look = f"open {page}" if page.exists() else f"the files are in {folder}"
+    if settings.track:
+        return f"tracked: the path is {settings.out / TRACK}.csv; of the frames {look}"
+    made = "explained" if one else f"explained {explained} of {len(folders)} photos"
+    if one and not any(folder.glob(f"**/{CORRECTIONS}")):  # a mask, marks or a pose was given
+        return f"{made}: {look}"
+    order = "" if one else ", the least sure first"
+    return f"{made}: {look}; to correct{order}: vig view {shlex.quote(str(folder))}"
 
 
 def _corrected(
     settings: FitCommand, folders: Sequence[Path], object_class: str
 ) -> dict[Path, tuple[Correction, ...]]:
     """What was corrected by hand of each photo of an earlier run, with a line on it; of a single photo only
-    where no hint is given.
+    where no hint is given. UserError where frames are tracked, which would lose it.
     """
     hinted = any(getattr(settings, name) not in (None, (), False) for name in HINTS)
-    if settings.track or (len(folders) == 1 and hinted):
+    if len(folders) == 1 and hinted:
         return dict.fromkeys(folders, ())
     by_hand = {folder: corrected_in(folder, object_class) for folder in folders}
     taken = [
@@ -180,6 +203,12 @@ def _corrected(
         for folder, corrections in by_hand.items()
         if corrections and not any(correction.problem for correction in corrections)
     ]
+    if settings.track and any(by_hand.values()):
+        edited = listed(folder.name for folder in folders if by_hand[folder])
+        raise UserError(
+            f"expected frames that were not corrected by hand with --track, which takes no hints on single"
+            f" frames; got {CORRECTIONS} of {edited} in '{settings.out}'. Choose another --out."
+        )
     if taken and not settings.quiet:
         note(f"corrected in vig view, taken as it is there (or remove {CORRECTIONS}): {listed(taken)}")
     return by_hand

@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 
 from vig_app.cli.common import Gallery
 from vig_app.cli.demo import DEMO_NOTE, demo_card, explained_demo, has_screen
+from vig_app.cli.naming import end
 from vig_app.demo import demo_photos
 from vig_app.report.gallery import cards_of, gallery_html
 from vig_app.report.html import write_page
@@ -19,14 +20,18 @@ def gallery(settings: Gallery) -> int:
     if settings.results is None:
         html, photos = demo_gallery()
     else:
-        cards, found = cards_of(settings.results)
+        cards, found = cards_of(settings.results, settings.out)
         photos = len(cards)
         title = f"{photos} photos explained" if photos == found else f"{photos} of {found} photos explained"
         html = gallery_html(cards, title)
     page = settings.out / "index.html"
     write_page(page, html)
     result = {"page": str(page), "photos": photos, "folder": str(settings.out)}
-    print(json.dumps(result, indent=2) if settings.json else f"{page}\n{settings.out}")
+    if settings.json:
+        print(json.dumps(result, indent=2))
+    else:
+        yours = "" if settings.results else "; of photos of yours: vig gallery FOLDER_OF_VIG_FIT"
+        end(settings.out, f"made a page: open {page}{yours}")
     if not settings.no_open and not settings.json and has_screen():
         webbrowser.open(page.resolve().as_uri())
     return 0

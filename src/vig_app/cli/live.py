@@ -12,10 +12,11 @@ from vig.inference import ExplainSettings
 from vig.io.errors import UserError
 from vig.likelihood import LIKELIHOODS
 from vig.video import Tracker
-from vig_app.cli.boxes import boxes_of, classes_of
+from vig_app.cli.boxes import boxes_of, check_place, classes_of
 from vig_app.cli.cameras import cameras_of
 from vig_app.cli.common import FitCommand
-from vig_app.runs.live import run_live
+from vig_app.cli.naming import end
+from vig_app.runs.live import OVERLAY, run_live
 
 WITH_LIVE = {
     "images", "track", "live", "box", "object_class", "mesh", "length", "focal", "intrinsics", "likelihood",
@@ -32,6 +33,7 @@ def fit_live(settings: FitCommand) -> int:
         if name not in WITH_LIVE and value != getattr(FitCommand, name):
             raise UserError(f"expected --live without --{name}; got both. Leave one out.")
     assert settings.live is not None
+    check_place(settings)
     source = [Path(settings.live)]
     ((box, _),), (camera,) = boxes_of(settings, source), cameras_of(settings, source)
     explain = ExplainSettings(LIKELIHOODS[settings.likelihood], self_shadow=not settings.no_self_shadow)
@@ -46,6 +48,8 @@ def fit_live(settings: FitCommand) -> int:
         print(f"{len(poses)} frames, {lost} of them lost: {settings.out / 'track.csv'}")
     if not poses:
         print(f"no {explainer.object_class.name} was found before the camera", file=sys.stderr)
-    if not settings.json:
+    if settings.quiet and not settings.json:
         print(settings.out)
+    elif not settings.json:
+        end(settings.out, f"tracked: watch {settings.out / OVERLAY}; track.csv beside it has the path")
     return 0 if poses else 1

@@ -1,4 +1,4 @@
-"""Entries of files by the names of photos."""
+"""Entries of files by the names of photos, and the lines that commands print."""
 
 from __future__ import annotations
 
@@ -69,6 +69,12 @@ def listed(names: Iterable[str]) -> str:
 def note(words: str) -> None:
     """Print an error or a remark in one line on stderr."""
     print(f"vig: {in_one_line(words)}", file=sys.stderr, flush=True)
+
+
+def end(folder: Path, words: str) -> None:
+    """End a command: print its output folder, then on stderr what was made and what to do next."""
+    print(folder, flush=True)
+    note(words)
 
 
 def in_one_line(words: str) -> str:

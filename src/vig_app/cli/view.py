@@ -11,7 +11,7 @@ from pathlib import Path
 from vig.io.errors import UserError
 from vig_app.cli.boxes import parse_box
 from vig_app.cli.common import ViewCommand
-from vig_app.cli.naming import note
+from vig_app.cli.naming import end, note
 from vig_app.viewer.server import HOST, Viewer
 from vig_app.viewer.walk import Walk
 
@@ -40,7 +40,8 @@ def view(settings: ViewCommand) -> int:
         if viewer.port != settings.port:
             print(f"port {settings.port} is taken; this page has another:", flush=True)
         print(f"http://{address}", flush=True)
-        print(f"Ctrl-C ends. Over SSH: ssh -L {viewer.port}:{address} and this machine's name", flush=True)
+        print(f"over SSH: ssh -L {viewer.port}:{address} and this machine's name", flush=True)
+        print("open it in a browser, correct what is wrong, save with S; Ctrl-C here ends", flush=True)
     if not settings.no_open:
         webbrowser.open(f"http://{address}")
     # A script's background jobs begin by ignoring it.
@@ -53,6 +54,10 @@ def view(settings: ViewCommand) -> int:
         finally:
             if walk.session.unsaved:
                 note(f"corrections of {walk.items[walk.place].name} were not saved")
-    if walk.saved and not settings.json:
-        print(folder)
+    if not settings.json and walk.run is not None and walk.saved:
+        end(folder, f"saved: open {folder / 'report.html'}; the same `vig fit` again takes it up")
+    elif not settings.json and walk.saved:
+        end(folder, f"saved: open {folder / 'report.html'}")
+    elif not settings.json and not walk.session.unsaved:
+        note("nothing was saved, as nothing was corrected")
     return 0

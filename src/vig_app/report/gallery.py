@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from vig.io.checks import decode, read_json, reading
 from vig.io.errors import UserError
@@ -61,8 +63,9 @@ def card_of(folder: Path, name: str, note: str = "", link: str = "") -> Card:
         return Card(name, described, badge, probabilities, pictures, shown, note, link)
 
 
-def cards_of(results: Path) -> tuple[list[Card], int]:
-    """The cards of a folder of results, by name, `MOST` at most; and how many results it holds.
+def cards_of(results: Path, out: Path) -> tuple[list[Card], int]:
+    """The cards of a folder of results, by name, `MOST` at most, for a page in `out`, from which they link to
+    each one's own; and how many results it holds.
 
     Raises:
         UserError: No explanation with its page is in it.
@@ -78,7 +81,16 @@ def cards_of(results: Path) -> tuple[list[Card], int]:
         )
     names = ["/".join(folder.relative_to(results).parts) or folder.resolve().name for folder in folders]
     shown = list(zip(folders, names, strict=True))[:MOST]
-    return [card_of(folder, name) for folder, name in shown], len(folders)
+    return [card_of(folder, name, link=_link(folder, out)) for folder, name in shown], len(folders)
+
+
+def _link(folder: Path, out: Path) -> str:
+    """Address of a result's report.html from a page in `out`."""
+    page = folder.resolve() / "report.html"
+    try:
+        return quote(os.fsencode(Path(os.path.relpath(page, out.resolve())).as_posix()))
+    except ValueError:  # on another drive
+        return page.as_uri()
 
 
 def gallery_html(cards: Sequence[Card], title: str, note: str = "") -> str:

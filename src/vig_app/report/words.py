@@ -15,10 +15,15 @@ INTERVAL = 1.645
 
 
 def view_words(latents: Latents, probability: float) -> str:
-    """A view (B = 1), and how likely it is, where that is no NaN."""
+    """A view (B = 1), and how likely it is right."""
     azimuth, elevation = (math.degrees(float(angle)) for angle in (latents.azimuth, latents.elevation))
-    likely = "" if math.isnan(probability) else f", {probability:.0%}"
-    return f"azimuth {azimuth % 360:.0f}°, elevation {elevation:.0f}°{likely}"
+    words = f"azimuth {azimuth % 360:.0f}°, elevation {elevation:.0f}°, {right_with(probability)}"
+    return words.removesuffix(", ")
+
+
+def right_with(probability: float) -> str:
+    """How likely a view is right; nothing for a NaN."""
+    return "" if math.isnan(probability) else f"right with {probability:.0%}"
 
 
 def table_rows(described: dict[str, Any]) -> list[tuple[str, str]]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from dataclasses import replace
 from itertools import chain, islice
 from pathlib import Path
@@ -30,7 +30,8 @@ def run(
     workers: int = 1,
     resume: bool = True,
     cluster: str | None = None,
-) -> Iterator[dict[str, Any]]:
+    finish: Callable[[], None] = lambda: None,
+) -> Generator[dict[str, Any], None, None]:
     """Explain photos into their folders, and yield the row of each object as it is done, `COLUMNS`.
 
     Args:
@@ -42,6 +43,8 @@ def run(
             their rows have "done_before".
         cluster: Address of a Ray cluster in place of workers, `auto` for the one of this machine. Photos are
             sent to its nodes and results come back: they need vig and the class, but no shared disk.
+        finish: Is called last, however the run ends, while no other run can write to `out`; close the
+            iterator where it is left before its end. Not without a ledger.
 
     Raises:
         UserError: The class cannot be loaded, `out` cannot be written, another run writes there, or there is
@@ -69,18 +72,21 @@ def run(
                 else:
                     yield replace(task, key=key)
 
-        for task, rows in _rows(waiting(), settings, explainer, workers, cluster):
-            try:
-                ledger.write(json.dumps({"key": task.key, "rows": rows}) + "\n")
-                ledger.flush()
-            except OSError as error:
-                raise UserError(
-                    f"cannot write {out / LEDGER}: {error.strerror}; what is done stays. Make room and run"
-                    " the same command again."
-                ) from error
+        try:
+            for task, rows in _rows(waiting(), settings, explainer, workers, cluster):
+                try:
+                    ledger.write(json.dumps({"key": task.key, "rows": rows}) + "\n")
+                    ledger.flush()
+                except OSError as error:
+                    raise UserError(
+                        f"cannot write {out / LEDGER}: {error.strerror}; what is done stays. Make room and"
+                        " run the same command again."
+                    ) from error
+                yield from taken(rows_of_before)
+                yield from rows
             yield from taken(rows_of_before)
-            yield from rows
-        yield from taken(rows_of_before)
+        finally:
+            finish()
 
 
 def _rows(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,11 @@ from vig_app.runs.work import RunSettings, Task, Work, row_of
 
 
 def run_tracked(
-    tasks: list[Task], out: Path, settings: RunSettings, take: Callable[[dict[str, Any]], None]
+    tasks: list[Task],
+    out: Path,
+    settings: RunSettings,
+    take: Callable[[dict[str, Any]], None],
+    finish: Callable[[], None] = lambda: None,
 ) -> Track:
     """Explain the frames of a video together into their folders, and write track.csv, .parquet and .json.
 
@@ -29,6 +34,7 @@ def run_tracked(
         out: As in `run`.
         settings: For all frames.
         take: Is called with the row of a frame as it is done, once more where it is fitted again.
+        finish: As in `run`.
 
     Raises:
         UserError: As `vig.track`, or `out` cannot be written, or another run writes there.
@@ -43,7 +49,8 @@ def run_tracked(
         take(row_of(tasks[number], explanation) | {"seconds": round(now - started, 3)})
         started = now
 
-    with ledger_of(out):
+    with ledger_of(out), ExitStack() as stack:
+        stack.callback(finish)
         first = tasks[0]
         photos = [task.photo for task in tasks]
         tracked = track(photos, explainer, first.box, first.focal, first.hints, write_frame)

@@ -160,7 +160,10 @@ class Viewer:
         explanation = session.explanation
         described, views = explanation.to_dict(), views_of(explanation)
         (height, width), sent = session.photo.shape[:2], self._size_sent()
-        angles = [explanation.azimuth_deg, *(other.azimuth_deg for other in explanation.alternatives)]
+        answers = [
+            (explanation.azimuth_deg, explanation.elevation_deg, explanation.fit.confidence),
+            *((each.azimuth_deg, each.elevation_deg, each.probability) for each in explanation.alternatives),
+        ]
         return {
             "item": walk.place,
             "photo": {"width": width, "height": height, "shown": sent},
@@ -175,7 +178,13 @@ class Viewer:
             "unsaved": session.unsaved,
             "corrected": [number for number, item in enumerate(walk.items) if item.corrected],
             "views": [
-                {"azimuth": azimuth, "words": view.words} for azimuth, view in zip(angles, views, strict=True)
+                {
+                    "azimuth": azimuth,
+                    "elevation": elevation,
+                    "right": words.right_with(probability),
+                    "words": view.words,
+                }
+                for (azimuth, elevation, probability), view in zip(answers, views, strict=True)
             ],
             "drawing": drawing_data(explanation, views, [], *sent),
             "panels": jpeg_url(explanation.panels()),

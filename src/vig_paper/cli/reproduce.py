@@ -17,6 +17,7 @@ from vig_paper.reproduction.page import write_page
 from vig_paper.reproduction.reached import reached, reached_block, reached_line, training_line
 from vig_train.cli.common import check_workers
 from vig_train.evaluation.paper import compare, comparison_block
+from vig_world.cli.ending import end
 
 
 def reproduce_paper(chosen: Reproduce) -> int:
@@ -51,8 +52,9 @@ def reproduce_paper(chosen: Reproduce) -> int:
             print(f"{renderer}: {passed} of {len(cells)} cells pass")
     print(training_line(record.data["settings"], settings.train_images))
     if folder.page.exists():
-        print(folder.page)
-    print(folder.root)
+        end(folder.root, f"reproduced: open {folder.page}")
+    else:
+        end(folder.root, "not all stages are done: the same command without --stages goes on to the page")
     return 0
 
 

@@ -20,7 +20,7 @@ class Reproduce:
     scale: Scale
     """How much: tiny takes minutes, small an hour on two cores, paper is 10,000 training and 1,000 test
     images of each renderer. The options below change single numbers of it."""
-    out: Path
+    out: Path = Path("vig-reproduce")
     """Folder of the run."""
     steps: Annotated[tuple[StepKind, ...], tyro.conf.arg(name="stages")] = STEP_KINDS
     """Which steps to do; those done already are skipped."""

@@ -23,6 +23,7 @@ from vig_train.cli.settings import Calibrate
 from vig_train.evaluation.protocol import check_class
 from vig_train.plots import calibrate_and_plot as calibrate_network
 from vig_train.training.calibration import check_count
+from vig_world.cli.ending import end
 from vig_world.dataset import Dataset, read_dataset
 
 
@@ -77,5 +78,6 @@ def calibrate(settings: Calibrate) -> int:
     if settings.json:
         print(json.dumps({"report": lines, "calibration": str(folder / FILE), "folder": str(folder)}))
     else:
-        print("\n".join([*lines, str(folder)]))
+        print("\n".join(lines))
+        end(folder, f"calibrated: {folder / FILE} holds for its weights; vig evaluate measures them")
     return 0

@@ -24,6 +24,7 @@ from vig.scene.object_class import PACKAGED
 from vig_train.cli.common import check_workers, check_writable
 from vig_train.cli.settings import CheckClass
 from vig_train.packs.card import replace_section
+from vig_world.cli.ending import end
 
 HEADING = "## On photographs"
 """Heading of the card's section, which is replaced."""
@@ -108,7 +109,12 @@ def check_class(settings: CheckClass) -> int:
     if pack is not None:
         replace_section(pack, object_class, f"{HEADING}\n\n{table}\n")
     plain = [{name: _known(value) for name, value in asdict(row).items()} for row in rows]
-    print(json.dumps({"rows": plain, "folder": pack and str(pack)}, indent=2) if settings.json else table)
+    if settings.json:
+        print(json.dumps({"rows": plain, "folder": pack and str(pack)}, indent=2))
+        return 0
+    print(table)
+    if pack is not None:
+        end(pack, f"checked: the table is in {pack / 'card.md'}, too")
     return 0
 
 

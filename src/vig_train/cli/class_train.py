@@ -11,6 +11,7 @@ from vig.scene import ObjectClass
 from vig_train.class_training import ClassTraining
 from vig_train.cli.common import check_workers, check_writable
 from vig_train.cli.settings import TrainClass
+from vig_world.cli.ending import end
 
 LEAST_MINUTES = 1.0
 MOST_MINUTES = 10_000.0
@@ -43,5 +44,9 @@ def train_class(settings: TrainClass) -> int:
     if settings.json:
         print(json.dumps({"folder": str(settings.pack), "steps": training.record.data["steps"]} | errors))
     else:
-        print(settings.pack)
+        end(
+            settings.pack,
+            f"trained: vig fit photo.jpg --class {settings.pack} takes it; its errors are in"
+            f" {settings.pack / 'card.md'}",
+        )
     return 0

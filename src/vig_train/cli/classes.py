@@ -8,6 +8,7 @@ import re
 from vig.io.errors import UserError
 from vig_train.cli.common import check_workers
 from vig_train.cli.settings import Build
+from vig_world.cli.ending import end
 
 
 def build(settings: Build) -> int:
@@ -38,6 +39,7 @@ def build(settings: Build) -> int:
     result = build_class(settings.meshes, settings.out, build_settings, say, not settings.json)
     if settings.recognizer and not (settings.out / WEIGHTS_FILE).exists():
         ClassTraining(settings.out, QUICK, workers=settings.workers, say=say).run()
+    is_trained = (settings.out / WEIGHTS_FILE).exists()
     if settings.json:
         errors = result.components.errors
         print(
@@ -55,8 +57,13 @@ def build(settings: Build) -> int:
             )
         )
         return 0
-    print(f"look at {settings.out / 'card.md'}; what is wrong in build/2-upright.png can be told: --help")
-    print(settings.out)
+    upright = settings.out / "build" / "2-upright.png"
+    print(f"look at {settings.out / 'card.md'}; where {upright} is wrong: --up, --front, --turn, --drop")
+    train = f"vig class train {settings.out} gives it a good recognizer"
+    if is_trained:
+        end(settings.out, f"made a class: vig fit photo.jpg --class {settings.out} takes it; {train}")
+    else:
+        end(settings.out, f"made a class without a recognizer: {train}")
     return 0
 
 

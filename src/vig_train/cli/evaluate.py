@@ -21,6 +21,7 @@ from vig_train.evaluation import blocks, markdown_table, save_table, summarise, 
 from vig_train.evaluation import evaluate as run_methods
 from vig_train.evaluation.protocol import fitted_likelihoods
 from vig_train.evaluation.table import check_limits
+from vig_world.cli.ending import end
 from vig_world.dataset import read_dataset
 from vig_world.dataset.format import read_info
 
@@ -71,8 +72,7 @@ def evaluate(settings: Evaluate) -> int:
     for block in blocks(table):
         if block.title.startswith(PRINTED_TITLES):
             console.print(block.rich())
-    print("table.md has further tables, errors.csv each image; they are in")
-    print(settings.out)
+    end(settings.out, f"measured: {settings.out / 'table.md'} has further tables, errors.csv each image")
     return 0
 
 

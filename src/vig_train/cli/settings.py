@@ -65,7 +65,7 @@ class Train:
 
     dataset: tuple[Path, ...]
     """Folders of datasets with a train split."""
-    out: Path
+    out: Path = Path("vig-train")
     """Folder for weights and checkpoint."""
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
     """A packaged class or the folder of a class pack: the datasets'."""
@@ -192,7 +192,7 @@ class Evaluate:
 
     dataset: Path
     """Folder of the dataset."""
-    out: Path
+    out: Path = Path("vig-evaluate")
     """Folder for the results."""
     split: Split = "test"
     """Which split."""

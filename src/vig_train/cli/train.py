@@ -22,6 +22,7 @@ from vig_train.training.examples import Examples
 from vig_train.training.object_map import MapTraining, add_object_map
 from vig_train.training.studio import StudioSettings
 from vig_train.training.training import TrainingSettings
+from vig_world.cli.ending import end
 from vig_world.dataset import Dataset, read_dataset
 
 TRUNK_STAGES = len(NetworkSettings().blocks)
@@ -93,7 +94,10 @@ def train(settings: Train) -> int:
         )
     if settings.map_alone:
         path = _train_map(settings, datasets, drawing, object_class.mirror)
-        print(json.dumps({"weights": str(path), "folder": str(settings.out)}) if settings.json else path)
+        if settings.json:
+            print(json.dumps({"weights": str(path), "folder": str(settings.out)}))
+        else:
+            _end(settings.out, path)
         return 0
     chosen = TrainingSettings(
         seed=settings.seed,
@@ -113,9 +117,13 @@ def train(settings: Train) -> int:
     if settings.json:
         print(json.dumps({"weights": str(path), "log": lines, "folder": str(settings.out)}))
     else:
-        print(path)
-        print(settings.out)
+        _end(settings.out, path)
     return 0
+
+
+def _end(folder: Path, weights: Path) -> None:
+    print(weights)
+    end(folder, f"trained: next, vig calibrate DATASETS --weights {weights}, then vig evaluate --weights ...")
 
 
 def _train_map(settings: Train, datasets: Sequence[Dataset], drawing: Drawing | None, mirror: bool) -> Path:

@@ -6,9 +6,11 @@ import json
 import re
 import sys
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vig.io.errors import UserError
+from vig_world.cli.ending import end
 from vig_world.cli.settings import Check, ExportDataset, Groups, Make, Show
 
 if TYPE_CHECKING:
@@ -54,7 +56,7 @@ def make(settings: Make) -> int:
     print("hidden    " + "  ".join(deciles))
     reasons = ", ".join(f"{name} {count}" for name, count in described["rejections"].items())
     print(f"rejected  {described['rejections_per_sample']:.2f} candidates a sample ({reasons or 'none'})")
-    print(folder)
+    end(folder, f"made a dataset: vig dataset show {folder} draws a sheet of it")
     return 0
 
 
@@ -81,9 +83,11 @@ def groups(settings: Groups) -> int:
     size = settings.width, settings.height
     for _ in write_groups(settings.out, settings.count, settings.seed, settings.split, classes, size):
         pass
-    summary = {"folder": str(settings.out), "photos": settings.count}
-    again = f"next: vig fit {settings.out}/photos --boxes {settings.out}/boxes.json"
-    print(json.dumps(summary) if settings.json else f"{settings.out}\n{again}")
+    out = settings.out
+    if settings.json:
+        print(json.dumps({"folder": str(out), "photos": settings.count}))
+    else:
+        end(out, f"made {out}/photos: vig fit {out}/photos --boxes {out}/boxes.json explains them")
     return 0
 
 
@@ -127,7 +131,8 @@ def check(settings: Check) -> int:
         if len(of_split.problems) > SHOWN:
             print(f"{of_split.split}: and {len(of_split.problems) - SHOWN} more (--json lists them)")
         print(of_split.summary())
-    print(settings.dataset)
+    found = "it is as it was made" if clean else "some of it is not as it was made; make that split again"
+    end(settings.dataset, f"checked: {found}")
     return 0 if clean else 1
 
 
@@ -162,7 +167,7 @@ def show(settings: Show) -> int:
         return 0
     print(sheet)
     print(distributions)
-    print(out)
+    end(out, f"drawn: open {sheet}, and {distributions.name} beside it")
     return 0
 
 
@@ -172,7 +177,8 @@ def export(settings: ExportDataset) -> int:
     from vig_world.generation.webdataset import export_webdataset
     from vig_world.generation.yolo import export_yolo_pose
 
-    where = settings.dataset, settings.out, settings.split
+    out = settings.out or Path(f"{settings.dataset.resolve().name}-{settings.to}")
+    where = settings.dataset, out, settings.split
     if settings.to == "coco":
         export_coco(*where)
     elif settings.to == "webdataset":
@@ -180,5 +186,17 @@ def export(settings: ExportDataset) -> int:
     else:
         exporters = {"coco-keypoints": export_coco_keypoints, "yolo-pose": export_yolo_pose}
         exporters[settings.to](*where, _class(settings.object_class))
-    print(json.dumps({"folder": str(settings.out)}) if settings.json else settings.out)
+    if settings.json:
+        print(json.dumps({"folder": str(out)}))
+    else:
+        end(out, f"exported: {READERS[settings.to]} reads it; docs/dataset.md says what it holds")
     return 0
+
+
+READERS = {
+    "coco": "pycocotools",
+    "coco-keypoints": "pycocotools",
+    "yolo-pose": "yolo pose train data=data.yaml (Ultralytics)",
+    "webdataset": "webdataset.WebDataset",
+}
+"""What reads each format."""

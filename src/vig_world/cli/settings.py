@@ -15,10 +15,10 @@ from vig_world import Split, World
 class Make:
     """Generate pictures of scenes with full ground truth; can be interrupted and run again."""
 
-    out: Path
-    """Folder of the dataset."""
     count: int
     """Number of samples."""
+    out: Path = Path("vig-dataset")
+    """Folder of the dataset."""
     seed: int = 0
     """The dataset's seed: sample i is a pure function of it and i."""
     tier: Literal["raster", "cycles"] = "raster"
@@ -62,10 +62,10 @@ class Make:
 class Groups:
     """Photographs of two to four objects that hide one another, with their truth; can be run again."""
 
-    out: Path
-    """Folder of the photos, their masks, boxes.json for `vig fit --boxes`, and truth.jsonl."""
     count: int
     """Number of photos."""
+    out: Path = Path("vig-groups")
+    """Folder of the photos, their masks, boxes.json for `vig fit --boxes`, and truth.jsonl."""
     seed: int = 0
     """Photo i is a pure function of it and i."""
     split: Split = "train"
@@ -131,8 +131,8 @@ class ExportDataset:
     """Folder of the dataset."""
     to: Literal["coco", "coco-keypoints", "yolo-pose", "webdataset"]
     """Which format; docs/dataset.md describes them."""
-    out: Path
-    """Folder for the result."""
+    out: Path | None = None
+    """Folder for the result; by default the dataset's name with that of the format, such as D-coco."""
     split: Split | None = None
     """Which split; by default the only one, or train."""
     object_class: Annotated[str | None, tyro.conf.arg(name="class")] = None

@@ -20,10 +20,10 @@ from vig_world import World
 from vig_world.dataset.spec import SPLITS
 
 FORMAT_VERSION = 3
-DEPTH_SCALE = 0.1
-"""Millimetres per unit of the depth images."""
+DEPTH_SCALES = (0.1, 0.2, 0.5, 1.0)
+"""Millimetres per unit of a depth image: the finest that holds its farthest surface."""
 MOST_DEPTH = 65535
-"""Units of what is as far or farther."""
+"""Units of what is farther than the coarsest holds."""
 OBJECT_ID = 1
 """Of the one object, in BOP's and COCO's files."""
 MOST_SAMPLES = 1_000_000

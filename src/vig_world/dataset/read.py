@@ -8,20 +8,22 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image, UnidentifiedImageError
 
-from vig.io.checks import read_bytes, reading
+from vig.io.checks import decode, read_bytes, read_json, reading
 from vig.photo import Window
 from vig.scene import IMAGE_SIZE, srgb8_from_linear
 from vig_world import World
 from vig_world.dataset.format import (
     COLUMNS,
-    DEPTH_SCALE,
     MOST_DEPTH,
+    MOST_SAMPLES,
     PICTURE_MODES,
     REMEDY,
+    SCENE,
     STANDARD_SIZE,
     TABLE,
     Size,
@@ -33,6 +35,8 @@ from vig_world.dataset.format import (
 )
 from vig_world.dataset.spec import SceneSpec
 
+MOST_CAMERA = 1024
+"""Bytes of each sample's entry of scene_camera.json."""
 MOST_SPEC = 65_536
 """Bytes of each sample's spec."""
 
@@ -95,7 +99,7 @@ class Dataset:
         frame, 0 where unknown, of datasets that have `normals`. Raises UserError for a missing or damaged
         file.
         """
-        chosen = range(len(self)) if indices is None else indices
+        chosen = range(len(self)) if indices is None else list(indices)
         with ThreadPoolExecutor(2) as pool:
             pictures = list(pool.map(lambda i: self._picture(int(i), kind), chosen))
         stack = np.stack(pictures) if pictures else np.empty((0, *self.size[::-1]), np.uint8)
@@ -105,8 +109,21 @@ class Dataset:
             return np.where(stack.any(-1, keepdims=True), stack / np.float32(127.5) - 1, np.float32(0))
         if kind == "depth":
             known = (stack > 0) & (stack < MOST_DEPTH)
-            return np.where(known, stack * np.float32(DEPTH_SCALE / 1000), np.float32(np.inf))
+            metres = (self.depth_scales[np.array(chosen, int)] / 1000).astype(np.float32)
+            return np.where(known, stack * metres[:, None, None], np.float32(np.inf))
         return stack > 127
+
+    @cached_property
+    def depth_scales(self) -> np.ndarray:
+        """Millimetres of a unit of each depth image, (N,); UserError where they cannot be read."""
+        path = self.folder / SCENE / "scene_camera.json"
+        with reading(path, "the cameras of a dataset", REMEDY):
+            table = read_json(inside(self.folder, path.relative_to(self.folder)), MOST_CAMERA * MOST_SAMPLES)
+            cameras = decode(dict[str, dict[str, Any]], table)
+            scales = [decode(float, cameras[str(i)]["depth_scale"]) for i in range(len(self))]
+            if not all(scale > 0 for scale in scales):
+                raise ValueError("a depth_scale is not above 0")
+            return np.array(scales)
 
     def _picture(self, index: int, kind: str) -> np.ndarray:
         picture = _picture(self.folder, index, kind, self.size)

@@ -13,7 +13,7 @@ from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import pdist
 
 from vig.scene import Camera, ObjectClass, Symmetry
-from vig_world.dataset.format import DEPTH_SCALE, OBJECT_ID, Size
+from vig_world.dataset.format import DEPTH_SCALES, OBJECT_ID, Size
 from vig_world.mesh import Mesh, vertex_normals
 from vig_world.raster.picture import CANVAS
 from vig_world.raster.view import View
@@ -22,8 +22,10 @@ LEAST_VISIBLE = 0.1
 """BOP's test targets are instances of which at least this share is visible."""
 
 
-def scene_camera(view: View) -> dict[str, Any]:
+def scene_camera(view: View, depth_scale: float) -> dict[str, Any]:
     """One image's entry of `scene_camera.json`: cam_K and cam_R_w2c row by row, cam_t_w2c mm.
+
+    `depth_scale` is the millimetres of a unit of its depth image.
 
     The pixel in the upper left corner covers [0, 1] x [0, 1], as in the toolkit's renderers: for projections
     at which pixels' centres are whole numbers, take half a pixel from the principal point.
@@ -33,7 +35,7 @@ def scene_camera(view: View) -> dict[str, Any]:
     rotation, translation = view.rotation.ravel().tolist(), (1000 * view.translation).tolist()
     return {
         "cam_K": matrix,
-        "depth_scale": DEPTH_SCALE,
+        "depth_scale": depth_scale,
         "cam_R_w2c": rotation,
         "cam_t_w2c": translation,
     }
@@ -89,7 +91,7 @@ def camera(size: Size) -> dict[str, Any]:
     return {
         "cx": standard.cx,
         "cy": standard.cy,
-        "depth_scale": DEPTH_SCALE,
+        "depth_scale": DEPTH_SCALES[0],
         "fx": standard.focal,
         "fy": standard.focal,
         "height": standard.height,

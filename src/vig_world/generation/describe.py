@@ -11,7 +11,7 @@ import numpy as np
 
 from vig.scene import ObjectClass, latent_layout
 from vig_world.assets.target import NO_DESIGN
-from vig_world.dataset.format import DEPTH_SCALE, MOST_DEPTH, read_info
+from vig_world.dataset.format import DEPTH_SCALES, MOST_DEPTH, read_info
 from vig_world.dataset.spec import SceneSpec
 from vig_world.generation import bop
 from vig_world.raster.picture import Picture
@@ -19,10 +19,15 @@ from vig_world.raster.view import View
 from vig_world.renderers.photo import PhotoSettings
 
 
-def depth_units(depth: np.ndarray) -> np.ndarray:
-    """Depth (H, W) metres, inf = unknown, as a depth image holds it: (H, W) uint16, 0 = unknown."""
-    scaled = np.where(np.isfinite(depth), depth * (1000 / DEPTH_SCALE), 0.0)
-    return np.round(scaled).clip(0, MOST_DEPTH).astype(np.uint16)
+def depth_units(depth: np.ndarray) -> tuple[np.ndarray, float]:
+    """Depth (H, W) metres, inf = unknown, as a depth image holds it: (H, W) uint16, 0 = unknown; and the
+    millimetres of a unit, of `DEPTH_SCALES`.
+    """
+    for scale in DEPTH_SCALES:
+        scaled = np.round(np.where(np.isfinite(depth), depth * (1000 / scale), 0.0))
+        if scaled.max() < MOST_DEPTH:
+            break
+    return scaled.clip(0, MOST_DEPTH).astype(np.uint16), scale
 
 
 def normal_units(normals: np.ndarray) -> np.ndarray:
@@ -34,25 +39,25 @@ def normal_units(normals: np.ndarray) -> np.ndarray:
 def describe(
     spec: SceneSpec,
     picture: Picture,
-    depth: np.ndarray,
+    depth: tuple[np.ndarray, float],
     object_class: ObjectClass,
     photo: PhotoSettings | None = None,
 ) -> dict[str, Any]:
     """The records of a sample in the merged files: keys camera, gt, gt_info (BOP), row (parquet), spec.
 
     Args:
-        depth: The depth image as stored, see `depth_units`.
+        depth: The depth image as stored and its scale, see `depth_units`.
         photo: Settings of the camera model, if it was used.
     """
-    height, width = depth.shape
+    height, width = depth[0].shape
     view = View.of_scene(spec, object_class, (width, height))
-    info = bop.visibility(picture.canvas, picture.amodal, picture.visible, depth)
+    info = bop.visibility(picture.canvas, picture.amodal, picture.visible, depth[0])
     shares = picture.shares
     latents = spec.latents()
     latents[-len(picture.light) :] = picture.light  # a path tracer's label differs from the spec's light
     named = dict(zip(latent_layout(len(spec.shape)).labels, latents.tolist(), strict=True))
     return {
-        "camera": bop.scene_camera(view),
+        "camera": bop.scene_camera(view, depth[1]),
         "gt": [bop.pose(view)],
         "gt_info": [info],
         "row": {

@@ -187,10 +187,10 @@ def encode(
     spec: SceneSpec, picture: Picture, object_class: ObjectClass, photo: PhotoSettings | None = None
 ) -> dict[str, bytes]:
     """A sample as files by name in the split's folder; the sidecar, which marks it complete, comes last."""
-    root = Path()
+    root, depth = Path(), depth_units(picture.depth)
     pictures = {
         "rgb": picture.image,
-        "depth": depth_units(picture.depth),
+        "depth": depth[0],
         "mask": picture.amodal.astype("uint8") * 255,
         "mask_visib": picture.visible.astype("uint8") * 255,
     }
@@ -200,7 +200,7 @@ def encode(
     for kind, path in image_paths(root, spec.index, picture.normals is not None).items():
         files[path.as_posix()] = png(pictures[kind])
     hashes = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
-    described = describe(spec, picture, pictures["depth"], object_class, photo) | {"sha256": hashes}
+    described = describe(spec, picture, depth, object_class, photo) | {"sha256": hashes}
     files[sidecar_path(root, spec.index).as_posix()] = json.dumps(described).encode()
     return files
 

@@ -14,7 +14,7 @@ from vig.io.checks import parse_json, read_bytes
 from vig.scene import SHAPE_LIMIT, ObjectClass, latent_layout
 from vig.scene.light import L_COUNT
 from vig_world.assets.target import target_vertices
-from vig_world.dataset.format import STANDARD_SIZE, Size, inside
+from vig_world.dataset.format import DEPTH_SCALES, STANDARD_SIZE, Size, inside
 from vig_world.dataset.spec import SceneSpec
 from vig_world.generation import bop
 from vig_world.generation.describe import assets_used
@@ -63,9 +63,10 @@ def label_problems(
     yield from _visibility_problems(item["gt_info"][0], alone, visible, pictures["depth"], canvas)
     yield from _share_problems(item["row"], item["gt_info"][0], alone, visible)
     inner = binary_erosion(visible)  # a pixel at an edge has the depth of what is nearest in it
-    millimetres = pictures["depth"][inner] * bop.DEPTH_SCALE
+    scale = item["camera"]["depth_scale"]
+    millimetres = pictures["depth"][inner] * scale
     z = 1000 * (vertices @ view.rotation[2] + view.translation[2])
-    inside = (millimetres > z.min() - bop.DEPTH_SCALE) & (millimetres < z.max() + bop.DEPTH_SCALE)
+    inside = (millimetres > z.min() - scale) & (millimetres < z.max() + scale)
     if inner.any() and inside.mean() < WITHIN:
         yield f"depth: only {inside.mean():.0%} of the visible pixels are within the object's depth"
     if "normal" in pictures:
@@ -122,7 +123,10 @@ def _pose_problems(item: dict[str, Any], view: View) -> Iterator[str]:
     rotation = np.array(truth["cam_R_m2c"]).reshape(3, 3)
     if np.abs(rotation @ rotation.T - np.eye(3)).max() > CLOSE or np.linalg.det(rotation) < 0:
         yield "cam_R_m2c is not a rotation"
-    stored, expected = {**truth, **camera}, {**bop.pose(view), **bop.scene_camera(view)}
+    if camera["depth_scale"] not in DEPTH_SCALES:
+        yield f"depth_scale {camera['depth_scale']} is none of {DEPTH_SCALES}"
+    expected = {**bop.pose(view), **bop.scene_camera(view, camera["depth_scale"])}
+    stored = {**truth, **camera}
     for name, value in expected.items():
         if np.shape(stored[name]) != np.shape(value) or not np.allclose(stored[name], value, 0, 1e-6):
             yield f"{name} does not agree with azimuth, elevation and the camera"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as parquet
@@ -12,9 +13,14 @@ import pytest
 from PIL import Image
 
 from tests.vig.photo.test_video import write_video
+from vig.io.errors import UserError
+from vig.scene import ObjectClass
+from vig_app.cli import fit as fit_verb
 from vig_app.cli.main import main
+from vig_app.corrections import State
 from vig_app.examples import example_photos
-from vig_app.results import TRACK_COLUMNS
+from vig_app.results import TRACK_COLUMNS, write_table
+from vig_app.runs import ledger_of
 
 
 def fitted(*arguments: object) -> int:
@@ -35,11 +41,23 @@ def frames(tmp_path: Path) -> Path:
 
 
 def test_a_folder_of_frames_is_tracked(
-    frames: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    frames: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """And its table is written before another run may begin."""
     out = tmp_path / "out"
+
+    def write(out: Path, rows: list[dict[str, Any]]) -> None:
+        with pytest.raises(UserError, match="another run is writing"), ledger_of(out):
+            pass
+        write_table(out, rows)
+
+    monkeypatch.setattr(fit_verb, "write_table", write)
     assert fitted(frames, "--track", "--out", out) == 0
-    assert capsys.readouterr().out.splitlines()[-1] == str(out)
+    output = capsys.readouterr()
+    assert output.out.splitlines()[-1] == str(out)
+    assert output.err.splitlines()[-1] == (
+        f"vig: tracked: the path is {out / 'track.csv'}; of the frames open {out / 'report.html'}"
+    )
     with open(out / "track.csv", newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert tuple(rows[0]) == TRACK_COLUMNS and [row["frame"] for row in rows] == ["0", "1", "2"]
@@ -56,6 +74,12 @@ def test_a_folder_of_frames_is_tracked(
     content = json.loads((out / "track.json").read_text())
     assert content["class"] == "teapot" and len(content["albedo"]) == 3
     assert (out / "results.csv").exists() and (out / "report.html").exists()
+    State(visible=True).write(out / "1", frames / "1.png", ObjectClass.load("teapot"), corrected=True)
+    corrected = (out / "1" / "corrections.json").read_bytes()
+    assert fitted(frames, "--track", "--out", out) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and f"got corrections.json of 1 in '{out}'. Choose another --out." in error
+    assert (out / "1" / "corrections.json").read_bytes() == corrected
 
 
 def test_a_video_is_taken_as_its_frames(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

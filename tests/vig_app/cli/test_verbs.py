@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
@@ -15,6 +16,7 @@ from PIL import Image
 
 import vig
 from vig.likelihood import LIKELIHOODS
+from vig_app.cli.boxes import check_place
 from vig_app.cli.cameras import cameras_of
 from vig_app.cli.common import FitCommand
 from vig_app.cli.main import main
@@ -101,6 +103,54 @@ def test_chosen_files_have_the_mask_of_an_export_and_links_that_lead_somewhere(t
 def test_an_unknown_likelihood_is_refused(capsys, photo, tmp_path):
     error = refused(capsys, "fit", photo, "--likelihood", "no-such", "--out", tmp_path / "out")
     assert "robust" in error
+
+
+@pytest.mark.parametrize(
+    ("where", "remedy"),
+    [
+        (["photo.png"], "or --mask m.png"),
+        (["."], "or --mask m.png"),
+        ([".", "--track"], "that of the first frame"),
+        (["--track", "--live", "0"], "that of the first frame"),
+    ],
+)
+def test_a_mesh_without_a_place_is_refused_before_it_is_made_ready(
+    capsys, photo, tmp_path, monkeypatch, where, remedy
+):
+    """With an example of what to give."""
+    monkeypatch.chdir(photo.parent)
+    error = refused(capsys, "fit", *where, "--mesh", "cup.glb", "--out", "out")
+    assert error.count("\n") == 1 and "--box 120,80,300,240" in error and remedy in error
+    assert not Path("out").exists()
+
+
+def test_a_mesh_is_placed_by_what_was_corrected(tmp_path):
+    settings = FitCommand((tmp_path / "photo.png",), mesh=tmp_path / "cup.glb")
+    teapot, state = vig.ObjectClass.load("teapot"), State(box=(1.0, 2.0, 3.0, 4.0))
+    for corrected in (False, True):
+        state.write(tmp_path, tmp_path / "photo.png", teapot, corrected)
+        with nullcontext() if corrected else pytest.raises(vig.UserError, match="expected --box or --mask"):
+            check_place(settings, [tmp_path])
+
+
+def test_a_fit_ends_with_what_to_do_next(capsys, tmp_path):
+    """The folder on standard output, the line after it on standard error."""
+    shutil.copy(example_photos()[0].photo, tmp_path / "a b.png")
+    Image.new("L", (150, 150), 255).save(tmp_path / "mask.png")
+    out = tmp_path / "out"
+
+    def said(*options: str | Path) -> str:
+        with pytest.raises(SystemExit):
+            main(["fit", str(tmp_path / "a b.png"), *map(str, options), "--out", str(out)])
+        output = capsys.readouterr()
+        assert output.out.splitlines()[-1] == str(out)
+        return output.err.splitlines()[-1]
+
+    page = out / "a b" / "report.html"
+    assert said() == f"vig: explained: open {page}; to correct: vig view '{page.parent}'"
+    assert said("--mask", tmp_path / "mask.png") == f"vig: explained: open {page}", "vig view has no mask"
+    made, order = f"explained 2 of 2 photos: open {out / 'report.html'}", "to correct, the least sure first"
+    assert said(tmp_path / "a b.png", "--files", "mask.png") == f"vig: {made}; {order}: vig view {out}"
 
 
 def test_one_bad_photo_does_not_lose_the_others(capsys, photo, tmp_path):

@@ -69,7 +69,7 @@ def test_the_page_holds_what_the_json_says(explanation: vig.Explanation) -> None
     assert (text_of(page, "name"), text_of(page, "reason")) == ("egg cup.png", described["reason"])
     assert rows["azimuth of the eye"].startswith(f"{described['azimuth_deg']:.0f}°, 90 % interval ±")
     assert rows["hidden"] == f"{described['hidden_fraction']:.0%} of the object"
-    assert page.count("<figcaption>") == len(data["views"]) == 2 and ", 25%</figcaption>" in page
+    assert page.count("<figcaption>") == len(data["views"]) == 2 and ", right with 25%</figcaption>" in page
     faces = np.frombuffer(base64.b64decode(data["mesh"]["faces"]), "<u2").reshape(-1, 3)
     assert np.array_equal(faces, explanation.object_class.shape_model.faces)
 
@@ -413,8 +413,10 @@ def test_a_run_has_a_gallery(
     assert ended.value.code == 0 and json.loads(capsys.readouterr().out) == {
         "page": str(out / "index.html"), "photos": 3, "folder": str(out),
     }  # fmt: skip
-    assert re.findall("<strong>([^<]*)</strong>", page) == ["one", "two", "several/1-teapot"]
-    assert len(data_of(page)) == 3 and "<a " not in page
+    names = ["one", "two", "several/1-teapot"]
+    links = [(f"../run/{name}/report.html", name) for name in names]
+    assert re.findall('<strong><a href="([^"]+)">([^<]*)</a></strong>', page) == links
+    assert len(data_of(page)) == 3 and all((out / link).is_file() for link, _ in links)
     for bad in (out, tmp_path / "nothing"):
         with pytest.raises(SystemExit) as ended:
             main(["gallery", str(bad)])

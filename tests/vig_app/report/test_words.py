@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
+import torch
 
 import vig
+from vig.scene import Latents
 from vig_app.examples import example_photos
 from vig_app.report import words
 
@@ -13,6 +17,12 @@ from vig_app.report import words
 def described() -> dict:
     explanation = vig.Explainer("teapot").explain(example_photos()[0].photo, box=(20, 20, 100, 100))
     return explanation.to_dict()
+
+
+def test_a_views_probability_says_of_what_it_is() -> None:
+    view = Latents.from_vector(torch.tensor([[*[0.0] * 3, math.radians(-90.2), 0.5, *[0.5] * 3, *[0.0] * 9]]))
+    assert words.view_words(view, 0.456) == "azimuth 270°, elevation 29°, right with 46%"
+    assert words.view_words(view, math.nan) == "azimuth 270°, elevation 29°"
 
 
 def test_what_was_rejected_is_not_told_as_found(described: dict) -> None:

@@ -25,13 +25,14 @@ from PIL import Image
 import vig
 from tests.nodes import needs_ray, two_nodes
 from vig.io.errors import UserError
+from vig_app.cli import fit as fit_verb
 from vig_app.cli.fit import photos_of, result_folders
 from vig_app.cli.main import main
 from vig_app.examples import example_photos
 from vig_app.exports import export_run
 from vig_app.results import COLUMNS, write_table
 from vig_app.runs import PARTIAL, RunSettings, Task, run
-from vig_app.runs.ledger import rows_done
+from vig_app.runs.ledger import ledger_of, rows_done
 from vig_app.runs.work import Rows, Work
 
 BOX = ["--box", "10,10,130,130"]
@@ -114,6 +115,36 @@ def test_two_runs_do_not_write_to_one_folder(photos: Path, tmp_path: Path) -> No
     assert "done_before" not in again
     first.close()
     assert next(run(tasks, tmp_path / "out", RunSettings()))["done_before"]
+
+
+@pytest.mark.parametrize("interrupted", [False, True])
+def test_the_table_is_written_before_another_run_may_begin(
+    interrupted: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever ends the run: a table written later would lose what another process wrote meanwhile."""
+    for name in "ab":
+        (tmp_path / f"{name}.png").write_bytes(b"no picture")
+    written: list[int] = []
+
+    def write(out: Path, rows: list[dict[str, Any]]) -> list[Path]:
+        with pytest.raises(UserError, match="another run is writing"), ledger_of(out):
+            pass
+        written.append(len(rows))
+        return write_table(out, rows)
+
+    def stopped(self: Work, task: Task) -> Rows:
+        if task.photo.name == "b.png":
+            raise KeyboardInterrupt
+        return explained(self, task)
+
+    explained = Work.__call__
+    monkeypatch.setattr(fit_verb, "write_table", write)
+    if interrupted:
+        monkeypatch.setattr(Work, "__call__", stopped)
+    code = fitted(tmp_path / "a.png", tmp_path / "b.png", "--out", tmp_path / "out")
+    assert (code, written) == ((130, [1]) if interrupted else (2, [2]))
+    with ledger_of(tmp_path / "out"):  # then the next one may
+        pass
 
 
 def test_a_disk_without_locks_is_told(photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -300,8 +331,8 @@ def test_bad_files_of_all_kinds_are_rows_with_a_reason(
         "empty.png", "text.jpg", "half.png", "nowhere.png", "folder.png", "fifo.png", "tiny.png",
     }  # fmt: skip
     assert all(name in error and "\n" not in error for name, error in bad.items())
-    errors = capsys.readouterr().err
-    assert errors.count("vig: ") == 7 and "Traceback" not in errors
+    *errors, last = capsys.readouterr().err.splitlines()
+    assert [line[:5] for line in errors] == 7 * ["vig: "] and "explained 10 of 17 photos" in last
     table = parquet.read_table(tmp_path / "out" / "results.parquet")
     assert tuple(table.column_names) == COLUMNS and table.num_rows == 17
     assert table.column("verdict").null_count == 7

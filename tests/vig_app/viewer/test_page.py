@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import time
 from collections.abc import Callable, Iterator
@@ -165,9 +166,17 @@ def test_a_box_a_stroke_another_view_saving_and_the_next_photo(browser: Any, run
         assert pixel[0] > 150 and pixel[1] < 60 and pixel[3] > 60, "drawn in red"
 
         assert page.locator("#views button").count() > 1
+        verdict, shares = page.locator("#summary"), page.locator("#views small")
+        right = shares.first.inner_text().removeprefix("right with ")
+        assert f"the view is right with a probability of {right}" in verdict.inner_text()
+        assert all(re.fullmatch(r"right with \d+%", each) for each in shares.all_inner_texts())
         page.locator("#views button").nth(1).click()
         shown.until(lambda: shown.state.azimuth_deg is not None)
         assert page.locator("#views button[aria-pressed=true]").count() == 1
+        first, chosen, *others = shares.all_inner_texts()
+        right = chosen.removeprefix("right with ")
+        assert f"the view is right with a probability of {right}" in verdict.inner_text()
+        assert right and not any([first, *others]), "of the fit before"
         for scheme in ("light", "dark"):  # as the desktop is
             page.emulate_media(color_scheme=scheme)
             lightness = page.evaluate("getComputedStyle(document.body).backgroundColor.match(/[0-9]+/)[0]")
@@ -215,7 +224,7 @@ def test_the_keyboard_alone(browser: Any, viewer: Viewer) -> None:
         keyboard.press("g")
         for _ in range(3):
             keyboard.press("]")
-        assert page.locator("#brush-size").text_content() == "4.0 %"
+        assert page.locator("#brush-size").text_content() == "32 px"  # of 400: .04 to either side
         keyboard.press("z")
         shown.until(lambda: shown.state.box is None)
         assert "spout" in shown.state.points

@@ -255,7 +255,7 @@ def test_a_training_may_begin_with_weights_that_hold_no_trunk(pack: Path) -> Non
 def test_a_pack_without_weights_names_what_trains_it(tmp_path: Path) -> None:
     toy("fin").save(tmp_path)
     explainer = Explainer(tmp_path)
-    with pytest.raises(UserError, match="Give one, or train it with `vig class train`"):
+    with pytest.raises(UserError, match="Give --box .* or --mask FILE; `vig class train`"):
         explainer.explain(np.full((150, 150, 3), 0.5, np.float32))
 
 

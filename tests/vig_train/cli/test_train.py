@@ -69,8 +69,9 @@ def test_the_network_is_trained_as_asked(
     with pytest.raises(SystemExit) as ended:
         main(["train", "--class", str(TEAPOT), "--dataset", "D", "--out", str(tmp_path / "w"), *given])
     assert ended.value.code == 0 and seen == [(["D train"], expected)]
-    lines = capsys.readouterr().out.splitlines()
-    assert lines == ["epoch 1", str(tmp_path / "w/recognition.safetensors"), str(tmp_path / "w")]
+    output, weights = capsys.readouterr(), tmp_path / "w/recognition.safetensors"
+    assert output.out.splitlines() == ["epoch 1", str(weights), str(tmp_path / "w")]
+    assert output.err.startswith("vig: trained: next, vig calibrate ") and str(weights) in output.err
 
 
 def test_no_dataset_is_refused(tmp_path: Path, capsys: Any) -> None:

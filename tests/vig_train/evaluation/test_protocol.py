@@ -211,8 +211,9 @@ def test_the_command_writes_its_files_and_prints_the_folder_last(
 ) -> None:
     out = tmp_path / "r"
     arguments = ("--dataset", made, "--out", out, "--weights", weights, "--methods", "baseline", "rm")
-    code, printed, _ = run(capsys, *arguments, "--max-occlusion", 1)
+    code, printed, errors = run(capsys, *arguments, "--max-occlusion", 1)
     assert code == 0 and printed.splitlines()[-1] == str(out)
+    assert errors.splitlines()[-1].startswith(f"vig: measured: {out / 'table.md'} ")
     assert {path.name for path in out.iterdir()} == {"errors.csv", "table.json", "table.md"}
     table = json.loads((out / "table.json").read_text())
     assert table["count"] == COUNT and set(table["rows"]["azimuth_deg"]) == {"baseline", "rm"}

@@ -32,14 +32,17 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_make_ends_with_deciles_rejections_and_the_folder(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    code, out, err = run(capsys, "make", "--out", tmp_path / "d", "--count", 3, "--workers", 1)
+    monkeypatch.chdir(tmp_path)
+    code, out, err = run(capsys, "make", "--count", 3, "--workers", 1)
     hidden, rejected, folder = out.splitlines()
-    assert code == 0 and folder == str(tmp_path / "d")
+    assert code == 0 and folder == "vig-dataset" and (tmp_path / folder / "info.json").is_file()
     assert hidden.startswith("hidden    0-10%: ") and "90-100%: 0" in hidden
     assert rejected.startswith("rejected  ") and "candidates a sample" in rejected
-    assert err.splitlines()[-1].startswith("3 of 3 samples, ")
+    progress, made = err.splitlines()[-2:]
+    assert progress.startswith("3 of 3 samples, ")
+    assert made.startswith("vig: made a dataset: vig dataset show vig-dataset")
 
 
 def test_pictures_have_the_size_that_was_asked_for(
@@ -72,13 +75,14 @@ def test_json_is_one_object_and_nothing_else(capsys: pytest.CaptureFixture[str],
 def test_check_is_0_when_clean_and_1_when_not(
     capsys: pytest.CaptureFixture[str], made: Path, tmp_path: Path
 ) -> None:
-    code, out, _ = run(capsys, "check", made, "--render", 1)
-    assert code == 0
+    code, out, err = run(capsys, "check", made, "--render", 1)
+    assert code == 0 and err == "vig: checked: it is as it was made\n"
     assert out.splitlines() == ["test: 6 samples, 29 files, 1 rendered again: clean", str(made)]
     copy = shutil.copytree(made, tmp_path / "copy")
     for picture in (copy / "test" / "000000").rglob("*.png"):
         picture.unlink()
-    code, out, _ = run(capsys, "check", copy)
+    code, out, err = run(capsys, "check", copy)
+    assert err.startswith("vig: checked: some of it is not as it was made")
     lines = out.splitlines()
     assert code == 1 and lines[-2:] == ["test: 6 samples, 29 files: 12 problems", str(copy)]
     assert all("No such file" in line or "unreadable picture" in line for line in lines[:-2])
@@ -89,9 +93,9 @@ def test_check_is_0_when_clean_and_1_when_not(
 def test_show_takes_the_split_that_is_there(
     capsys: pytest.CaptureFixture[str], made: Path, tmp_path: Path
 ) -> None:
-    code, out, _ = run(capsys, "show", made, "--count", 4, "--out", tmp_path)
-    assert code == 0
+    code, out, err = run(capsys, "show", made, "--count", 4, "--out", tmp_path)
     names = ["contact-sheet-test.png", "histograms-test.png"]
+    assert code == 0 and err == f"vig: drawn: open {tmp_path / names[0]}, and {names[1]} beside it\n"
     assert out.splitlines() == [str(tmp_path / name) for name in names] + [str(tmp_path)]
     assert all((tmp_path / name).stat().st_size > 10_000 for name in names)
 
@@ -106,11 +110,17 @@ def test_show_takes_the_split_that_is_there(
     ],
 )
 def test_export_writes_and_prints_its_folder(
-    to: str, written: str, capsys: pytest.CaptureFixture[str], made: Path, tmp_path: Path
+    to: str,
+    written: str,
+    capsys: pytest.CaptureFixture[str],
+    made: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    code, out, _ = run(capsys, "export", made, "--to", to, "--out", tmp_path / "o")
-    assert (code, out) == (0, f"{tmp_path / 'o'}\n")
-    assert (tmp_path / "o" / written).is_file()
+    monkeypatch.chdir(tmp_path)
+    code, out, err = run(capsys, "export", made, "--to", to)
+    assert (code, out) == (0, f"d-{to}\n") and err.startswith("vig: exported: ") and err.count("\n") == 1
+    assert (tmp_path / f"d-{to}" / written).is_file()
 
 
 @pytest.mark.parametrize("verb", ["check", "show"])

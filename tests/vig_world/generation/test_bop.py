@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,11 @@ import trimesh
 from PIL import Image
 from scipy.spatial.distance import pdist
 
+from vig.io.errors import UserError
 from vig.scene import ObjectClass
-from vig_world.dataset import Dataset
+from vig_world.dataset import Dataset, read_dataset
 from vig_world.generation.bop import box, localisation_targets, visibility
+from vig_world.generation.describe import depth_units
 
 COUNT = 10  # of the fixture `made`
 
@@ -71,6 +74,30 @@ def test_depth_is_along_the_optical_axis_in_units_of_the_scale(
         millimetres = depth[seen] * scene["scene_camera"][key]["depth_scale"]
         within = (millimetres > z.min() - 0.1) & (millimetres < z.max() + 0.1)
         assert within.mean() > 0.85  # a pixel at an edge has the depth of what hides the object
+
+
+@pytest.mark.parametrize(
+    ("farthest", "scale"), [(6.5534, 0.1), (6.5535, 0.2), (13.2, 0.5), (40.0, 1.0), (70.0, 1.0)]
+)
+def test_a_depth_image_has_the_finest_scale_that_holds_it(farthest: float, scale: float) -> None:
+    """In units of .1 mm 65,534 is the last; what is beyond those of 1 mm is told from all that is nearer."""
+    units, found = depth_units(np.array([[1.5, np.inf, farthest]]))
+    assert found == scale and units.dtype == np.uint16
+    assert units.tolist() == [[round(1500 / scale), 0, min(round(1000 * farthest / scale), 65535)]]
+
+
+def test_depth_is_read_by_the_scale_of_its_image(made: Path, tmp_path: Path) -> None:
+    root = Path(shutil.copytree(made, tmp_path / "d"))
+    path = root / "train" / "000000" / "scene_camera.json"
+    cameras = json.loads(path.read_text())
+    before = read_dataset(root).read("depth", [2, 0])
+    cameras["2"]["depth_scale"] *= 2
+    path.write_text(json.dumps(cameras))
+    np.testing.assert_array_equal(read_dataset(root).read("depth", [2, 0]), before * [[[2]], [[1]]])
+    cameras["2"]["depth_scale"] = 0
+    path.write_text(json.dumps(cameras))
+    with pytest.raises(UserError, match="expected the cameras of a dataset at .*not above 0"):
+        read_dataset(root).read("depth", [0])
 
 
 def test_counts_are_those_of_the_masks_and_the_whole_silhouette(
@@ -144,7 +171,9 @@ def test_camera_json_is_the_standard_camera_and_each_image_has_its_own(
         own = matrix * [longer, 1, 1, 1, longer, 1, 1, 1, 1]
         own[[2, 5]] += np.array(spec.lens.shift) * size
         assert each["cam_K"] == pytest.approx(own.tolist())
-    assert all(each["depth_scale"] == camera["depth_scale"] for each in scene["scene_camera"].values())
+    for key, each in scene["scene_camera"].items():
+        units = picture(made, "depth", int(key)).max() * each["depth_scale"] / camera["depth_scale"]
+        assert (each["depth_scale"] == camera["depth_scale"]) == (units < 65535), "the finest that holds it"
     assert (camera["width"], camera["height"]) == picture(made, "rgb", 0).shape[1::-1]
 
 
