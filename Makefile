@@ -4,6 +4,7 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
+DOCS := $(VENV)/.docs
 PIP := $(BIN)/python -m pip
 
 # PyTorch's own index of CPU builds: on Linux a plain torch brings gigabytes of CUDA packages. Where it cannot be
@@ -26,8 +27,7 @@ check: $(INSTALLED)
 	$(BIN)/mypy
 
 # The site, in build/site; its tutorials are run on the way.
-docs: $(INSTALLED)
-	$(PIP) install --quiet --constraint constraints.txt --editable '.[docs]'
+docs: $(DOCS)
 	PATH="$(CURDIR)/$(BIN):$$PATH" NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 	$(BIN)/python tools/check_site.py build/site
 
@@ -39,6 +39,10 @@ $(INSTALLED): pyproject.toml constraints.txt
 		--constraint constraints.txt torch; } 2>/dev/null \
 		|| $(PIP) install --quiet --constraint constraints.txt torch
 	$(PIP) install --quiet --constraint constraints.txt --editable '.[dev]'
+	touch $@
+
+$(DOCS): $(INSTALLED)
+	$(PIP) install --quiet --constraint constraints.txt --editable '.[docs]'
 	touch $@
 
 clean:

@@ -69,8 +69,8 @@ class Meter:
             self._report()
 
     def advance(self, count: int) -> None:
-        """Count `count` more samples."""
-        self.done += count
+        """Count `count` more samples, to the total at the most."""
+        self.done = min(self.done + count, self.total)
         now = time.monotonic()
         if not self.marks or now - self.marks[-1][0] >= BETWEEN_MARKS:
             self.marks.append((now, self.done))

@@ -31,6 +31,14 @@ def test_a_slow_run_says_that_it_lives(
     assert lines(capsys) == ["3 of 1000 samples, 16.0 s each, 4:25:52 left"]
 
 
+def test_what_is_done_in_batches_does_not_pass_the_total(capsys: pytest.CaptureFixture[str]) -> None:
+    with Meter(20, 0, unit="pictures") as meter:
+        meter.advance(16)
+        meter.advance(16)
+    said = capsys.readouterr().err
+    assert "20 of 20 pictures" in said and "32" not in said and "-" not in said
+
+
 def test_nothing_is_said_when_not_wanted(capsys: pytest.CaptureFixture[str]) -> None:
     with Meter(10, 0, show=False) as meter:
         meter.advance(10)
