@@ -142,8 +142,17 @@ def test_more_minutes_begin_with_the_images_that_are_there_and_the_card_tells_bo
     other = shutil.copytree(pack, tmp_path / "fin")
     first = (other / "training/images/00000.safetensors").stat().st_mtime_ns
     monkeypatch.setattr(ClassTraining, "plan", lambda self: Plan(3, 2, 20, 2))
-    for step in ("_calibrate", "_test"):  # their files of the first training stay
-        monkeypatch.setattr(ClassTraining, step, lambda self: None)
+    measured = {  # those of the first training
+        "_calibrate": (steps.RELIABILITY_FILE, steps.CALIBRATION_FILE),
+        "_test": ("test.json",),
+    }
+    for step, names in measured.items():
+
+        def copy(training: ClassTraining, names: tuple[str, ...] = names) -> None:
+            for name in names:
+                shutil.copyfile(pack / "training/run" / name, training.run_folder / name)
+
+        monkeypatch.setattr(ClassTraining, step, copy)
     train_class(settings(other, minutes=20.0))
     assert (other / "training/images/00000.safetensors").stat().st_mtime_ns == first
     assert len(list((other / "training/images").glob("*.safetensors"))) == 3
