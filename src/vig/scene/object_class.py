@@ -22,6 +22,8 @@ from vig.scene.shape_model import ShapeModel
 from vig.scene.symmetry import Symmetry
 
 TRANSFER_FILE = "transfer.safetensors"
+BUILD_COMMAND = Path("build", "command.txt")
+"""Of a pack that `vig class build` makes: the command, there before class.json is."""
 PACKAGED = Path(__file__).parents[1] / "classes"
 FORMAT = 1
 _DAMAGED = "Build or copy it again."
@@ -193,8 +195,7 @@ class ObjectClass:
     @cached_property
     def reflectance(self) -> np.ndarray:
         """(V,) float32, that of each vertex's part."""
-        reflectance: np.ndarray = self.reflectance_of_parts[self.shape_model.parts]
-        return reflectance
+        return np.asarray(self.reflectance_of_parts[self.shape_model.parts])
 
     def camera(self, size: int = IMAGE_SIZE, camera_distance_ratio: float = 1.0) -> Camera:
         """The class's standard camera for a square image of `size` pixels; see `Camera.standard`."""
@@ -245,6 +246,11 @@ class ObjectClass:
                 f"expected a class's name or folder; got a {kind}. Pass its name, such as 'teapot'."
             )
         folder = Path(name_or_folder)
+        if not (folder / "class.json").is_file() and (folder / BUILD_COMMAND).is_file():
+            command = (folder / BUILD_COMMAND).read_text(errors="replace").strip()
+            raise UserError(
+                f"expected a class; the build of '{folder}' is unfinished. Run it again: {command}"
+            )
         if not (folder / "class.json").is_file() and folder.name == str(name_or_folder):
             folder = PACKAGED / folder
         if not (folder / "class.json").is_file():

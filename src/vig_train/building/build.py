@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 from vig.io.errors import UserError
+from vig.io.files import atomic_write
 from vig.io.progress import Meter
+from vig.scene.object_class import BUILD_COMMAND
 from vig_train.building import pictures
 from vig_train.building.materials import dark_part
 from vig_train.building.object_class import ClassShapes, object_class_of
@@ -19,14 +22,17 @@ from vig_train.building.stage_cache import StageCache
 from vig_train.building.stages import StandingMesh, register, surface_of, template_of
 from vig_train.building.upright import upright_poses
 from vig_world.assets.own.catalogue import read_sources
+from vig_world.threads import one_linear_algebra_thread
 
 
+@one_linear_algebra_thread()
 def build_class(
     meshes: str | Path,
     out: Path,
     settings: BuildSettings,
     say: Callable[[str], None] = print,
     progress: bool = False,
+    command: str = "",
 ) -> BuildResult:
     """Build a class pack from a folder of meshes or from furniture catalogues.
 
@@ -37,6 +43,7 @@ def build_class(
         settings: What the user states.
         say: Called with a line for each step.
         progress: Whether standard error shows how far a step is.
+        command: What who uses the pack too early is told to run again; by default the shortest for these.
 
     Returns:
         The class as written.
@@ -48,11 +55,16 @@ def build_class(
     check_folder(out)
     sheets, cache = out / "build", StageCache(out / "build" / "kept")
 
-    scans, unreadable = read_scans(meshes)
+    say(f"reading meshes of {meshes}")
+    scans, unreadable = read_scans(meshes, settings.materials, progress)
     for name, reason in unreadable.items():
         say(f"left out {name}: {reason}")
     used = settings.used(len(scans))
     say(f"{_counted(len(scans), 'mesh')} from {meshes}")
+    with atomic_write(out / BUILD_COMMAND) as temporary:
+        shortest = shlex.join(["vig", "class", "build", str(meshes), "--out", str(out)])
+        temporary.write_text(f"{command or shortest}\n")
+    say(f"drawing them, for you to look at: {sheets / '1-as-they-are.png'}")
     pictures.save_mesh_sheet(sheets / "1-as-they-are.png", [(scan.vertices, scan.faces) for scan in scans])
 
     say("sampling surfaces")
@@ -76,13 +88,13 @@ def build_class(
     pictures.save_mesh_sheet(sheets / "3-template.png", [medoid.triangles, closed], side=320)
 
     say("carrying the template onto each mesh")
-    registered = register(standing, used, template, upright.symmetries.symmetry, cache, say)
+    registered = register(standing, used, template, upright.symmetries.symmetry, cache, say, progress)
     if not registered.accepted:
         raise UserError(f"expected meshes of one kind in '{meshes}'; no two are alike. Look at {sheets}.")
 
     (length, size_known), folder = settings.length_of(scans), folder_of(meshes)
     shapes = ClassShapes.of(registered, upright.symmetries, length)
-    coloured = source_meshes(shapes, folder, say) if settings.materials else []
+    coloured = source_meshes(shapes, say) if settings.materials else []
     of_class = [mesh for mesh in coloured if mesh.design >= 0 and mesh.split == "train"]
     dark = dark_part(of_class, shapes.components.mean, template.faces)
     say("making the class")
@@ -106,7 +118,7 @@ def build_class(
         components=shapes.components,
         sources=read_sources(folder).of({scan.name for scan in scans}),
     )
-    write_pack(result, shapes, out, say, progress)
+    write_pack(result, shapes, out, cache, say, progress)
     return result
 
 

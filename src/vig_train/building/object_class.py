@@ -15,7 +15,7 @@ from vig_train.building.stage_cache import StageCache
 from vig_train.building.stages import RegisteredMeshes, Template
 from vig_train.building.surface import vertex_areas
 from vig_train.building.symmetries import MIRROR_Y, mirror_map, mirror_projection, rotation_projection
-from vig_train.packs.lights import light_prior
+from vig_train.packs.lights import packaged_light_prior
 from vig_world.dataset.spec import Split
 
 DARK_VIEW_WEIGHT = 1000.0
@@ -111,7 +111,7 @@ def object_class_of(
     dark: Which vertices (V,) are of its dark part, and their relative reflectance; see `dark_part`.
     """
     model = _shape_model(shapes, dark)
-    mean, covariance = light_prior()
+    mean, covariance = packaged_light_prior()
     size = np.ptp(shapes.components.mean, axis=0)
     return ObjectClass(
         settings.name,
