@@ -55,7 +55,7 @@ def build_class(
     check_folder(out)
     sheets, cache = out / "build", StageCache(out / "build" / "kept")
 
-    say(f"reading meshes of {meshes}")
+    say(f"reading meshes of {meshes} ...")
     scans, unreadable = read_scans(meshes, settings.materials, progress)
     for name, reason in unreadable.items():
         say(f"left out {name}: {reason}")
@@ -64,10 +64,10 @@ def build_class(
     with atomic_write(out / BUILD_COMMAND) as temporary:
         shortest = shlex.join(["vig", "class", "build", str(meshes), "--out", str(out)])
         temporary.write_text(f"{command or shortest}\n")
-    say(f"drawing them, for you to look at: {sheets / '1-as-they-are.png'}")
+    say("drawing what was read, build/1-as-they-are.png ...")
     pictures.save_mesh_sheet(sheets / "1-as-they-are.png", [(scan.vertices, scan.faces) for scan in scans])
 
-    say("sampling surfaces")
+    say("sampling surfaces ...")
     with Meter(len(scans), 0, progress, "surfaces") as meter:
         surfaces = []
         for scan in scans:
@@ -79,7 +79,8 @@ def build_class(
     standing = [StandingMesh.of(*each) for each in zip(scans, surfaces, upright.rotations, strict=True)]
     pictures.save_mesh_sheet(sheets / "2-upright.png", [mesh.triangles for mesh in standing], above=True)
 
-    say("making a template of the mesh most like the others")
+    others = " most like the others" if len(used) > 1 else ""
+    say(f"making a template: the mesh{others}, closed, of about {settings.vertices} vertices ...")
     template = template_of(standing, used, settings.vertices, cache)
     if template is None:
         raise UserError(f"expected a mesh in '{meshes}' that can be closed; none can. Mend one of them.")
@@ -87,18 +88,19 @@ def build_class(
     say(f"template: {medoid.scan.name}, {len(closed[0])} vertices, {len(closed[1])} faces")
     pictures.save_mesh_sheet(sheets / "3-template.png", [medoid.triangles, closed], side=320)
 
-    say("carrying the template onto each mesh")
+    say("carrying the template onto each mesh ...")
     registered = register(standing, used, template, upright.symmetries.symmetry, cache, say, progress)
     if not registered.accepted:
         raise UserError(f"expected meshes of one kind in '{meshes}'; no two are alike. Look at {sheets}.")
 
+    say("making the class: components, materials, holes through each mesh ...")
     (length, size_known), folder = settings.length_of(scans), folder_of(meshes)
     shapes = ClassShapes.of(registered, upright.symmetries, length)
     coloured = source_meshes(shapes, say) if settings.materials else []
     of_class = [mesh for mesh in coloured if mesh.design >= 0 and mesh.split == "train"]
     dark = dark_part(of_class, shapes.components.mean, template.faces)
-    say("making the class")
-    object_class = replace(object_class_of(settings, shapes, dark, cache), size_known=size_known)
+    object_class = object_class_of(settings, shapes, dark, cache, progress)
+    object_class = replace(object_class, size_known=size_known)
     say(_taken(shapes, len(object_class.families)))
     save_shape_sheets(shapes, sheets)
     if coloured:
@@ -120,6 +122,15 @@ def build_class(
     )
     write_pack(result, shapes, out, cache, say, progress)
     return result
+
+
+STEP = " ..."
+"""Ends the lines of `build_class` with which a step begins that takes a while; others say what was found."""
+
+
+def is_step(line: str) -> bool:
+    """Whether a line of `build_class` is that of a step that begins."""
+    return line.endswith(STEP)
 
 
 def check_folder(out: Path) -> None:

@@ -43,7 +43,7 @@ def write_pack(
     staged = out / "build" / "staged"
     result.object_class.save(staged)
     HeldOutDesigns(names, tuple(shapes.splits), shapes.vertices.astype(np.float32)).save(staged)
-    say("computing how light goes from part to part")
+    say("computing how light goes from part to part, on shapes of the class ...")
     write_transfer(result.object_class, staged, progress, cache.result)
     _put_aside_weights(out, staged, say)
     kept = _sections_of_weights(out)

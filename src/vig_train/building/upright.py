@@ -71,7 +71,7 @@ def upright_poses(
         UserError: The front that the user states is not level.
     """
     surfaces = [surfaces[n] for n in used]
-    say("comparing poses")
+    say("comparing poses ...")
     to_common = _common_pose([scans[n] for n in used], surfaces, cache, progress)
     from_usual = usual_axes(to_common)
     up = up_axis(surfaces, to_common) if settings.up is None else from_usual @ axis_vector(settings.up)
@@ -82,7 +82,7 @@ def upright_poses(
         for surface, rotation in zip(surfaces, to_common, strict=True)
     ]
     clouds = [_turned_cloud(surface, turn) for surface, turn in zip(surfaces, levelled, strict=True)]
-    say("looking for symmetries and the front")
+    say("looking for symmetries and the front ...")
     symmetries = _symmetries(clouds, settings.symmetry)
     report.append(f"symmetry: {symmetries.symmetry}, {_source(settings.symmetry)}")
     if settings.front is None:
