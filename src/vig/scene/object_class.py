@@ -145,10 +145,9 @@ class ObjectClass:
             raise ValueError("places must have a frequency above 0")
         for family in self.families:
             check_number(f"share of family '{family.name[:40]}'", family.share, 1e-6, 1.0)
-            mean, spread = np.array(family.mean), np.array(family.deviation)
-            fits = len(mean) == len(spread) == self.shape_model.modes
+            mean, spread, modes = np.array(family.mean), np.array(family.deviation), self.shape_model.modes
+            fits = len(mean) == len(spread) == modes
             if not fits or not np.isfinite(mean).all() or not ((spread > 1e-3) & (spread < 1e3)).all():
-                modes = self.shape_model.modes
                 raise ValueError(f"family '{family.name[:40]}' must have {modes} means and deviations")
         mean, covariance = self.light_prior_mean, self.light_prior_covariance
         prior = {"light prior mean": mean, "light prior covariance": covariance}
@@ -164,9 +163,8 @@ class ObjectClass:
             for number in self.part_reflectance:
                 check_number("part_reflectance", number, 0.01, 1.0)
         if self.object_from_mesh is not None:
-            check_arrays(
-                {"object_from_mesh": self.object_from_mesh}, {"object_from_mesh": ("float64", (4, 4))}
-            )
+            given = {"object_from_mesh": self.object_from_mesh}
+            check_arrays(given, {"object_from_mesh": ("float64", (4, 4))})
             if not abs(np.linalg.det(self.object_from_mesh[:3, :3])) > 0:
                 raise ValueError("object_from_mesh must be a similarity")
         if self.transfer is not None:
@@ -276,8 +274,7 @@ class ObjectClass:
         if (folder / TRANSFER_FILE).exists():
             with reading(folder / TRANSFER_FILE, "a class's transfer of light", _DAMAGED):
                 held, _ = read_tensors(folder / TRANSFER_FILE)
-                shape = (model.modes + 1, len(model.mean), 9)
-                check_arrays(held, {"transfer": ("float16 float32", shape)})
+                check_arrays(held, {"transfer": ("float16 float32", (model.modes + 1, len(model.mean), 9))})
                 transfer = held["transfer"].astype(np.float32)
         with reading(folder, "a class pack", _DAMAGED):
             prior = described.light_prior

@@ -104,8 +104,8 @@ def build_class(
     say(_taken(shapes, len(object_class.families)))
     save_shape_sheets(shapes, sheets)
     if coloured:
-        tell = "" if dark is None else f", and that {dark[0].mean():.0%} of the vertices are dark on most"
-        say(f"{_counted(len(coloured), 'mesh')} with materials, which training shows{tell}")
+        share = "" if dark is None else f"; {dark[0].mean():.0%} of the vertices, dark on most, are a part"
+        say(f"training shows {_counted(len(coloured), 'mesh')} with the materials of the files{share}")
     save_source_meshes(coloured, sheets)
 
     result = BuildResult(
@@ -147,10 +147,11 @@ def _taken(shapes: ClassShapes, families: int) -> str:
     count, components = len(shapes.numbers), shapes.components
     held_out = count - len(shapes.trained)
     kept = f", {held_out} of them held out for validation and test" if held_out else ""
-    modes = f"{_counted(len(components.basis), 'component')}, {_counted(families or 1, 'family')}"
+    modes = _counted(len(components.basis), "shape component")
+    modes += f", {families} families by the holes through them" if families else ""
     error = ""
     if components.errors:
-        error = f"; leave-one-out error {components.errors[len(components.basis)]:.2%} of the size"
+        error = f"; a mesh left out is met within {components.errors[len(components.basis)]:.2%} of its size"
     return f"{_counted(count, 'mesh')} taken{kept}: {'its shape is held' if count == 1 else modes}{error}"
 
 

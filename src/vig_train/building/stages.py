@@ -167,7 +167,7 @@ def register(
             vertices[number] = _registered(mesh, meshes[template.medoid], template, cache)
             quality = quality_of(template.vertices, vertices[number], template.faces, mesh.surface)
             qualities[number] = quality
-            say(f"{number + 1:3d} {mesh.scan.name}: {quality.mean:.2%} of its size off")
+            say(f"{number + 1:3d} {mesh.scan.name}: off by {quality.mean:.2%} of its size")
             meter.advance(1)
     qualities = judged(qualities, vertices, template.medoid, symmetry)
     for number, quality in qualities.items():
