@@ -111,11 +111,11 @@ def describe_calibration(result: CalibrationResult) -> str:
     )
     within = (result.standard_errors.abs() < WITHIN_90).float().mean(0)
     return (
-        f"calibrated on {len(logits)} images: temperature of azimuth {calibration.azimuth_temperature:.2f}"
-        f" (90 % regions of {logits.shape[1]} bins hold {before:.1%} before, {after:.1%} after), of the mask"
-        f" {calibration.mask_temperature:.2f}; 90 % intervals held {within.min():.1%} to {within.max():.1%}"
-        f" of the numbers, deviations are multiplied by {calibration.deviation.min():.2f} to"
-        f" {calibration.deviation.max():.2f}"
+        f"calibrated on {len(logits)} images: regions that should hold 90 % of the true azimuths held"
+        f" {before:.1%}, now {after:.1%} (temperature {calibration.azimuth_temperature:.2f}); 90 % intervals"
+        f" of the other numbers held {within.min():.1%} to {within.max():.1%}, so that their deviations are"
+        f" multiplied by {calibration.deviation.min():.2f} to {calibration.deviation.max():.2f}; temperature"
+        f" of the mask {calibration.mask_temperature:.2f}"
     )
 
 

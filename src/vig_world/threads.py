@@ -22,12 +22,22 @@ def torch_threads(count: int) -> Iterator[None]:
 
 
 @contextmanager
+def one_linear_algebra_thread() -> Iterator[None]:
+    """Inside, numpy's linear algebra computes on one core for the whole process.
+
+    On two of a busy machine, threads of small products wait for each other ten times as long as they compute.
+    """
+    with _linear_algebra().limit(limits=1, user_api="blas"):
+        yield
+
+
+@contextmanager
 def one_thread() -> Iterator[None]:
     """Inside, torch computes on one core for this thread, and numpy's linear algebra for the whole process.
 
     Small matrices take less time so, and sums do not depend on the number of cores.
     """
-    with torch_threads(1), _linear_algebra().limit(limits=1, user_api="blas"):
+    with torch_threads(1), one_linear_algebra_thread():
         yield
 
 

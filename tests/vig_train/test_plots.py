@@ -37,7 +37,9 @@ def test_a_calibration_is_summed_up_and_plotted(tmp_path: Path) -> None:
     made = NetworkCalibration(torch.tensor(10.0), torch.tensor(1.5), torch.full((23,), 2.0))
     result = CalibrationResult(made, azimuth, logits, 2 * torch.randn(2000, 23, generator=generator))
     line = describe_calibration(result)
-    assert line.startswith("calibrated on 2000 images: temperature of azimuth 10.00") and "\n" not in line
+    assert (
+        line.startswith("calibrated on 2000 images: ") and "(temperature 10.00)" in line and "\n" not in line
+    )
     before, after, least, most = map(float, re.findall(r"([\d.]+)%", line))
     assert before < 60 and after == pytest.approx(90, abs=3)
     assert 55 < least <= most < 63, "a Gaussian of 2 within 1.645: 59 %"

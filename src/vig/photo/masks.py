@@ -73,8 +73,7 @@ def mask_of_picture(path: Path, image: Image.Image) -> np.ndarray:
         is_object = values > 0
         if by_alpha.any() and (is_object & by_alpha).sum() not in (is_object.sum(), by_alpha.sum()):
             refuse(path, "a mask", "one whose colours and transparency say different things", REMEDY)
-        both: np.ndarray = is_object & by_alpha
-        return both
+        return np.asarray(is_object & by_alpha)
     return by_alpha
 
 
@@ -85,16 +84,14 @@ def _by_value(path: Path, values: np.ndarray) -> np.ndarray:
     if len(shades) == 1:
         return np.full(values.shape, bool(shades[0]))
     if shades[0] == 0 and len(shades) == 2:
-        is_object: np.ndarray = values > 0
-        return is_object
+        return np.asarray(values > 0)
     if not np.issubdtype(values.dtype, np.floating) and shades[-1] <= MOST_LABELS:
         received = (
             f"the numbers {', '.join(map(str, shades[:6].tolist()))}{' ...' if len(shades) > 6 else ''}"
         )
         refuse(path, "a mask of one object", received, REMEDY)
     most = 1.0 if shades[-1] <= 1 else 255 if shades[-1] <= 255 else 65535
-    above: np.ndarray = values > most / 2
-    return above
+    return np.asarray(values > most / 2)
 
 
 def _check_colours(path: Path, values: np.ndarray) -> None:

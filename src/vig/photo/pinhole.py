@@ -46,8 +46,7 @@ def turned_pose(camera: Camera, pose: np.ndarray, matrix: np.ndarray) -> np.ndar
     away = pose.copy()
     # A thing off the middle of a flat film is drawn larger by the ray's length.
     away[2, 3] += (math.sqrt(focal_x * focal_y) * length / camera.focal - 1) * camera.distance
-    turned: np.ndarray = turn @ away
-    return turned
+    return np.asarray(turn @ away)
 
 
 def sight_axes(pose: np.ndarray) -> np.ndarray:
@@ -81,8 +80,7 @@ def pose_covariance(
     turns = Rotation.from_matrix(there[:, :3, :3] @ here[:3, :3].T).as_rotvec()
     columns = np.concatenate([there[:, :3, 3] - here[:3, 3], turns], axis=1) / DIFFERENCE
     spread = columns.T * deviation
-    covariance: np.ndarray = spread @ spread.T
-    return covariance
+    return np.asarray(spread @ spread.T)
 
 
 def outline_weights(vertices: np.ndarray, faces: np.ndarray, eye: np.ndarray) -> np.ndarray:

@@ -22,6 +22,8 @@ from vig.scene.shape_model import ShapeModel
 from vig.scene.symmetry import Symmetry
 
 TRANSFER_FILE = "transfer.safetensors"
+BUILD_COMMAND = Path("build", "command.txt")
+"""Of a pack that `vig class build` makes: the command, there before class.json is."""
 PACKAGED = Path(__file__).parents[1] / "classes"
 FORMAT = 1
 _DAMAGED = "Build or copy it again."
@@ -143,10 +145,9 @@ class ObjectClass:
             raise ValueError("places must have a frequency above 0")
         for family in self.families:
             check_number(f"share of family '{family.name[:40]}'", family.share, 1e-6, 1.0)
-            mean, spread = np.array(family.mean), np.array(family.deviation)
-            fits = len(mean) == len(spread) == self.shape_model.modes
+            mean, spread, modes = np.array(family.mean), np.array(family.deviation), self.shape_model.modes
+            fits = len(mean) == len(spread) == modes
             if not fits or not np.isfinite(mean).all() or not ((spread > 1e-3) & (spread < 1e3)).all():
-                modes = self.shape_model.modes
                 raise ValueError(f"family '{family.name[:40]}' must have {modes} means and deviations")
         mean, covariance = self.light_prior_mean, self.light_prior_covariance
         prior = {"light prior mean": mean, "light prior covariance": covariance}
@@ -162,9 +163,8 @@ class ObjectClass:
             for number in self.part_reflectance:
                 check_number("part_reflectance", number, 0.01, 1.0)
         if self.object_from_mesh is not None:
-            check_arrays(
-                {"object_from_mesh": self.object_from_mesh}, {"object_from_mesh": ("float64", (4, 4))}
-            )
+            given = {"object_from_mesh": self.object_from_mesh}
+            check_arrays(given, {"object_from_mesh": ("float64", (4, 4))})
             if not abs(np.linalg.det(self.object_from_mesh[:3, :3])) > 0:
                 raise ValueError("object_from_mesh must be a similarity")
         if self.transfer is not None:
@@ -193,8 +193,7 @@ class ObjectClass:
     @cached_property
     def reflectance(self) -> np.ndarray:
         """(V,) float32, that of each vertex's part."""
-        reflectance: np.ndarray = self.reflectance_of_parts[self.shape_model.parts]
-        return reflectance
+        return np.asarray(self.reflectance_of_parts[self.shape_model.parts])
 
     def camera(self, size: int = IMAGE_SIZE, camera_distance_ratio: float = 1.0) -> Camera:
         """The class's standard camera for a square image of `size` pixels; see `Camera.standard`."""
@@ -245,6 +244,11 @@ class ObjectClass:
                 f"expected a class's name or folder; got a {kind}. Pass its name, such as 'teapot'."
             )
         folder = Path(name_or_folder)
+        if not (folder / "class.json").is_file() and (folder / BUILD_COMMAND).is_file():
+            command = (folder / BUILD_COMMAND).read_text(errors="replace").strip()
+            raise UserError(
+                f"expected a class; the build of '{folder}' is unfinished. Run it again: {command}"
+            )
         if not (folder / "class.json").is_file() and folder.name == str(name_or_folder):
             folder = PACKAGED / folder
         if not (folder / "class.json").is_file():
@@ -270,8 +274,7 @@ class ObjectClass:
         if (folder / TRANSFER_FILE).exists():
             with reading(folder / TRANSFER_FILE, "a class's transfer of light", _DAMAGED):
                 held, _ = read_tensors(folder / TRANSFER_FILE)
-                shape = (model.modes + 1, len(model.mean), 9)
-                check_arrays(held, {"transfer": ("float16 float32", shape)})
+                check_arrays(held, {"transfer": ("float16 float32", (model.modes + 1, len(model.mean), 9))})
                 transfer = held["transfer"].astype(np.float32)
         with reading(folder, "a class pack", _DAMAGED):
             prior = described.light_prior

@@ -103,21 +103,42 @@ def kernels() -> Finding:
 
 def compiled_kernels() -> tuple[Path, dict[str, bool]]:
     """The folder of compiled kernels, and of each packaged class whether those of its fits lie in it."""
-    import torch
-    import warp
-
-    from vig.likelihood.kernels.load import likelihood_kernels
     from vig.scene import ObjectClass
     from vig.scene.object_class import PACKAGED
 
     compiled = {}
     for path in sorted(PACKAGED.glob("*/class.json")):
-        modes = ObjectClass.load(path.parent).shape_model.modes
-        module = likelihood_kernels(torch.float32, modes, "gaussian").place.module
-        folder = Path(str(warp.config.kernel_cache_dir))
-        # On a processor blocks have one thread.
-        compiled[path.parent.name] = (folder / module.get_module_identifier(1)).is_dir()
+        folder, compiled[path.parent.name] = kernels_of(ObjectClass.load(path.parent).shape_model.modes)
     return folder, compiled
+
+
+def kernels_of(modes: int, density: str = "gaussian") -> tuple[Path, bool]:
+    """The folder of compiled kernels, and whether those of fits with so many shape components lie in it.
+
+    density: Of the pixels, see `vig.likelihood.densities`.
+    """
+    import torch
+    import warp
+
+    from vig.likelihood.kernels.load import likelihood_kernels
+
+    module = likelihood_kernels(torch.float32, modes, density).place.module
+    folder = Path(str(warp.config.kernel_cache_dir))
+    return folder, (
+        folder / module.get_module_identifier(1)
+    ).is_dir()  # on a processor blocks have one thread
+
+
+def compilations(classes: Sequence[str], density: str) -> list[str]:
+    """A line for each class, by name or folder, whose first fit has yet to compile."""
+    from vig.scene import ObjectClass
+
+    loaded = [ObjectClass.load(name) for name in classes]
+    return [
+        f"fits of '{each.name}' are compiled, once on this machine: {COMPILATION}"
+        for each in loaded
+        if not kernels_of(each.shape_model.modes, density)[1]
+    ]
 
 
 def nearest_folder(path: Path) -> Path:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import shlex
 import sys
-from dataclasses import MISSING, asdict, fields
+from dataclasses import asdict, fields
 from typing import Any
 
 from rich.console import Console
@@ -15,9 +14,12 @@ from vig_paper.cli.settings import Reproduce
 from vig_paper.reproduction import RENDERERS, Record, ReproductionSettings, Run, RunFolder, reproduce
 from vig_paper.reproduction.page import write_page
 from vig_paper.reproduction.reached import reached, reached_block, reached_line, training_line
-from vig_train.cli.common import check_workers
+from vig_train.cli.common import check_workers, command_line
 from vig_train.evaluation.paper import compare, comparison_block
 from vig_world.cli.ending import end
+
+SAME_NUMBERS = ("steps", "workers", "json")
+"""Options that do not change the numbers."""
 
 
 def reproduce_paper(chosen: Reproduce) -> int:
@@ -33,7 +35,8 @@ def reproduce_paper(chosen: Reproduce) -> int:
             print(line, flush=True)
 
     run = Run(folder, settings, not chosen.no_cycles, chosen.workers, report, not chosen.json)
-    record = reproduce(run, write_page, chosen.steps, machine(), command_line(chosen))
+    command = command_line("vig reproduce", chosen, skipped=SAME_NUMBERS)
+    record = reproduce(run, write_page, chosen.steps, machine(), command)
     tables = {name: table for name in RENDERERS if (table := folder.read_table(name)) is not None}
     if chosen.json:
         print(json.dumps(summary(folder, record, tables), indent=2))
@@ -75,18 +78,3 @@ def summary(folder: RunFolder, record: Record, tables: dict[str, Any]) -> dict[s
         "page": str(folder.page),
         "folder": str(folder.root),
     }
-
-
-def command_line(chosen: Reproduce) -> str:
-    """The command of these settings, without options that do not change the numbers."""
-    command = ["vig", "reproduce"]
-    for field in fields(Reproduce):
-        value = getattr(chosen, field.name)
-        if field.name in ("steps", "workers", "json") or (
-            field.default is not MISSING and value == field.default
-        ):
-            continue
-        command.append("--" + field.name.replace("_", "-"))
-        if value is not True:
-            command += value if isinstance(value, tuple) else [str(value)]
-    return shlex.join(command)

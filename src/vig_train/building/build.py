@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 from vig.io.errors import UserError
+from vig.io.files import atomic_write
 from vig.io.progress import Meter
+from vig.scene.object_class import BUILD_COMMAND
 from vig_train.building import pictures
 from vig_train.building.materials import dark_part
 from vig_train.building.object_class import ClassShapes, object_class_of
@@ -19,14 +22,17 @@ from vig_train.building.stage_cache import StageCache
 from vig_train.building.stages import StandingMesh, register, surface_of, template_of
 from vig_train.building.upright import upright_poses
 from vig_world.assets.own.catalogue import read_sources
+from vig_world.threads import one_linear_algebra_thread
 
 
+@one_linear_algebra_thread()
 def build_class(
     meshes: str | Path,
     out: Path,
     settings: BuildSettings,
     say: Callable[[str], None] = print,
     progress: bool = False,
+    command: str = "",
 ) -> BuildResult:
     """Build a class pack from a folder of meshes or from furniture catalogues.
 
@@ -37,6 +43,7 @@ def build_class(
         settings: What the user states.
         say: Called with a line for each step.
         progress: Whether standard error shows how far a step is.
+        command: What who uses the pack too early is told to run again; by default the shortest for these.
 
     Returns:
         The class as written.
@@ -48,14 +55,19 @@ def build_class(
     check_folder(out)
     sheets, cache = out / "build", StageCache(out / "build" / "kept")
 
-    scans, unreadable = read_scans(meshes)
+    say(f"reading meshes of {meshes} ...")
+    scans, unreadable = read_scans(meshes, settings.materials, progress)
     for name, reason in unreadable.items():
         say(f"left out {name}: {reason}")
     used = settings.used(len(scans))
     say(f"{_counted(len(scans), 'mesh')} from {meshes}")
+    with atomic_write(out / BUILD_COMMAND) as temporary:
+        shortest = shlex.join(["vig", "class", "build", str(meshes), "--out", str(out)])
+        temporary.write_text(f"{command or shortest}\n")
+    say("drawing what was read, build/1-as-they-are.png ...")
     pictures.save_mesh_sheet(sheets / "1-as-they-are.png", [(scan.vertices, scan.faces) for scan in scans])
 
-    say("sampling surfaces")
+    say("sampling surfaces ...")
     with Meter(len(scans), 0, progress, "surfaces") as meter:
         surfaces = []
         for scan in scans:
@@ -67,7 +79,8 @@ def build_class(
     standing = [StandingMesh.of(*each) for each in zip(scans, surfaces, upright.rotations, strict=True)]
     pictures.save_mesh_sheet(sheets / "2-upright.png", [mesh.triangles for mesh in standing], above=True)
 
-    say("making a template of the mesh most like the others")
+    others = " most like the others" if len(used) > 1 else ""
+    say(f"making a template: the mesh{others}, closed, of about {settings.vertices} vertices ...")
     template = template_of(standing, used, settings.vertices, cache)
     if template is None:
         raise UserError(f"expected a mesh in '{meshes}' that can be closed; none can. Mend one of them.")
@@ -75,23 +88,24 @@ def build_class(
     say(f"template: {medoid.scan.name}, {len(closed[0])} vertices, {len(closed[1])} faces")
     pictures.save_mesh_sheet(sheets / "3-template.png", [medoid.triangles, closed], side=320)
 
-    say("carrying the template onto each mesh")
-    registered = register(standing, used, template, upright.symmetries.symmetry, cache, say)
+    say("carrying the template onto each mesh ...")
+    registered = register(standing, used, template, upright.symmetries.symmetry, cache, say, progress)
     if not registered.accepted:
         raise UserError(f"expected meshes of one kind in '{meshes}'; no two are alike. Look at {sheets}.")
 
+    say("making the class: components, materials, holes through each mesh ...")
     (length, size_known), folder = settings.length_of(scans), folder_of(meshes)
     shapes = ClassShapes.of(registered, upright.symmetries, length)
-    coloured = source_meshes(shapes, folder, say) if settings.materials else []
+    coloured = source_meshes(shapes, say) if settings.materials else []
     of_class = [mesh for mesh in coloured if mesh.design >= 0 and mesh.split == "train"]
     dark = dark_part(of_class, shapes.components.mean, template.faces)
-    say("making the class")
-    object_class = replace(object_class_of(settings, shapes, dark, cache), size_known=size_known)
+    object_class = object_class_of(settings, shapes, dark, cache, progress)
+    object_class = replace(object_class, size_known=size_known)
     say(_taken(shapes, len(object_class.families)))
     save_shape_sheets(shapes, sheets)
     if coloured:
-        tell = "" if dark is None else f", and that {dark[0].mean():.0%} of the vertices are dark on most"
-        say(f"{_counted(len(coloured), 'mesh')} with materials, which training shows{tell}")
+        share = "" if dark is None else f"; {dark[0].mean():.0%} of the vertices, dark on most, are a part"
+        say(f"training shows {_counted(len(coloured), 'mesh')} with the materials of the files{share}")
     save_source_meshes(coloured, sheets)
 
     result = BuildResult(
@@ -106,8 +120,17 @@ def build_class(
         components=shapes.components,
         sources=read_sources(folder).of({scan.name for scan in scans}),
     )
-    write_pack(result, shapes, out, say, progress)
+    write_pack(result, shapes, out, cache, say, progress)
     return result
+
+
+STEP = " ..."
+"""Ends the lines of `build_class` with which a step begins that takes a while; others say what was found."""
+
+
+def is_step(line: str) -> bool:
+    """Whether a line of `build_class` is that of a step that begins."""
+    return line.endswith(STEP)
 
 
 def check_folder(out: Path) -> None:
@@ -124,10 +147,11 @@ def _taken(shapes: ClassShapes, families: int) -> str:
     count, components = len(shapes.numbers), shapes.components
     held_out = count - len(shapes.trained)
     kept = f", {held_out} of them held out for validation and test" if held_out else ""
-    modes = f"{_counted(len(components.basis), 'component')}, {_counted(families or 1, 'family')}"
+    modes = _counted(len(components.basis), "shape component")
+    modes += f", {families} families by the holes through them" if families else ""
     error = ""
     if components.errors:
-        error = f"; leave-one-out error {components.errors[len(components.basis)]:.2%} of the size"
+        error = f"; a mesh left out is met within {components.errors[len(components.basis)]:.2%} of its size"
     return f"{_counted(count, 'mesh')} taken{kept}: {'its shape is held' if count == 1 else modes}{error}"
 
 

@@ -45,6 +45,7 @@ def card(result: BuildResult) -> str:
         "",
         f"The template is {result.scans[result.medoid].name}. Off: mean distance both ways. Lacking: share of"
         " the mesh that the template does not reach. Spare: share of the template that the mesh lacks."
+        " Folded: share of its edges at which the template folds over itself."
         + (
             " Any turn leaves the shapes the same: up to 9 % of a mesh, as handles, may be left out of them."
             if result.upright.symmetries.symmetry == "any-turn"

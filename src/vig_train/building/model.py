@@ -54,61 +54,81 @@ def fit_components(
     """
     if len(shapes) == 1:
         return Components(shapes[0], np.zeros_like(shapes), np.zeros(1), 0.0, (), {})
-    size = float(np.ptp(shapes.mean(0), axis=0).max())
-    deformations = smooth_deformations(shapes.mean(0), size)
-    deformations = deformations if symmetrise is None else symmetrise(deformations)
-    max_components = MAX_COMPONENTS
+    mean = shapes.mean(0)
+    size = float(np.ptp(mean, axis=0).max())
+    deformations = smooth_deformations(mean, size)
+    deformations = size * (deformations if symmetrise is None else symmetrise(deformations))
+    span = _Span.of(shapes - mean, deformations, np.sqrt(areas)[:, None])
     if len(shapes) < 3:
-        chosen = AMPLITUDES[2]
-        basis, ratio = _basis(shapes, deformations * chosen * size, areas, max_components)
-        return Components(shapes.mean(0), basis, ratio, chosen, (), {})
-    curves = {
-        amplitude: leave_one_out(shapes, deformations * amplitude * size, areas, max_components) / size
-        for amplitude in AMPLITUDES
-    }
-    least = {amplitude: float(curve.min()) for amplitude, curve in curves.items()}
-    amplitude = min(least, key=least.__getitem__)
-    curve = curves[amplitude]
-    count = max(1, int(np.flatnonzero(curve <= ERROR_FACTOR * curve.min())[0]))
-    basis, ratio = _basis(shapes, deformations * amplitude * size, areas, count)
-    return Components(shapes.mean(0), basis, ratio, amplitude, tuple(curve.tolist()), least)
+        chosen, count, curve, least = AMPLITUDES[2], MAX_COMPONENTS, np.zeros(0), {}
+    else:
+        curves = {amplitude: span.leave_one_out(amplitude, MAX_COMPONENTS) / size for amplitude in AMPLITUDES}
+        least = {amplitude: float(curve.min()) for amplitude, curve in curves.items()}
+        chosen = min(least, key=least.__getitem__)
+        curve = curves[chosen]
+        count = max(1, int(np.flatnonzero(curve <= ERROR_FACTOR * curve.min())[0]))
+    components, singular = _components(span.shapes, chosen * span.deformations, count)
+    basis = span.fields(components)
+    largest = np.abs(basis * span.root).reshape(len(basis), -1).argmax(axis=1)
+    signs = np.sign(basis.reshape(len(basis), -1)[np.arange(len(basis)), largest])
+    basis = basis * (signs * singular[: len(basis)])[:, None, None]
+    ratio = singular[: len(basis)] ** 2 / max(float((singular**2).sum()), 1e-30)
+    return Components(mean, basis, ratio, chosen, tuple(curve.tolist()), least)
 
 
-def leave_one_out(
-    shapes: np.ndarray, deformations: np.ndarray, areas: np.ndarray, max_components: int
-) -> np.ndarray:
-    """Mean distance (most + 1,) of each shape (N, V, 3) from the best of the others' model, by components."""
-    errors = np.zeros((len(shapes), max_components + 1))
-    root = np.sqrt(areas)[:, None]
-    for index in range(len(shapes)):
-        others = np.delete(shapes, index, axis=0)
-        basis, _ = _basis(others, deformations, areas, max_components)
-        residual = shapes[index] - others.mean(0)
-        flat = (basis * root).reshape(len(basis), -1)
-        q, _ = np.linalg.qr(flat.T)
-        weighted = (residual * root).ravel()
-        for count in range(max_components + 1):
-            span = q[:, : min(count, q.shape[1])]
-            error = (weighted - span @ (span.T @ weighted)).reshape(residual.shape) / np.maximum(root, 1e-9)
-            errors[index, count] = (areas * np.linalg.norm(error, axis=1)).sum()
-    return errors.mean(0)
+@dataclass(frozen=True)
+class _Span:
+    """Deviations of shapes and smooth deformations in an orthonormal basis of all that they span.
+
+    All models of some of them lie within it; its few dimensions make their decompositions quick.
+
+    Attributes:
+        shapes: (N, D), whose mean is 0.
+        deformations: (M, D), at an amplitude of one.
+        axes: (3 V, D) orthonormal columns: fields times `root`, flat.
+        root: (V, 1) square roots of the vertices' shares of the surface.
+    """
+
+    shapes: np.ndarray
+    deformations: np.ndarray
+    axes: np.ndarray
+    root: np.ndarray
+
+    @staticmethod
+    def of(shapes: np.ndarray, deformations: np.ndarray, root: np.ndarray) -> _Span:
+        """Of deviations (N, V, 3) and deformations (M, V, 3)."""
+        rows = np.concatenate([shapes, deformations]) * root
+        axes, coordinates = np.linalg.qr(rows.reshape(len(rows), -1).T)
+        return _Span(coordinates.T[: len(shapes)], coordinates.T[len(shapes) :], axes, root)
+
+    def fields(self, coordinates: np.ndarray) -> np.ndarray:
+        """Fields (K, V, 3) of coordinates (K, D)."""
+        weighted = (coordinates @ self.axes.T).reshape(len(coordinates), -1, 3)
+        return weighted / np.maximum(self.root, 1e-9)
+
+    def leave_one_out(self, amplitude: float, max_components: int) -> np.ndarray:
+        """Mean distance (most + 1,) of each shape from the best of the others' model, by components."""
+        errors = np.zeros((len(self.shapes), max_components + 1))
+        for index, shape in enumerate(self.shapes):
+            others = np.delete(self.shapes, index, axis=0)
+            components, _ = _components(others, amplitude * self.deformations, max_components)
+            residual = shape - others.mean(0)
+            parts = np.zeros((max_components + 1, len(residual)))
+            parts[1 : len(components) + 1] = (components @ residual)[:, None] * components
+            off = np.linalg.norm(self.fields(residual - np.cumsum(parts, axis=0)), axis=2)
+            errors[index] = off @ self.root[:, 0] ** 2
+        return errors.mean(0)
 
 
-def _basis(
-    shapes: np.ndarray, deformations: np.ndarray, areas: np.ndarray, count: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """The first components (K, V, 3) of samples and smooth deformations, and their shares (K,)."""
-    root = np.sqrt(areas)[:, None]
+def _components(shapes: np.ndarray, deformations: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """The first components (K, D) of shapes and smooth deformations (..., D), of length one, and all singular
+    values.
+    """
     samples = (shapes - shapes.mean(0)) / np.sqrt(max(1, len(shapes) - 1))
     rows = np.concatenate([samples, deformations]) if np.any(deformations) else samples
-    flat = (rows * root).reshape(len(rows), -1)
-    _, singular, components = np.linalg.svd(flat, full_matrices=False)
+    _, singular, components = np.linalg.svd(rows, full_matrices=False)
     rank = min(count, int((singular > 1e-6 * singular[0]).sum())) if singular[0] > 0 else 1
-    components = components[:rank]
-    largest = np.abs(components).argmax(axis=1)
-    components = components * np.sign(components[np.arange(rank), largest])[:, None]
-    basis = (components * singular[:rank, None]).reshape(rank, *shapes.shape[1:]) / np.maximum(root, 1e-9)
-    return basis, singular[:rank] ** 2 / max(float((singular**2).sum()), 1e-30)
+    return components[:rank], singular
 
 
 def smooth_deformations(mean: np.ndarray, size: float) -> np.ndarray:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vig.io.progress import Meter
 from vig.scene import Family, ObjectClass, ShapeModel, Symmetry
 from vig_train.building.families import families_of
 from vig_train.building.model import Components, SymmetryProjection, fit_components
@@ -15,7 +16,7 @@ from vig_train.building.stage_cache import StageCache
 from vig_train.building.stages import RegisteredMeshes, Template
 from vig_train.building.surface import vertex_areas
 from vig_train.building.symmetries import MIRROR_Y, mirror_map, mirror_projection, rotation_projection
-from vig_train.packs.lights import light_prior
+from vig_train.packs.lights import packaged_light_prior
 from vig_world.dataset.spec import Split
 
 DARK_VIEW_WEIGHT = 1000.0
@@ -104,14 +105,19 @@ def splits_of(count: int) -> list[Split]:
 
 
 def object_class_of(
-    settings: BuildSettings, shapes: ClassShapes, dark: tuple[np.ndarray, float] | None, cache: StageCache
+    settings: BuildSettings,
+    shapes: ClassShapes,
+    dark: tuple[np.ndarray, float] | None,
+    cache: StageCache,
+    progress: bool = False,
 ) -> ObjectClass:
     """The class of these shapes.
 
     dark: Which vertices (V,) are of its dark part, and their relative reflectance; see `dark_part`.
+    progress: Whether standard error shows how far it is.
     """
     model = _shape_model(shapes, dark)
-    mean, covariance = light_prior()
+    mean, covariance = packaged_light_prior()
     size = np.ptp(shapes.components.mean, axis=0)
     return ObjectClass(
         settings.name,
@@ -119,7 +125,7 @@ def object_class_of(
         target_height=float(np.round(size[2] / 2, 4)),
         light_prior_mean=mean,
         light_prior_covariance=covariance,
-        families=_families(model, shapes, cache),
+        families=_families(model, shapes, cache, progress),
         symmetry=Symmetry(shapes.symmetries.symmetry),
         mirror=shapes.symmetries.mirror,
         front=settings.shows,
@@ -144,12 +150,19 @@ def _shape_model(shapes: ClassShapes, dark: tuple[np.ndarray, float] | None) -> 
     )
 
 
-def _families(model: ShapeModel, shapes: ClassShapes, cache: StageCache) -> tuple[Family, ...]:
-    """Families by the number of holes; none of surfaces of revolution, whose handles are not of the shape."""
-    if shapes.symmetries.symmetry == "any-turn":
+def _families(
+    model: ShapeModel, shapes: ClassShapes, cache: StageCache, progress: bool
+) -> tuple[Family, ...]:
+    """Families by the number of holes; none of surfaces of revolution, whose handles are not of the shape,
+    and none of a single shape.
+    """
+    if shapes.symmetries.symmetry == "any-turn" or len(shapes.trained) == 1:
         return ()
-    meshes = [shapes.registered.meshes[shapes.numbers[index]] for index in shapes.trained]
-    kinds = [_kind(mesh.hole_count(cache)) for mesh in meshes]
+    kinds = []
+    with Meter(len(shapes.trained), 0, progress, "meshes") as meter:
+        for index in shapes.trained:
+            kinds.append(_kind(shapes.registered.meshes[shapes.numbers[index]].hole_count(cache)))
+            meter.advance(1)
     return families_of(model, shapes.vertices[shapes.trained].astype(np.float32), kinds)
 
 

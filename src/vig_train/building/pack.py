@@ -13,10 +13,10 @@ from vig_train.building import pictures
 from vig_train.building.card import card
 from vig_train.building.object_class import ClassShapes
 from vig_train.building.result import BuildResult
+from vig_train.building.stage_cache import StageCache
 from vig_train.packs.card import read_sections
 from vig_train.packs.transfer import write_transfer
 from vig_world.assets.held_out import HeldOutDesigns
-from vig_world.assets.own.load import load
 from vig_world.assets.source_meshes import FILE, SourceMesh, save
 
 TRAINED_FILES = ("recognition.safetensors", "calibration.json", "reliability.png")
@@ -29,20 +29,22 @@ def write_pack(
     result: BuildResult,
     shapes: ClassShapes,
     out: Path,
+    cache: StageCache,
     say: Callable[[str], None],
     progress: bool = False,
 ) -> None:
     """Write all that explaining photos and training need; class.json comes last: a pack with it is whole.
 
-    `say` and `progress` are those of `build_class`.
+    cache: Of the shapes from which the table of light is computed. `say` and `progress` are those of
+    `build_class`.
     """
     names = tuple(result.scans[number].name for number in shapes.numbers)
     (out / "class.json").unlink(missing_ok=True)
     staged = out / "build" / "staged"
     result.object_class.save(staged)
     HeldOutDesigns(names, tuple(shapes.splits), shapes.vertices.astype(np.float32)).save(staged)
-    say("computing how light goes from part to part")
-    write_transfer(result.object_class, staged, progress)
+    say("computing how light goes from part to part, on shapes of the class ...")
+    write_transfer(result.object_class, staged, progress, cache.result)
     _put_aside_weights(out, staged, say)
     kept = _sections_of_weights(out)
     with atomic_write(staged / "card.md") as temporary:
@@ -74,24 +76,20 @@ def _sections_of_weights(out: Path) -> list[str]:
     return [sections[heading].strip() for heading in CARD_SECTIONS if heading in sections]
 
 
-def source_meshes(shapes: ClassShapes, folder: Path, say: Callable[[str], None]) -> list[SourceMesh]:
-    """The used meshes that have materials, in metres; refused ones are for training.
-
-    folder: Of their files.
-    """
+def source_meshes(shapes: ClassShapes, say: Callable[[str], None]) -> list[SourceMesh]:
+    """The used meshes that have materials, in metres; refused ones are for training."""
     meshes: list[SourceMesh] = []
     for number in shapes.registered.qualities:
-        name = shapes.registered.meshes[number].scan.name
-        loaded = load(folder, folder / name)
-        if loaded.missing:
-            say(f"{name}: {', '.join(loaded.missing)} missing or unreadable; grey instead")
-        if len(loaded.pieces) == 1 and loaded.pieces[0].texture.size == 3:
+        scan = shapes.registered.meshes[number].scan
+        if scan.missing:
+            say(f"{scan.name}: {', '.join(scan.missing)} missing or unreadable; grey instead")
+        if not scan.pieces or len(scan.pieces) == 1 and scan.pieces[0].texture.size == 3:
             continue  # of one colour, as of a format without any
         design = shapes.numbers.index(number) if number in shapes.numbers else -1
         move = shapes.object_from_mesh(number)
         meshes.append(
             SourceMesh.of(
-                loaded.pieces,
+                scan.pieces,
                 move[:3, :3],
                 move[:3, 3],
                 shapes.template_on(number),

@@ -8,9 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from vig.io.errors import UserError
+from vig.io.progress import Meter
 from vig_world.assets.own.catalogue import mesh_folder, read_sources
 from vig_world.assets.own.folder import files_of, fingerprint
-from vig_world.assets.own.load import SUFFIXES, load
+from vig_world.assets.own.load import SUFFIXES, MeshPiece, load
+from vig_world.assets.own.simplify import simplified
+from vig_world.assets.source_meshes import MOST_FACES
 from vig_world.mesh import face_normals
 
 SAME_SHAPE_TOLERANCE = 3e-4
@@ -26,19 +29,27 @@ class Scan:
         vertices: (V, 3) float64, in the file's units and axes; equal ones are one.
         faces: (F, 3), each with an area.
         content_hash: Of the file's content.
+        pieces: What has a material each, of few enough faces for training; none where materials do not count.
+        missing: Names of pictures that were not found or cannot be read.
     """
 
     name: str
     vertices: np.ndarray
     faces: np.ndarray
     content_hash: str
+    pieces: tuple[MeshPiece, ...] = ()
+    missing: tuple[str, ...] = ()
 
 
-def read_scans(meshes: str | Path) -> tuple[list[Scan], dict[str, str]]:
+def read_scans(
+    meshes: str | Path, materials: bool = True, progress: bool = False
+) -> tuple[list[Scan], dict[str, str]]:
     """Read every mesh below a folder, or of furniture catalogues, in the order of names; or a single file.
 
     Args:
         meshes: A folder, a file, or what `mesh_folder` takes, such as `catalogue.sh3f:car`.
+        materials: Whether their materials are kept.
+        progress: Whether standard error shows how far it is.
 
     Returns:
         The meshes, and why each other file was left out, by name.
@@ -51,17 +62,20 @@ def read_scans(meshes: str | Path) -> tuple[list[Scan], dict[str, str]]:
     folder = folder.parent if only else folder
     scans: list[Scan] = []
     refused = {} if only else dict(read_sources(folder).left_out)
-    for name, path in files_of(folder, SUFFIXES):
-        if only is not None and path != only:
-            continue
-        try:
-            loaded = load(folder, path)
-            starts = np.cumsum([0] + [len(piece.vertices) for piece in loaded.pieces])
-            vertices = np.concatenate([piece.vertices for piece in loaded.pieces])
-            faces = np.concatenate([p.faces + s for p, s in zip(loaded.pieces, starts, strict=False)])
-            scans.append(Scan(name, *_weld(vertices, faces), fingerprint(loaded.files)))
-        except UserError as error:
-            refused[name] = str(error).removeprefix(f"{path}: ")
+    files = [(name, path) for name, path in files_of(folder, SUFFIXES) if only in (None, path)]
+    with Meter(len(files), 0, progress, "files") as meter:
+        for name, path in files:
+            try:
+                loaded = load(folder, path)
+                starts = np.cumsum([0] + [len(piece.vertices) for piece in loaded.pieces])
+                vertices = np.concatenate([piece.vertices for piece in loaded.pieces])
+                faces = np.concatenate([p.faces + s for p, s in zip(loaded.pieces, starts, strict=False)])
+                pieces = tuple(simplified(loaded.pieces, MOST_FACES)) if materials else ()
+                welded, content = _weld(vertices, faces), fingerprint(loaded.files)
+                scans.append(Scan(name, *welded, content, pieces, tuple(loaded.missing)))
+            except UserError as error:
+                refused[name] = str(error).removeprefix(f"{path}: ")
+            meter.advance(1)
     copies = same_shapes(scans)
     for number, original in copies.items():
         refused[scans[number].name] = f"the same shape as {scans[original].name}, which counts once"

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from vig.io.errors import UserError
-from vig_train.building.build import build_class
+from vig_train.building.build import build_class, is_step
 from vig_train.building.settings import BuildSettings
 from vig_world.asset_cache import asset_cache
 from vig_world.assets.own.folder import fingerprint
@@ -25,7 +25,7 @@ def pack_of_mesh(
 
     It lies in the user's cache folder; where nothing can be written there, in one that is made anew.
     `length` is the object's longest side, metres, where the file is not in metres. `say` is called with a
-    line before what takes time.
+    line before each step that takes time.
 
     Raises:
         UserError: It is no mesh that can be used.
@@ -44,12 +44,12 @@ def pack_of_mesh(
     pack = parent / f"{mesh.stem[:60]}-{key}"
     if (pack / "class.json").is_file():
         return pack
-    say(f"'{mesh.name}' is made ready, once for each file: about half a minute")
+    say(f"'{mesh.name}' is made ready, once for each file: some 15 seconds, a minute on a busy machine")
     parent.mkdir(parents=True, exist_ok=True)
     making = Path(tempfile.mkdtemp(prefix="making-", dir=parent))
     try:
         settings = BuildSettings(mesh.stem[:100], length=length, materials=False)
-        build_class(mesh, making / "pack", settings, say=lambda line: None)
+        build_class(mesh, making / "pack", settings, lambda line: say(line) if is_step(line) else None)
         try:
             (making / "pack").rename(pack)
         except OSError:  # another process was faster

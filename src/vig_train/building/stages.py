@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from vig.io.progress import Meter
 from vig_train.building.acceptance import Quality, judged, quality_of
 from vig_train.building.families import genus
 from vig_train.building.pose import PointCloud
@@ -155,16 +156,19 @@ def register(
     symmetry: str,
     cache: StageCache,
     say: Callable[[str], None],
+    progress: bool = False,
 ) -> RegisteredMeshes:
     """Carry the template onto each used mesh, and judge which meshes belong to a class of this symmetry."""
     vertices = np.zeros((len(meshes), *template.vertices.shape))
     qualities: dict[int, Quality] = {}
-    for number in used:
-        mesh = meshes[number]
-        vertices[number] = _registered(mesh, meshes[template.medoid], template, cache)
-        quality = quality_of(template.vertices, vertices[number], template.faces, mesh.surface)
-        qualities[number] = quality
-        say(f"{number + 1:3d} {mesh.scan.name}: {quality.mean:.2%} of its size off")
+    with Meter(len(used), 0, progress, "meshes") as meter:
+        for number in used:
+            mesh = meshes[number]
+            vertices[number] = _registered(mesh, meshes[template.medoid], template, cache)
+            quality = quality_of(template.vertices, vertices[number], template.faces, mesh.surface)
+            qualities[number] = quality
+            say(f"{number + 1:3d} {mesh.scan.name}: off by {quality.mean:.2%} of its size")
+            meter.advance(1)
     qualities = judged(qualities, vertices, template.medoid, symmetry)
     for number, quality in qualities.items():
         if quality.reason:

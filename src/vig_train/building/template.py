@@ -76,8 +76,9 @@ def split_long_edges(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The same surface, with edges that are too long cut in two until none is; closed as before."""
     while True:
-        sides = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-        edges, edge = np.unique(sides, axis=0, return_inverse=True)
+        low, high = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1).T.astype(np.int64)
+        numbered, edge = np.unique(low * len(vertices) + high, return_inverse=True)
+        edges = np.stack(np.divmod(numbered, len(vertices)), axis=1)
         too_long = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1) > longest
         if not too_long.any():
             return vertices, faces

@@ -71,18 +71,18 @@ def upright_poses(
         UserError: The front that the user states is not level.
     """
     surfaces = [surfaces[n] for n in used]
-    say("comparing poses")
+    say("comparing poses ...")
     to_common = _common_pose([scans[n] for n in used], surfaces, cache, progress)
     from_usual = usual_axes(to_common)
     up = up_axis(surfaces, to_common) if settings.up is None else from_usual @ axis_vector(settings.up)
-    report = [f"up: {axis_name(from_usual.T @ up)} of most files, {_source(settings.up)}"]
+    report = [f"up: {axis_name(from_usual.T @ up)} in most files, {_source(settings.up)}"]
     from_common = cube_turn_to_up(up)
     levelled = [
         _levelled(surface, from_common @ rotation, from_usual.T @ up, settings.symmetry)
         for surface, rotation in zip(surfaces, to_common, strict=True)
     ]
     clouds = [_turned_cloud(surface, turn) for surface, turn in zip(surfaces, levelled, strict=True)]
-    say("looking for symmetries and the front")
+    say("looking for symmetries and the front ...")
     symmetries = _symmetries(clouds, settings.symmetry)
     report.append(f"symmetry: {symmetries.symmetry}, {_source(settings.symmetry)}")
     if settings.front is None:
@@ -94,7 +94,7 @@ def upright_poses(
         front = math.atan2(ahead[1], ahead[0])
     if symmetries.symmetry != "any-turn":
         ahead = from_usual.T @ from_common.T @ np.array([math.cos(front), math.sin(front), 0.0])
-        report.append(f"front: {axis_name(ahead)} of most files, {_source(settings.front)}")
+        report.append(f"front: {axis_name(ahead)} in most files, {_source(settings.front)}")
         report.append(f"mirror plane: {'yes' if symmetries.mirror else 'none'}")
     rotations = np.tile(np.eye(3), (len(scans), 1, 1))
     for number, surface, rotation in zip(used, surfaces, levelled, strict=True):
@@ -119,7 +119,7 @@ def _common_pose(
 
 def _source(setting: str | None) -> str:
     """Where a reported axis or symmetry comes from."""
-    return "found" if setting is None else "told"
+    return "estimated" if setting is None else "as stated"
 
 
 def _turned_cloud(surface: SurfaceSample, rotation: np.ndarray) -> PointCloud:

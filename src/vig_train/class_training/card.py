@@ -22,9 +22,8 @@ def quick_section(pack: Path, images: int) -> str:
         [
             HEADING,
             "",
-            f"A quick recognizer, made by `vig class build` on {images} images of the"
-            f" studio. `vig class train {pack}` makes a better one in a quarter of an hour, and"
-            " measures it.",
+            f"A quick recognizer, made by `vig class build` on {images} rendered images."
+            f" `vig class train {pack}` makes a better one in a quarter of an hour, and measures it.",
             "",
         ]
     )
@@ -53,14 +52,14 @@ def section(
     lines = [
         HEADING,
         "",
-        f"Trained by `vig class train` on {images} images of the studio in"
+        f"Trained by `vig class train` on {images} rendered images in"
         f" {sum(seconds.values()) / 60:.0f} minutes on {workers} core{'' if workers == 1 else 's'}:"
         f" {', '.join(f'{name} {math.ceil(value)} s' for name, value in seconds.items())}.",
         "",
-        f"Tested on {errors['photos']} images of the studio: {unseen}.",
+        f"Tested on {errors['photos']} rendered images: {unseen}.",
         "",
-        "| | azimuth, median | within 15 degrees | within 30 | turned by more than 150 |"
-        " elevation, median | visible IoU, mean |",
+        "| | error of azimuth, median | within 15 degrees | within 30 | half round (off by more than 150) |"
+        " error of elevation, median | IoU of the visible pixels, mean |",
         "|---|---|---|---|---|---|---|",
         *(f"| {name} | {_cells(row)} |" for name, row in errors["methods"].items()),
         "",
@@ -74,8 +73,8 @@ def section(
     ]
     if len(history) > 1:
         lines += [
-            "| minutes | images | fits: azimuth, median | within 15 degrees | within 30 | turned |"
-            " elevation | visible IoU |",
+            "| minutes | images | fits: error of azimuth | within 15 degrees | within 30 | half round |"
+            " error of elevation | IoU of the visible pixels |",
             "|---|---|---|---|---|---|---|---|",
             *(f"| {old['minutes']} | {old['images']} | {_cells(old)} |" for old in history),
             "",

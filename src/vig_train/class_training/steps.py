@@ -75,7 +75,13 @@ FOLDS = SIZES.members
 """Of cross-validation: each member of the network is trained without every fourth mesh, and tested on it."""
 CALIBRATION_SEED, TEST_SEED = 2**31 + 1, 2**31 + 2
 """Of their images: larger than seeds of trainings usually are, whose images these must not be."""
-STEPS = ("images", "heads", "calibration", "test")
+STEPS = {
+    "images": "rendering the images that the network is trained on",
+    "heads": "training the network",
+    "calibration": "measuring on other images how far its answers can be trusted",
+    "test": "measuring its errors on further images",
+}
+"""Names of the steps, and what each does."""
 
 
 @dataclass(frozen=True)
@@ -172,7 +178,7 @@ class ClassTraining:
             if self.record.complete(name):
                 self.say(f"{number}/{len(work)} {name}: done in {self.record.seconds(name):.0f} s")
                 continue
-            self.say(f"{number}/{len(work)} {name}")
+            self.say(f"{number}/{len(work)} {name}: {STEPS[name]} ...")
             with self.record.timed(name):
                 do()
         return self._finish()
@@ -180,7 +186,7 @@ class ClassTraining:
     def _draw(self) -> None:
         chunks, models = range(self.plan().chunks), Studio(self.object_class).models.values()
         shown = sum(model.mesh is not None for model in models)
-        self.say(f"drawn after {len(models) or 'no'} meshes, {shown or 'none'} with materials")
+        self.say(f"they show {len(models) or 'no'} meshes, {shown or 'none'} of them with its materials")
         there = sum(chunk_path(self.images, chunk).exists() for chunk in chunks)
         with Meter(CHUNK * len(chunks), CHUNK * there, unit="images") as meter:
             draw_chunks(

@@ -6,7 +6,7 @@ import json
 import re
 
 from vig.io.errors import UserError
-from vig_train.cli.common import check_workers
+from vig_train.cli.common import check_workers, command_line
 from vig_train.cli.settings import Build
 from vig_world.cli.ending import end
 
@@ -36,7 +36,8 @@ def build(settings: Build) -> int:
         settings.materials,
     )
     say = (lambda line: None) if settings.json else (lambda line: print(line, flush=True))
-    result = build_class(settings.meshes, settings.out, build_settings, say, not settings.json)
+    command = command_line("vig class build", settings, positional=("meshes",))
+    result = build_class(settings.meshes, settings.out, build_settings, say, not settings.json, command)
     if settings.recognizer and not (settings.out / WEIGHTS_FILE).exists():
         ClassTraining(settings.out, QUICK, workers=settings.workers, say=say).run()
     is_trained = (settings.out / WEIGHTS_FILE).exists()

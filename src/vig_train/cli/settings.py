@@ -49,10 +49,11 @@ class Build:
     """Zones of the generator's rooms where such things stand, such as floor for chairs; by default where
     tableware does."""
     materials: bool = True
-    """Whether training shows the colours and textures of the files: they tell front from back."""
+    """Leave out the colours and textures of the files, which training otherwise shows: they tell front from
+    back."""
     recognizer: bool = True
-    """Whether a quick recognizer is trained at once, in two idle minutes, so that `vig fit --class PACK`
-    works."""
+    """Train no quick recognizer, which otherwise takes two minutes of two idle cores and lets
+    `vig fit --class PACK` find the object and its view by itself."""
     workers: int | None = None
     """Processes that draw images for it; one per CPU by default."""
     json: bool = False

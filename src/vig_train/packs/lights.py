@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vig.scene import EXPOSURE_L00
+from vig.scene import EXPOSURE_L00, ObjectClass
 from vig_world.library import Library
 
 TURN_COUNT = 12
@@ -25,3 +25,9 @@ def light_prior() -> tuple[np.ndarray, np.ndarray]:
     covariance = np.cov(lights.T)
     covariance[0, 0] += (EXPOSURE_SD * EXPOSURE_L00) ** 2
     return lights.mean(0), covariance
+
+
+def packaged_light_prior() -> tuple[np.ndarray, np.ndarray]:
+    """`light_prior` as the packaged classes have it, for which no panorama has to be made."""
+    packaged = ObjectClass.load("teapot")
+    return packaged.light_prior_mean, packaged.light_prior_covariance

@@ -14,8 +14,10 @@ included.
 
 import argparse
 import functools
+import hashlib
 import json
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -27,9 +29,10 @@ import warp as wp
 
 from vig.io.files import atomic_write, write_arrays
 from vig.io.progress import Meter
-from vig.renderer.device import initialise
+from vig.parallel import map_on_threads
+from vig.renderer.device import initialise, launch
 from vig.scene import SHAPE_LIMIT, ObjectClass, ShapeModel
-from vig.scene.light import COSINE_LOBE, sh_basis
+from vig.scene.light import COSINE_LOBE, Y00, Y1, Y2, Y20, sh_basis
 from vig.scene.object_class import TRANSFER_FILE
 from vig_world.mesh import vertex_normals
 
@@ -51,107 +54,113 @@ RAY_OFFSET = 2e-4
 INSIDE_SHARE = 0.3
 """A vertex that sees more than this share of faces from behind lies within another part."""
 
+KEPT_SHAPES = 4
+"""Shapes that are kept together: a second or two of a core."""
+
 _BEHIND = -2
 _CHUNK = 1024
+
+Compute = Callable[[], Mapping[str, np.ndarray]]
+Keep = Callable[[str, list[str], Compute], Mapping[str, np.ndarray]]
+"""Gives the result of a stage for its inputs, computed where it is not kept, as `StageCache.result` does."""
+
+
+def computed(stage: str, inputs: list[str], compute: Compute) -> Mapping[str, np.ndarray]:
+    """Keep nothing."""
+    return compute()
 
 
 @functools.cache
 def ray_kernels() -> SimpleNamespace:
     """The kernel that casts rays against a mesh, compiled at first use."""
     initialise()
+    lobes = wp.types.vector(9, wp.float64)
+    y0, y1, y2, y20 = (wp.float64(factor) for factor in (Y00, Y1, Y2, Y20))
+    turn, offset, chunk = wp.float64(2 * math.pi), wp.float64(RAY_OFFSET), wp.int32(_CHUNK)
+    half, one, three = (wp.float64(number) for number in (0.5, 1.0, 3.0))
 
     @wp.kernel(module="vig_transfer")
-    def cast(
+    def look_round(
+        points: wp.array(dtype=wp.vec3d),
+        frames: wp.array2d(dtype=wp.vec3d),
+        patterns: wp.array2d(dtype=wp.vec2d),
+        turns: wp.array(dtype=wp.float64),
         mesh: wp.uint64,
-        origins: wp.array(dtype=wp.vec3),
-        directions: wp.array2d(dtype=wp.vec3),
+        blocked: wp.array(dtype=lobes),
         faces: wp.array2d(dtype=wp.int32),
         weights: wp.array2d(dtype=wp.vec3),
     ):
-        point, ray = wp.tid()
-        hit = wp.mesh_query_ray(mesh, origins[point], directions[point, ray], 1.0e3)
-        face = wp.int32(-1)
-        if hit.result:
-            face = hit.face
-            if hit.sign < 0.0:
-                face = wp.int32(-2)
-            weights[point, ray] = wp.vec3(hit.u, hit.v, 1.0 - hit.u - hit.v)
-        faces[point, ray] = face
+        point = wp.tid()
+        normal = frames[point, 2]
+        origin = wp.vec3(points[point] + offset * normal)
+        total = lobes()
+        for ray in range(patterns.shape[1]):
+            cell = patterns[point / chunk, ray]
+            across, angle = wp.sqrt(cell[0]), turn * (cell[1] + turns[point])
+            w = (
+                across * wp.cos(angle) * frames[point, 0]
+                + across * wp.sin(angle) * frames[point, 1]
+                + wp.sqrt(one - cell[0]) * normal
+            )
+            hit = wp.mesh_query_ray(mesh, origin, wp.vec3(w), 1.0e3)
+            face = wp.int32(-1)
+            if hit.result:
+                face = hit.face
+                if hit.sign < 0.0:
+                    face = wp.int32(-2)
+                weights[point, ray] = wp.vec3(hit.u, hit.v, 1.0 - hit.u - hit.v)
+                total[0] += y0
+                total[1] += y1 * w[1]
+                total[2] += y1 * w[2]
+                total[3] += y1 * w[0]
+                total[4] += y2 * w[0] * w[1]
+                total[5] += y2 * w[1] * w[2]
+                total[6] += y20 * (three * w[2] * w[2] - one)
+                total[7] += y2 * w[0] * w[2]
+                total[8] += half * y2 * (w[0] * w[0] - w[1] * w[1])
+            faces[point, ray] = face
+        blocked[point] = total
 
-    return SimpleNamespace(cast=cast)
+    return SimpleNamespace(look_round=look_round)
 
 
 @dataclass(frozen=True)
 class Rays:
-    """What N points meet in R directions each, cosine-weighted about their normals.
+    """Directions of cosine-weighted rays: chunks of points share a stratified pattern, each point turns it.
+
+    The direction of ray r from a point of chunk c, whose normal is the third axis of its frame, is
+    sqrt(u) cos(a), sqrt(u) sin(a), sqrt(1 - u) in that frame, u = patterns[c, r, 0], a = 2 pi (patterns[c,
+    r, 1] + turns): density cosine / pi.
 
     Attributes:
-        origins: (N, 3).
-        directions: (N, R, 3).
-        face: (N, R) index of the face met, -1 nothing, -2 a face seen from behind.
-        weights: (N, R, 3) barycentric, of the face's corners.
+        patterns: (C, R, 2) within [0, 1].
+        turns: (V,) shares of a whole turn.
     """
 
-    origins: np.ndarray
-    directions: np.ndarray
-    face: np.ndarray
-    weights: np.ndarray
+    patterns: np.ndarray
+    turns: np.ndarray
+
+    @staticmethod
+    def draw(points: int, side: int, rng: np.random.Generator) -> "Rays":
+        """Draw side^2 rays of each of so many points."""
+        cells = np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1).reshape(-1, 2)
+        patterns, turns = [], []
+        for start in range(0, points, _CHUNK):
+            patterns.append((cells + rng.uniform(size=cells.shape)) / side)
+            turns.append(rng.uniform(size=min(_CHUNK, points - start)))
+        return Rays(np.stack(patterns), np.concatenate(turns))
+
+    @staticmethod
+    def numbers(points: int, side: int) -> int:
+        """How many random numbers `draw` takes."""
+        return points + 2 * side**2 * math.ceil(points / _CHUNK)
 
 
-def cast(
-    vertices: np.ndarray,
-    faces: np.ndarray,
-    points: np.ndarray,
-    normals: np.ndarray,
-    side: int,
-    rng: np.random.Generator,
-    device: str = "cpu",
-) -> Rays:
-    """Cast side^2 rays from points (N, 3), metres, with unit normals (N, 3) against a mesh."""
-    kernel = ray_kernels().cast
-
-    def on_device(array: np.ndarray, kind: type) -> wp.array:
-        return wp.from_numpy(np.ascontiguousarray(array), dtype=kind, device=device)
-
-    mesh = wp.Mesh(
-        on_device(vertices.astype(np.float32), wp.vec3), on_device(faces.astype(np.int32).ravel(), wp.int32)
-    )
-    directions = cosine_directions(normals, side, rng)
-    origins = points + RAY_OFFSET * normals
-    face = wp.zeros(directions.shape[:2], dtype=wp.int32, device=device)
-    weights = wp.zeros(directions.shape[:2], dtype=wp.vec3, device=device)
-    wp.launch(
-        kernel,
-        dim=directions.shape[:2],
-        inputs=[
-            mesh.id,
-            on_device(origins.astype(np.float32), wp.vec3),
-            on_device(directions.astype(np.float32), wp.vec3),
-        ],
-        outputs=[face, weights],
-        device=device,
-    )
-    return Rays(origins, directions, face.numpy(), weights.numpy())
-
-
-def cosine_directions(normals: np.ndarray, side: int, rng: np.random.Generator) -> np.ndarray:
-    """Unit directions (N, side^2, 3) about unit normals (N, 3): density cosine / pi, stratified.
-
-    All points share one pattern, each turned by an angle of its own.
-    """
-    cells = np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1).reshape(-1, 2)
-    radius, turn = ((cells + rng.uniform(size=cells.shape)) / side).T
-    angle = 2 * np.pi * (turn + rng.uniform(size=(len(normals), 1)))
-    least = np.abs(normals).argmin(axis=1)
-    tangent = np.cross(normals, np.eye(3)[least])
+def frames_of(normals: np.ndarray) -> np.ndarray:
+    """Frames (N, 3, 3) of unit normals (N, 3): rows are a tangent, the bitangent and the normal."""
+    tangent = np.cross(normals, np.eye(3)[np.abs(normals).argmin(axis=1)])
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
-    bitangent = np.cross(normals, tangent)
-    across, along = np.sqrt(radius) * np.cos(angle), np.sqrt(radius) * np.sin(angle)
-    return (
-        across[..., None] * tangent[:, None]
-        + along[..., None] * bitangent[:, None]
-        + np.sqrt(1 - radius)[:, None] * normals[:, None]
-    )
+    return np.stack([tangent, np.cross(normals, tangent), normals], axis=1)
 
 
 def unoccluded(normals: np.ndarray) -> np.ndarray:
@@ -177,27 +186,28 @@ class Occlusion:
     inside: np.ndarray
 
     @staticmethod
-    def of(
-        vertices: np.ndarray, faces: np.ndarray, side: int, rng: np.random.Generator, device: str = "cpu"
-    ) -> "Occlusion":
+    def of(vertices: np.ndarray, faces: np.ndarray, side: int, rng: np.random.Generator) -> "Occlusion":
         """Cast side^2 rays from each vertex (V, 3), metres, of a closed mesh."""
         normals = vertex_normals(vertices, faces).astype(np.float64)
-        total, share = len(vertices), 1.0 / side**2
-        blocked, inside, met = np.empty((total, 9)), np.empty(total, bool), []
-        for start in range(0, total, _CHUNK):
-            chunk = slice(start, start + _CHUNK)
-            rays = cast(vertices, faces, vertices[chunk], normals[chunk], side, rng, device)
-            values = sh_basis(torch.from_numpy(rays.directions)).numpy()
-            blocked[chunk] = np.einsum("nr,nrl->nl", (rays.face != -1).astype(float), values) * share
-            inside[chunk] = (rays.face == _BEHIND).mean(axis=1) > INSIDE_SHARE
-            row, ray = np.nonzero(rays.face >= 0)
-            corners = faces[rays.face[row, ray]].ravel()
-            entries = (np.repeat(row, 3), corners)
-            shape = (len(rays.face), total)
-            met.append(
-                scipy.sparse.csr_matrix((share * rays.weights[row, ray].ravel(), entries), shape=shape)
-            )
-        return Occlusion(normals, blocked, scipy.sparse.vstack(met).tocsr(), inside)
+        total, count = len(vertices), side**2
+        rays, frames = Rays.draw(total, side, rng), frames_of(normals)
+        mesh = wp.Mesh(
+            wp.from_numpy(vertices.astype(np.float32), dtype=wp.vec3, device="cpu"),
+            wp.from_numpy(faces.astype(np.int32).ravel(), dtype=wp.int32, device="cpu"),
+        )
+        blocked = torch.empty((total, 9), dtype=torch.float64)
+        met, weights = torch.empty((total, count), dtype=torch.int32), torch.empty((total, count, 3))
+        given = (np.asarray(vertices, np.float64), frames, rays.patterns, rays.turns)
+        inputs = [torch.from_numpy(np.ascontiguousarray(array)) for array in given]
+        launch(ray_kernels().look_round, total, *inputs, mesh.id, blocked, met, weights)
+        face = met.numpy()
+        front = face >= 0
+        starts = np.concatenate([[0], np.cumsum(3 * front.sum(1))])
+        entries = weights.numpy()[front].ravel().astype(np.float64) / count, faces[face[front]].ravel()
+        seen = scipy.sparse.csr_matrix((*entries, starts), shape=(total, total))
+        return Occlusion(
+            normals, blocked.numpy() / count, seen, (face == _BEHIND).mean(axis=1) > INSIDE_SHARE
+        )
 
     def change(self, albedo: float, bounces: int, neighbours: scipy.sparse.csr_matrix) -> np.ndarray:
         """T minus `unoccluded` (V, 9) for an object of this albedo in its own light.
@@ -245,46 +255,77 @@ def transfer_model(
     side: int = RAY_GRID,
     seed: int = 0,
     albedo: float = ALBEDO,
-    device: str = "cpu",
     progress: bool = False,
+    keep: Keep = computed,
 ) -> np.ndarray:
     """The change of transfer by self-shadow and bounces, (K + 1, V, 9) float32: mean, then per coefficient.
 
     At coefficients c it is table[0] + sum_k c_k table[k + 1], by least squares over shapes drawn N(0, 1)
     within their limits. Add it to A_l Y_lm(n) of the shape's own normals.
+
+    keep: Keeps the shapes that are done, so that a run that was stopped goes on.
     """
     shapes = min(shapes, RIGID_SAMPLES) if model.rigid else shapes
     with Meter(shapes, 0, progress, "shapes") as meter:
-        coefficients, changes, _ = sample_changes(model, shapes, side, seed, albedo, device, meter.advance)
+        samples = SampledChanges.draw(model, shapes, side, seed, albedo, meter.advance, keep)
     if model.rigid:
-        return np.stack([changes.mean(0), np.zeros_like(changes[0])])
-    with_one = np.column_stack([np.ones(shapes), coefficients])
-    table = np.linalg.lstsq(with_one, changes.reshape(shapes, -1), rcond=None)[0]
+        return np.stack([samples.changes.mean(0), np.zeros_like(samples.changes[0])])
+    with_one = np.column_stack([np.ones(shapes), samples.coefficients])
+    table = np.linalg.lstsq(with_one, samples.changes.reshape(shapes, -1), rcond=None)[0]
     return table.reshape(model.modes + 1, -1, 9).astype(np.float32)
 
 
-def sample_changes(
-    model: ShapeModel,
-    shapes: int,
-    side: int,
-    seed: int,
-    albedo: float = ALBEDO,
-    device: str = "cpu",
-    advance: Callable[[int], None] = lambda count: None,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Random shapes' coefficients (N, K), changes (N, V, 9) float32, and `Occlusion.inside` (N, V)."""
-    rng = np.random.default_rng(np.random.SeedSequence([seed, shapes]))
-    coefficients = np.clip(rng.standard_normal((shapes, model.modes)), -SHAPE_LIMIT, SHAPE_LIMIT)
-    neighbours = neighbours_of(model.faces, len(model.mean))
-    shapes_vertices = model.vertices(torch.from_numpy(coefficients)).numpy()
-    changes = np.empty((*shapes_vertices.shape[:2], 9), np.float32)
-    inside = np.empty(shapes_vertices.shape[:2], bool)
-    for index, vertices in enumerate(shapes_vertices):
-        occlusion = Occlusion.of(vertices, model.faces, side, rng, device)
-        changes[index] = occlusion.change(albedo, BOUNCES, neighbours)
-        inside[index] = occlusion.inside
-        advance(1)
-    return coefficients, changes, inside
+@dataclass(frozen=True)
+class SampledChanges:
+    """Random shapes of a model, and how self-shadow and bounces change the transfer on each.
+
+    Attributes:
+        coefficients: (N, K).
+        changes: (N, V, 9) float32.
+        inside: (N, V) bool, see `Occlusion.inside`.
+    """
+
+    coefficients: np.ndarray
+    changes: np.ndarray
+    inside: np.ndarray
+
+    @staticmethod
+    def draw(
+        model: ShapeModel,
+        shapes: int,
+        side: int,
+        seed: int,
+        albedo: float = ALBEDO,
+        advance: Callable[[int], None] = lambda count: None,
+        keep: Keep = computed,
+    ) -> "SampledChanges":
+        """Draw so many shapes; the same whatever of them `keep` has, on any number of threads."""
+        drawn = np.random.PCG64(np.random.SeedSequence([seed, shapes]))
+        rng = np.random.Generator(drawn)
+        coefficients = np.clip(rng.standard_normal((shapes, model.modes)), -SHAPE_LIMIT, SHAPE_LIMIT)
+        vertices = model.vertices(torch.from_numpy(coefficients)).numpy()
+        total, begun = len(model.mean), drawn.state
+        neighbours, numbers = neighbours_of(model.faces, total), Rays.numbers(total, side)
+
+        def compute(chosen: range) -> dict[str, np.ndarray]:
+            bits = np.random.PCG64()
+            bits.state = begun
+            rng = np.random.Generator(bits.advance(chosen.start * numbers))
+            met = [Occlusion.of(vertices[number], model.faces, side, rng) for number in chosen]
+            changes = [each.change(albedo, BOUNCES, neighbours).astype(np.float32) for each in met]
+            return {"changes": np.stack(changes), "inside": np.stack([each.inside for each in met])}
+
+        content = b"".join(array.tobytes() for array in (model.mean, model.basis, model.faces))
+        key = [hashlib.sha256(content).hexdigest(), f"{shapes} {side} {seed} {albedo} {BOUNCES}"]
+        parts = []
+        for part in map_on_threads(
+            lambda chosen: keep("transfer", [*key, str(chosen)], lambda: compute(chosen)),
+            [range(start, min(start + KEPT_SHAPES, shapes)) for start in range(0, shapes, KEPT_SHAPES)],
+        ):
+            parts.append(part)
+            advance(len(part["inside"]))
+        changes, inside = (np.concatenate([part[name] for part in parts]) for name in ("changes", "inside"))
+        return SampledChanges(coefficients, changes, inside)
 
 
 def relative_error(table: np.ndarray, model: ShapeModel, shapes: int = 12, seed: int = 1) -> float:
@@ -292,18 +333,21 @@ def relative_error(table: np.ndarray, model: ShapeModel, shapes: int = 12, seed:
 
     Of vertices that lie outside other parts.
     """
-    coefficients, exact, inside = sample_changes(model, shapes, RAY_GRID, seed)
-    residual = np.tensordot(np.column_stack([np.ones(shapes), coefficients]), table, axes=1) - exact
-    return float(np.sqrt((residual[~inside] ** 2).sum() / (exact[~inside] ** 2).sum()))
+    samples = SampledChanges.draw(model, shapes, RAY_GRID, seed)
+    predicted = np.tensordot(np.column_stack([np.ones(shapes), samples.coefficients]), table, axes=1)
+    outside, exact = ~samples.inside, samples.changes
+    return float(np.sqrt(((predicted - exact)[outside] ** 2).sum() / (exact[outside] ** 2).sum()))
 
 
-def write_transfer(object_class: ObjectClass, folder: Path, progress: bool = False) -> np.ndarray:
+def write_transfer(
+    object_class: ObjectClass, folder: Path, progress: bool = False, keep: Keep = computed
+) -> np.ndarray:
     """Compute a class's table and write it, in half precision, into a class pack's folder; returns it.
 
     class.json then tells of it, so that it cannot go missing unnoticed. progress: whether standard error
-    shows how far it is.
+    shows how far it is. keep: see `transfer_model`.
     """
-    table = transfer_model(object_class.at_unit_scale.shape_model, progress=progress)
+    table = transfer_model(object_class.at_unit_scale.shape_model, progress=progress, keep=keep)
     write_arrays(folder / TRANSFER_FILE, {"transfer": table.astype(np.float16)})
     if (folder / "class.json").is_file():
         described = json.loads((folder / "class.json").read_text()) | {"self_shadow": True}

@@ -54,7 +54,9 @@ def make(settings: Make) -> int:
         return 0
     deciles = [f"{10 * i}-{10 * i + 10}%: {n}" for i, n in enumerate(described["occlusion_deciles"])]
     print("hidden    " + "  ".join(deciles))
-    reasons = ", ".join(f"{name} {count}" for name, count in described["rejections"].items())
+    reasons = ", ".join(
+        f"{REASONS.get(name, name)} {count}" for name, count in described["rejections"].items()
+    )
     print(f"rejected  {described['rejections_per_sample']:.2f} candidates a sample ({reasons or 'none'})")
     end(folder, f"made a dataset: vig dataset show {folder} draws a sheet of it")
     return 0
@@ -66,6 +68,17 @@ def _size(text: str) -> tuple[int, int]:
     if match is None:
         raise UserError(f"expected --size WIDTHxHEIGHT in pixels, such as 640x480; got '{text[:40]}'.")
     return int(match[1]), int(match[2])
+
+
+REASONS = {
+    "place eye": "no space for the camera",
+    "place near": "something right before the camera",
+    "place open": "nothing behind the object",
+    "room": "no place in a room",
+    "scene": "a scene that cannot be composed",
+    "tolerance": "another share hidden than wanted",
+}
+"""Why candidates were not taken, where the name of the reason in info.json does not say it."""
 
 
 def groups(settings: Groups) -> int:

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from tests.toys import toy
+from vig import Explainer
 from vig.io.errors import UserError
 from vig.scene import EXPOSURE_L00, Camera, ObjectClass, Symmetry
-from vig.scene.object_class import PACKAGED, TRANSFER_FILE
+from vig.scene.object_class import BUILD_COMMAND, PACKAGED, TRANSFER_FILE
 from vig_world.mesh import face_normals
 
 FINGERPRINT = "de30279b73603cfd"
@@ -190,6 +191,18 @@ def test_a_damaged_pack_is_told_in_one_line(
         ObjectClass.load(tmp_path)
     assert "\n" not in str(caught.value)
     assert str(tmp_path) in str(caught.value) and "Build or copy it again." in str(caught.value)
+
+
+def test_a_half_built_pack_says_which_command_to_run_again(tmp_path: Path) -> None:
+    command = "vig class build 'my cups' --out cup --up z"
+    (tmp_path / "build").mkdir()
+    (tmp_path / BUILD_COMMAND).write_text(f"{command}\n")
+    with pytest.raises(UserError) as caught:
+        Explainer(tmp_path)
+    expected = f"expected a class; the build of '{tmp_path}' is unfinished. Run it again: {command}"
+    assert str(caught.value) == expected
+    toy("fin").save(tmp_path)
+    assert ObjectClass.load(tmp_path).name == "fin", "a whole one says nothing of it"
 
 
 @pytest.mark.parametrize("name", ["kettle", "no/such/folder", ""])

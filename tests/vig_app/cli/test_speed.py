@@ -16,6 +16,7 @@ from vig_app.cli import speed
 from vig_app.cli.speed import (
     EXTRAS,
     Extra,
+    compilations,
     compiled_kernels,
     extras,
     free_memory,
@@ -60,6 +61,7 @@ def test_kernels_that_are_not_compiled_are_cold_until_they_are(
     _, compiled = compiled_kernels()
     assert compiled == {"car": False, "mug": False, "teapot": False}
     assert "cold for car, mug, teapot" in kernels().state and "vig demo" in kernels().do
+    assert [line.split("'")[1] for line in compilations(["mug"], "gaussian")] == ["mug"]
     monkeypatch.setattr(os, "access", lambda path, mode: False)
     assert "WARP_CACHE_PATH" in kernels().do
 
@@ -70,7 +72,7 @@ def test_kernels_are_warm_after_they_were_loaded() -> None:
 
     load_kernels(torch.float32, ObjectClass.load("teapot").shape_model.modes)
     _, compiled = compiled_kernels()
-    assert compiled["teapot"]
+    assert compiled["teapot"] and compilations(["teapot"], "gaussian") == []
 
 
 def test_an_unknown_state_is_a_line(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,14 +7,15 @@ from pathlib import Path
 import pytest
 
 from vig_app.cli.main import main
-from vig_paper.cli.reproduce import command_line
+from vig_paper.cli.reproduce import SAME_NUMBERS
 from vig_paper.cli.settings import Reproduce
+from vig_train.cli.common import command_line
 
 
 def test_the_command_tells_all_that_changes_numbers() -> None:
     chosen = Reproduce("tiny", Path("my run"), epochs=3, methods=("rm", "robust"), no_cycles=True, workers=2)
     expected = "vig reproduce --scale tiny --out 'my run' --epochs 3 --methods rm robust --no-cycles"
-    assert command_line(chosen) == expected
+    assert command_line("vig reproduce", chosen, skipped=SAME_NUMBERS) == expected
 
 
 @pytest.mark.parametrize(

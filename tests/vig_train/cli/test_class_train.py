@@ -121,7 +121,7 @@ def test_the_card_has_the_errors_that_were_measured(pack: Path) -> None:
     assert 30 <= errors["photos"] <= 80 and set(errors["methods"]) == {"network", "fit"}
     assert f"{errors['methods']['fit']['azimuth_deg']:.1f} degrees" in text
     assert "by each of the network's 3 members on meshes that it has not seen" in text
-    assert "256 images" in text
+    assert "256 rendered images" in text
     assert (pack / "reliability.png").exists() and "reliability.png" in text
 
 

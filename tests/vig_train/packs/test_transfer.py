@@ -8,16 +8,19 @@ from safetensors.numpy import load_file
 
 from tests.support import TEAPOT
 from vig.scene import ObjectClass, irradiance
-from vig.scene.light import Y00
+from vig.scene.light import Y00, sh_basis
 from vig.scene.object_class import TRANSFER_FILE
+from vig_train.packs import transfer
 from vig_train.packs.transfer import (
     Occlusion,
-    cosine_directions,
+    Rays,
     fill_from_neighbours,
+    frames_of,
     neighbours_of,
     transfer_model,
     unoccluded,
 )
+from vig_world.threads import torch_threads
 
 RNG = np.random.default_rng(5)
 
@@ -29,10 +32,19 @@ def spheres(distance: float, radius: float = 0.03) -> tuple[np.ndarray, np.ndarr
     return np.asarray(pair.vertices), np.asarray(pair.faces)
 
 
+def directions(normals: np.ndarray, side: int, rng: np.random.Generator) -> np.ndarray:
+    """Unit directions (N, R, 3) of the rays from points with unit normals (N, 3), as `Rays` defines them."""
+    rays = Rays.draw(len(normals), side, rng)
+    share, turn = rays.patterns[np.arange(len(normals)) // 1024].transpose(2, 0, 1)
+    angle = 2 * np.pi * (turn + rays.turns[:, None])
+    local = np.stack([np.sqrt(share) * np.cos(angle), np.sqrt(share) * np.sin(angle), np.sqrt(1 - share)], -1)
+    return np.einsum("nrk,nkd->nrd", local, frames_of(normals))
+
+
 def test_directions_are_cosine_weighted_about_their_normals() -> None:
-    normals = RNG.normal(size=(50, 3))
+    normals = RNG.normal(size=(1100, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    away = cosine_directions(normals, 24, RNG)
+    away = directions(normals, 24, RNG)
     assert np.allclose(np.linalg.norm(away, axis=2), 1)
     cosine = np.einsum("nrc,nc->nr", away, normals)
     assert cosine.min() >= 0
@@ -40,6 +52,17 @@ def test_directions_are_cosine_weighted_about_their_normals() -> None:
     assert np.allclose(cosine.mean(1), 2 / 3, atol=1e-3)
     assert np.allclose((cosine**2).mean(1), 1 / 2, atol=1e-3)
     assert np.allclose(away.mean(1), 2 / 3 * normals, atol=5e-3)
+
+
+def test_a_hollow_blocks_every_direction() -> None:
+    """So that what is blocked is the mean of the basis over all rays."""
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=0.05)
+    vertices, faces = np.asarray(ball.vertices), np.asarray(ball.faces)[:, ::-1]
+    assert len(vertices) > 1024, "of several chunks"
+    occlusion = Occlusion.of(vertices, faces, 6, np.random.default_rng(3))
+    away = directions(occlusion.normals, 6, np.random.default_rng(3))
+    assert np.abs(occlusion.blocked - sh_basis(torch.from_numpy(away)).numpy().mean(1)).max() < 1e-12
+    assert occlusion.seen.sum(1) == pytest.approx(1)
 
 
 def test_unoccluded_is_the_irradiance_of_the_model() -> None:
@@ -127,3 +150,29 @@ def test_table_is_a_pure_function_of_its_seed(capsys: pytest.CaptureFixture[str]
     assert small.dtype == np.float32
     assert np.isfinite(small).all()
     assert np.array_equal(small, transfer_model(model, shapes=2, side=2))
+
+
+def test_shapes_that_were_kept_are_not_computed_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The table of a run that was stopped is that of one in one go, on several threads, too."""
+    monkeypatch.setattr(transfer, "KEPT_SHAPES", 2)
+    model = ObjectClass.load(TEAPOT).shape_model
+    kept: dict[str, dict[str, np.ndarray]] = {}
+    stopped = 3
+
+    def keep(stage: str, inputs: list[str], compute: transfer.Compute) -> dict[str, np.ndarray]:
+        key = " ".join([stage, *inputs])
+        if key not in kept:
+            if len(kept) == stopped:
+                raise KeyboardInterrupt
+            kept[key] = dict(compute())
+        return kept[key]
+
+    with pytest.raises(KeyboardInterrupt):
+        transfer_model(model, shapes=9, side=2, keep=keep)
+    assert len(kept) == stopped
+    before, stopped = set(kept), 99
+    resumed = transfer_model(model, shapes=9, side=2, keep=keep)
+    assert len(kept) == 5 and before < set(kept)
+    with torch_threads(2):
+        assert np.array_equal(resumed, transfer_model(model, shapes=9, side=2))
+    assert not np.array_equal(resumed, transfer_model(model, shapes=9, side=2, seed=1, keep=keep))
