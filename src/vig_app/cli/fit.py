@@ -367,12 +367,12 @@ def _line(row: dict[str, Any]) -> str:
     hidden, mask_confidence = row["hidden_fraction"], row["mask_confidence"]
     trust = ", trusted" if row["mask_trusted"] else ", not trusted"
     trust = "" if row["mask_trusted"] == row["view_trusted"] else trust  # as the verdict says of the view
-    mask = "" if mask_confidence is None else f" (mask right with {mask_confidence:.0%}{trust})"
+    mask = "" if mask_confidence is None else f" (mask {mask_confidence:.0%} likely right{trust})"
     visible = "nothing seen" if hidden is None else f"{hidden:.0%} hidden{mask}"
     if row["focal_from"] == "assumed":
         visible += ", distance unknown (focal length assumed)"
     colour = ", ".join(f"{row[f'albedo_{name}']:.2f}" for name in "rgb")
-    right = "" if row["confidence"] is None else f" (right with {row['confidence']:.0%})"
+    right = "" if row["confidence"] is None else f" ({row['confidence']:.0%} likely right)"
     return (
         f"{row['verdict']}: {name_of(row)}, azimuth {row['azimuth_deg']:.1f}, elevation"
         f" {row['elevation_deg']:.1f} degrees{right}, albedo ({colour}), {visible}; {row['reason']} ({when})"

@@ -105,7 +105,7 @@ def _tile(out: Path, row: Mapping[str, Any]) -> Image.Image:
         name = f"{name[: LETTERS // 2 - 1]}...{name[2 - LETTERS // 2 :]}"
     confidence = row["confidence"]
     pen.text((2, side + 2), name, fill=TEXT, font=font)
-    words = verdict if confidence is None else f"{verdict}, right with {confidence:.0%}"
+    words = verdict if confidence is None else f"{verdict}, {confidence:.0%} likely right"
     pen.text((2, side + 17), words, fill=VERDICT_COLOURS[verdict], font=font)
     return tile
 

@@ -23,7 +23,7 @@ def view_words(latents: Latents, probability: float) -> str:
 
 def right_with(probability: float) -> str:
     """How likely a view is right; nothing for a NaN."""
-    return "" if math.isnan(probability) else f"right with {probability:.0%}"
+    return "" if math.isnan(probability) else f"{probability:.0%} likely right"
 
 
 def table_rows(described: dict[str, Any]) -> list[tuple[str, str]]:

@@ -111,9 +111,9 @@ def test_a_network_without_a_map_asks_for_a_box() -> None:
         has_map = False
 
     photo = disc(300, 300, 150, 150, 90)
-    with pytest.raises(UserError, match="no map to find it"):
+    with pytest.raises(UserError, match="no map to find objects"):
         find(photo, HasNone())  # type: ignore[arg-type]
-    with pytest.raises(UserError, match="no map to find it"):
+    with pytest.raises(UserError, match="no map to find objects"):
         find_several(photo, HasNone(), 2)  # type: ignore[arg-type]
 
 

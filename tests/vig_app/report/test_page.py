@@ -69,7 +69,7 @@ def test_the_page_holds_what_the_json_says(explanation: vig.Explanation) -> None
     assert (text_of(page, "name"), text_of(page, "reason")) == ("egg cup.png", described["reason"])
     assert rows["azimuth of the eye"].startswith(f"{described['azimuth_deg']:.0f}°, 90 % interval ±")
     assert rows["hidden"] == f"{described['hidden_fraction']:.0%} of the object"
-    assert page.count("<figcaption>") == len(data["views"]) == 2 and ", right with 25%</figcaption>" in page
+    assert page.count("<figcaption>") == len(data["views"]) == 2 and ", 25% likely right</figcaption>" in page
     faces = np.frombuffer(base64.b64decode(data["mesh"]["faces"]), "<u2").reshape(-1, 3)
     assert np.array_equal(faces, explanation.object_class.shape_model.faces)
 

@@ -21,7 +21,7 @@ def described() -> dict:
 
 def test_a_views_probability_says_of_what_it_is() -> None:
     view = Latents.from_vector(torch.tensor([[*[0.0] * 3, math.radians(-90.2), 0.5, *[0.5] * 3, *[0.0] * 9]]))
-    assert words.view_words(view, 0.456) == "azimuth 270°, elevation 29°, right with 46%"
+    assert words.view_words(view, 0.456) == "azimuth 270°, elevation 29°, 46% likely right"
     assert words.view_words(view, math.nan) == "azimuth 270°, elevation 29°"
 
 
