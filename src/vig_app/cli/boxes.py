@@ -9,9 +9,10 @@ from typing import Any
 from vig.explainer import Box, checked_box
 from vig.io.checks import decode, read_json, reading
 from vig.io.errors import UserError
+from vig.io.printing import note
 from vig.several import MOST_OBJECTS
 from vig_app.cli.common import FitCommand, pack_of_mesh
-from vig_app.cli.naming import by_photo, note
+from vig_app.cli.naming import by_photo
 from vig_app.corrections import corrected_in
 
 REMEDY = 'Write {"photo.jpg": [x, y, w, h]}, or a list of these or of {"box": [x, y, w, h], "class": "mug"}.'

@@ -23,10 +23,10 @@ from rich.table import Table
 from vig.explainer import Explainer
 from vig.explanation import Explanation
 from vig.io.files import atomic_write
+from vig.io.printing import end
 from vig.photo.images import coded
 from vig.scene import angle_difference
 from vig_app.cli.common import Demo
-from vig_app.cli.naming import end
 from vig_app.demo import DemoPhoto, demo_photos
 from vig_app.report.folder import FILES, outlined, save_entry
 from vig_app.report.folder_page import Entry, reduced

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 
+from vig.io.printing import end
 from vig_app.cli.common import ExportCommand
-from vig_app.cli.naming import end, listed
+from vig_app.cli.naming import listed
 from vig_app.exports import export_run
 
 

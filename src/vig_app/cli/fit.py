@@ -23,6 +23,7 @@ from vig import __version__
 from vig.inference import ExplainSettings
 from vig.io.checks import read_json
 from vig.io.errors import UserError
+from vig.io.printing import end, in_one_line, note
 from vig.io.progress import Meter
 from vig.likelihood import LIKELIHOODS
 from vig.photo.decoding import FORMATS
@@ -35,7 +36,7 @@ from vig_app.cli.cameras import cameras_of
 from vig_app.cli.common import FitCommand
 from vig_app.cli.hints import hints_of, mask_of
 from vig_app.cli.live import fit_live
-from vig_app.cli.naming import end, in_one_line, listed, note
+from vig_app.cli.naming import listed
 from vig_app.cli.speed import compilations
 from vig_app.corrections import CORRECTIONS, Correction, corrected_in
 from vig_app.exports import RUN_FORMATS, export_run, run_files

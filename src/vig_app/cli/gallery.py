@@ -7,9 +7,9 @@ import webbrowser
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from vig.io.printing import end
 from vig_app.cli.common import Gallery
 from vig_app.cli.demo import DEMO_NOTE, demo_card, explained_demo, has_screen
-from vig_app.cli.naming import end
 from vig_app.demo import demo_photos
 from vig_app.report.gallery import cards_of, gallery_html
 from vig_app.report.html import write_page

@@ -10,12 +10,12 @@ from pathlib import Path
 from vig.explainer import Explainer
 from vig.inference import ExplainSettings
 from vig.io.errors import UserError
+from vig.io.printing import end
 from vig.likelihood import LIKELIHOODS
 from vig.video import Tracker
 from vig_app.cli.boxes import boxes_of, check_place, classes_of
 from vig_app.cli.cameras import cameras_of
 from vig_app.cli.common import FitCommand
-from vig_app.cli.naming import end
 from vig_app.runs.live import OVERLAY, run_live
 
 WITH_LIVE = {

@@ -1,13 +1,13 @@
-"""Entries of files by the names of photos, and the lines that commands print."""
+"""Entries of files by the names of photos."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import TypeVar
 
 from vig.io.errors import UserError
+from vig.io.printing import note
 
 Value = TypeVar("Value")
 LISTED = 3
@@ -64,19 +64,3 @@ def listed(names: Iterable[str]) -> str:
     """A few names in one line."""
     all_names = list(names)
     return ", ".join(all_names[:LISTED]) + (", ..." if len(all_names) > LISTED else "")
-
-
-def note(words: str) -> None:
-    """Print an error or a remark in one line on stderr."""
-    print(f"vig: {in_one_line(words)}", file=sys.stderr, flush=True)
-
-
-def end(folder: Path, words: str) -> None:
-    """End a command: print its output folder, then on stderr what was made and what to do next."""
-    print(folder, flush=True)
-    note(words)
-
-
-def in_one_line(words: str) -> str:
-    """Text with what is not printable escaped: a file's name may hold line ends, or bytes of no encoding."""
-    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in words)

@@ -124,9 +124,8 @@ def kernels_of(modes: int, density: str = "gaussian") -> tuple[Path, bool]:
 
     module = likelihood_kernels(torch.float32, modes, density).place.module
     folder = Path(str(warp.config.kernel_cache_dir))
-    return folder, (
-        folder / module.get_module_identifier(1)
-    ).is_dir()  # on a processor blocks have one thread
+    compiled = folder / module.get_module_identifier(1)  # on a processor blocks have one thread
+    return folder, compiled.is_dir()
 
 
 def compilations(classes: Sequence[str], density: str) -> list[str]:

@@ -9,9 +9,9 @@ import webbrowser
 from pathlib import Path
 
 from vig.io.errors import UserError
+from vig.io.printing import end, note
 from vig_app.cli.boxes import parse_box
 from vig_app.cli.common import ViewCommand
-from vig_app.cli.naming import end, note
 from vig_app.viewer.server import HOST, Viewer
 from vig_app.viewer.walk import Walk
 

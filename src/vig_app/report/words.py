@@ -17,11 +17,11 @@ INTERVAL = 1.645
 def view_words(latents: Latents, probability: float) -> str:
     """A view (B = 1), and how likely it is right."""
     azimuth, elevation = (math.degrees(float(angle)) for angle in (latents.azimuth, latents.elevation))
-    words = f"azimuth {azimuth % 360:.0f}°, elevation {elevation:.0f}°, {right_with(probability)}"
+    words = f"azimuth {azimuth % 360:.0f}°, elevation {elevation:.0f}°, {likely_right(probability)}"
     return words.removesuffix(", ")
 
 
-def right_with(probability: float) -> str:
+def likely_right(probability: float) -> str:
     """How likely a view is right; nothing for a NaN."""
     return "" if math.isnan(probability) else f"{probability:.0%} likely right"
 

@@ -181,7 +181,7 @@ class Viewer:
                 {
                     "azimuth": azimuth,
                     "elevation": elevation,
-                    "right": words.right_with(probability),
+                    "right": words.likely_right(probability),
                     "words": view.words,
                 }
                 for (azimuth, elevation, probability), view in zip(answers, views, strict=True)

@@ -10,13 +10,13 @@ from typing import Any
 from rich.console import Console
 
 from vig.io.machine import machine
+from vig.io.printing import end
 from vig_paper.cli.settings import Reproduce
 from vig_paper.reproduction import RENDERERS, Record, ReproductionSettings, Run, RunFolder, reproduce
 from vig_paper.reproduction.page import write_page
 from vig_paper.reproduction.reached import reached, reached_block, reached_line, training_line
 from vig_train.cli.common import check_workers, command_line
 from vig_train.evaluation.paper import compare, comparison_block
-from vig_world.cli.ending import end
 
 SAME_NUMBERS = ("steps", "workers", "json")
 """Options that do not change the numbers."""

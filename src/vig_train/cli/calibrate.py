@@ -7,6 +7,7 @@ import shutil
 
 from vig.inference.calibration import FILE
 from vig.io.errors import UserError
+from vig.io.printing import end
 from vig.io.progress import Meter
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass
@@ -23,7 +24,6 @@ from vig_train.cli.settings import Calibrate
 from vig_train.evaluation.protocol import check_class
 from vig_train.plots import calibrate_and_plot as calibrate_network
 from vig_train.training.calibration import check_count
-from vig_world.cli.ending import end
 from vig_world.dataset import Dataset, read_dataset
 
 

@@ -17,6 +17,7 @@ from vig import Explainer
 from vig.explanation import Explanation
 from vig.io.checks import decode, read_json, reading
 from vig.io.errors import UserError
+from vig.io.printing import end
 from vig.io.progress import Meter
 from vig.photo.masks import read_mask
 from vig.scene import ObjectClass, angle_difference
@@ -24,7 +25,6 @@ from vig.scene.object_class import PACKAGED
 from vig_train.cli.common import check_workers, check_writable
 from vig_train.cli.settings import CheckClass
 from vig_train.packs.card import replace_section
-from vig_world.cli.ending import end
 
 HEADING = "## On photographs"
 """Heading of the card's section, which is replaced."""

@@ -7,11 +7,11 @@ import json
 import sys
 
 from vig.io.errors import UserError
+from vig.io.printing import end
 from vig.scene import ObjectClass
 from vig_train.class_training import ClassTraining
 from vig_train.cli.common import check_workers, check_writable
 from vig_train.cli.settings import TrainClass
-from vig_world.cli.ending import end
 
 LEAST_MINUTES = 1.0
 MOST_MINUTES = 10_000.0

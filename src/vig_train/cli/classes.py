@@ -6,9 +6,9 @@ import json
 import re
 
 from vig.io.errors import UserError
+from vig.io.printing import end
 from vig_train.cli.common import check_workers, command_line
 from vig_train.cli.settings import Build
-from vig_world.cli.ending import end
 
 
 def build(settings: Build) -> int:

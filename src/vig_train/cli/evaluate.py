@@ -12,6 +12,7 @@ from vig.inference import ExplainSettings, FitCalibration
 from vig.inference.calibration import FILE
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
+from vig.io.printing import end
 from vig.io.progress import Meter
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass
@@ -21,7 +22,6 @@ from vig_train.evaluation import blocks, markdown_table, save_table, summarise, 
 from vig_train.evaluation import evaluate as run_methods
 from vig_train.evaluation.protocol import fitted_likelihoods
 from vig_train.evaluation.table import check_limits
-from vig_world.cli.ending import end
 from vig_world.dataset import read_dataset
 from vig_world.dataset.format import read_info
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from vig.io.errors import UserError
+from vig.io.printing import end
 from vig.io.progress import Meter
 from vig.recognition import WEIGHTS_FILE
 from vig.recognition.network import NetworkSettings
@@ -22,7 +23,6 @@ from vig_train.training.examples import Examples
 from vig_train.training.object_map import MapTraining, add_object_map
 from vig_train.training.studio import StudioSettings
 from vig_train.training.training import TrainingSettings
-from vig_world.cli.ending import end
 from vig_world.dataset import Dataset, read_dataset
 
 TRUNK_STAGES = len(NetworkSettings().blocks)

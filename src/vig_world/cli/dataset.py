@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vig.io.errors import UserError
-from vig_world.cli.ending import end
+from vig.io.printing import end
 from vig_world.cli.settings import Check, ExportDataset, Groups, Make, Show
 
 if TYPE_CHECKING:

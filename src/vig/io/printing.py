@@ -1,0 +1,22 @@
+"""The lines that commands print."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+
+def note(words: str) -> None:
+    """Print an error or a remark in one line on stderr."""
+    print(f"vig: {in_one_line(words)}", file=sys.stderr, flush=True)
+
+
+def end(folder: Path, words: str) -> None:
+    """End a command: print its output folder, then on stderr what was made and what to do next."""
+    print(folder, flush=True)
+    note(words)
+
+
+def in_one_line(words: str) -> str:
+    """Text with what is not printable escaped: a file's name may hold line ends, or bytes of no encoding."""
+    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in words)
