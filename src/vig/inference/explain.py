@@ -14,6 +14,7 @@ from vig.inference.hints import WindowHints
 from vig.inference.posterior import objectives_of
 from vig.inference.prior_kernel import prior_kernel
 from vig.inference.refinement import ExpectedStart, refine, select
+from vig.inference.shading_gain import with_shading_gain
 from vig.inference.settings import ExplainSettings, Fit, FitSettings, resolve
 from vig.likelihood import load_kernels
 from vig.likelihood.minimum_cut import cut_kernel
@@ -86,10 +87,13 @@ def explain_one(
         scales = {stage.scale for stage in chosen.stages} | {1.0}
         objectives = objectives_of(photo, prediction, object_class, chosen, scales, valid, device, hints)
         ends = refine(objectives, prediction, chosen, expected)
-        selection = select(objectives[1.0], ends, prediction.best(), chosen.likelihood.sigma, chosen.informed)
+        objective = objectives[1.0]
+        selection = select(objective, ends, prediction.best(), chosen.likelihood.sigma, chosen.informed)
+        if chosen.gain_deviation and chosen.likelihood.alpha < 1 and not selection.reverted:
+            objective, selection = with_shading_gain(objective, selection, chosen)
         # Learned from fits with an outlier model: without one the evidence has another scale.
         calibrated = chosen.calibrated and chosen.likelihood.alpha < 1
         calibration = (chosen.calibration or calibration_of(object_class)) if calibrated else None
-        return assess(objectives[1.0], selection, prediction, chosen, calibration, judge, hints)
+        return assess(objective, selection, prediction, chosen, calibration, judge, hints)
 
     return on_one_core(fit)

@@ -150,9 +150,10 @@ PICTURE: dict[str, Any] = {
     "camera_distance_ratio": 1.0,
     "decoration": 0.3,
     "appearance_weight": 1.0,
-    "prior_weight": 10.0,
+    "prior_weight": 20.0,
     "view_weight": 1000.0,
     "network_mask_share": 0.0,
+    "gain_deviation": 0.2,
 }
 """What settings that are left open are for pictures by the standard camera."""
 
@@ -164,6 +165,7 @@ PHOTO: dict[str, Any] = {
     "prior_weight": 20.0,
     "view_weight": 3000.0,
     "network_mask_share": 0.7,
+    "gain_deviation": 0.0,
 }
 """And for photographs: surfaces are painted and glazed, shading says less of shape, and what the network
 predicts of albedo and light of things like none that it has seen would bend the shape. Real outlines leave
@@ -212,6 +214,7 @@ class _Settings:
             raise ValueError(f"optimizer must be an Optimizer; got {self.optimizer!r}. See vig.search.")
         shares = {"mask_weight": 1.0, "surroundings": 1.0, "decoration": 0.99, "network_mask_share": 1.0}
         weights = ("recognition_weight", "appearance_weight", "prior_weight", "azimuth_weight", "view_weight")
+        weights += ("gain_deviation",)
         for name in (*shares, *weights):
             most = shares.get(name, math.inf)
             value = getattr(self, name, None)
@@ -253,6 +256,9 @@ class ExplainSettings(_Settings):
         camera_distance_ratio: Distance of the eye and focal length, of the standard camera's.
         network_mask_share: Weight, 0 to 1, of the network's class probabilities in the outline and the mask
             that a fit of the `SPATIAL` model states; the rest is the model's silhouette and posterior.
+        gain_deviation: Standard deviation of a smooth gain of the shading over the object, by which shadows
+            and bounced light of what is near it are explained once a view is chosen; 0 leaves it out. See
+            `shading_gain`.
         optimizer: Runs the stages, within their budgets.
         silhouette: "exact", or "paper" for the authors' constant mask.
         calibrated: Whether verdict and deviations follow from a calibration.
@@ -268,6 +274,7 @@ class ExplainSettings(_Settings):
     free_framing: bool | None = None
     camera_distance_ratio: float | None = None
     network_mask_share: float | None = None
+    gain_deviation: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -281,6 +288,7 @@ class FitSettings(_Settings):
     free_framing: bool
     camera_distance_ratio: float
     network_mask_share: float
+    gain_deviation: float
 
 
 def resolve(
@@ -349,6 +357,7 @@ TRACKING: dict[str, Any] = {
         Stage(2, 4, tolerance=2.0, one_per_view=True),
     ),
     "azimuth_weight": 10.0,
+    "gain_deviation": 0.0,
 }
 """Of a search whose object was seen in the frame before: one start is the expected pose, the network's are of
 other views."""

@@ -1,0 +1,123 @@
+"""A smooth gain of the shading over the object: shadows and bounced light of what is near it.
+
+Light at infinity explains neither, and what it leaves over would bend shape and view. The gain is one plus a
+sum of `GRID` x `GRID` Gaussian bumps over the object's box, with heights N(0, `gain_deviation`^2). It is
+linear in the rendered colour, so its heights are solved for exactly, in turn with descents of the latents.
+What even this leaves over is not independent from pixel to pixel: the noise is as large as it is seen to be.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import torch
+
+from vig.inference.objective import Objective
+from vig.inference.refinement import Selection
+from vig.inference.settings import FitSettings
+from vig.likelihood import Likelihood, Photos
+from vig.search.optimizer import Budget
+
+GRID = 4
+"""Bumps along each side of the object's box; their deviation is the distance of neighbours."""
+ROUNDS, BUDGET = 3, Budget(20, 0.3)
+"""Turns of gain and latents, and the budget of each turn's descent."""
+FIRST_NOISE, LEAST_NOISE, MOST_NOISE = 2.0, 0.5, 3.0
+"""Multiples of the pixel model's sigma: at first, and the bounds of what is estimated."""
+WIDENING = 2.0
+"""The noise is this multiple of the residual's root mean square, as neighbours err alike."""
+LEAST, MOST = 0.3, 3.0
+"""Bounds of the gain."""
+COVERED = 0.99
+"""Share from which a pixel is wholly the object's; edges are a mixture."""
+LEAST_PIXELS = 50
+"""With fewer visible pixels there is no gain to be seen."""
+
+
+def with_shading_gain(
+    objective: Objective, selection: Selection, settings: FitSettings
+) -> tuple[Objective, Selection]:
+    """The selection refined with a gain, and the objective of the photo divided by that gain.
+
+    Both stay as they are where too little of the object is visible.
+    """
+    pixel_sigma = settings.likelihood.sigma
+    noise, precision = FIRST_NOISE * pixel_sigma, settings.prior_weight / settings.gain_deviation**2
+    point, path, evaluations, divided = selection.point, [selection.path], selection.evaluations, objective
+    of_photo = torch.zeros(1, dtype=torch.int32, device=objective.device)
+    for _ in range(ROUNDS):
+        gain, residual = _gain(objective, divided, point, noise, precision)
+        if gain is None:
+            break
+        divided = _divided(objective, gain)
+        noise = min(max(WIDENING * residual, LEAST_NOISE * pixel_sigma), MOST_NOISE * pixel_sigma)
+        descent = settings.optimizer(divided, point, of_photo, noise, BUDGET)
+        point, evaluations = descent.points, evaluations + int(descent.evaluations) + 1
+        path.append(point)
+    if divided is objective:
+        return objective, selection
+    whole_path = torch.cat(path)
+    return divided, replace(
+        selection, point=point, path=whole_path, evaluations=evaluations, evidence=None, normal=None
+    )
+
+
+def _gain(
+    objective: Objective, divided: Objective, point: torch.Tensor, noise: float, precision: float
+) -> tuple[torch.Tensor | None, float]:
+    """The most probable gain (H, W) at a point, None where too little is visible, and what it leaves over.
+
+    divided: the objective under the gain so far, by which a pixel is visible; precision: of each bump's
+    height, one over its variance. What is left over is the root mean square of visible pixels, linear RGB.
+    """
+    evaluation = divided.of_one(point, noise, derivatives=False).evaluation
+    assert evaluation.posterior is not None and evaluation.coverage is not None
+    assert evaluation.irradiance is not None
+    coverage, observed = evaluation.coverage[0], objective.likelihood.observed[0]
+    visible = (evaluation.posterior[0] * (coverage > COVERED)).flatten().double()
+    if float(visible.sum()) < LEAST_PIXELS:
+        return None, 0.0
+    albedo = objective.latents(point).albedo[0].to(coverage)
+    rendered = evaluation.irradiance[0].flatten()[:, None] * albedo
+    bumps = _bumps(coverage > 0.5).flatten(0, 1)
+    weight = visible / noise**2
+    weighted = bumps * (weight * rendered.square().sum(1))[:, None]
+    normal = bumps.mT @ weighted + precision * torch.eye(bumps.shape[1]).to(bumps)
+    missing = ((observed - rendered) * rendered).sum(1)
+    heights = torch.linalg.solve(normal, bumps.mT @ (weight * missing))
+    gain = (1 + bumps @ heights).clamp(LEAST, MOST)
+    squares = (observed / gain[:, None] - rendered).square().mean(1)
+    residual = float((visible @ squares / visible.sum()).sqrt())
+    return gain.view(coverage.shape), residual
+
+
+def _bumps(silhouette: torch.Tensor) -> torch.Tensor:
+    """The bumps (H, W, `GRID`^2) over the box of a silhouette (H, W) bool, float64."""
+    down, across = (torch.where(silhouette.any(axis))[0] for axis in (1, 0))
+    side = float(max(down[-1] - down[0], across[-1] - across[0]) + 1)
+    knots = torch.linspace(-0.5, 0.5, GRID).to(silhouette.device, torch.float64)
+
+    def along(span: torch.Tensor, length: int) -> torch.Tensor:
+        place = torch.arange(length, device=silhouette.device)
+        off = (place - (span[0] + span[-1]) / 2) / side
+        return torch.exp(-0.5 * ((off[:, None] - knots) * (GRID - 1)) ** 2)
+
+    rows, columns = along(down, silhouette.shape[0]), along(across, silhouette.shape[1])
+    return (rows[:, None, :, None] * columns[None, :, None, :]).flatten(2)
+
+
+def _divided(objective: Objective, gain: torch.Tensor) -> Objective:
+    """The objective of the photo divided by a gain (H, W); a colour's density changes by the gain's cube."""
+    likelihood, shape = objective.likelihood, (1, *gain.shape, 3)
+    log_prior = likelihood.log_prior.view(shape).clone()
+    log_prior[..., 0] -= 3 * gain.log().to(log_prior)
+    photo = likelihood.observed.view(shape) / gain[..., None].to(log_prior)
+    corrected = Likelihood(
+        likelihood.geometry,
+        likelihood.camera,
+        Photos(photo, log_prior),
+        likelihood.silhouette,
+        likelihood.stride,
+        likelihood.density,
+    )
+    return objective.of_likelihood(corrected, objective.terms)
