@@ -14,8 +14,8 @@ from vig.inference.hints import WindowHints
 from vig.inference.posterior import objectives_of
 from vig.inference.prior_kernel import prior_kernel
 from vig.inference.refinement import ExpectedStart, refine, select
-from vig.inference.shading_gain import with_shading_gain
 from vig.inference.settings import ExplainSettings, Fit, FitSettings, resolve
+from vig.inference.shading_gain import with_shading_gain
 from vig.likelihood import load_kernels
 from vig.likelihood.minimum_cut import cut_kernel
 from vig.parallel.threads import map_on_threads, on_one_core
