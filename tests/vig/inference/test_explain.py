@@ -37,7 +37,7 @@ from vig.search.optimizer import Budget, Descent
 from vig_train.training.targets import azimuth_labels, numbers_of
 
 SETTINGS = FitSettings(
-    **PICTURE | {"decoration": 0.0, "prior_weight": 100.0},
+    **PICTURE | {"decoration": 0.0, "prior_weight": 100.0, "gain_deviation": 0.0},
     self_shadow=False,
     calibrated=False,
     azimuth_weight=0.0,
@@ -568,7 +568,10 @@ def test_the_settings_are_those_of_the_published_tables(teapot: ObjectClass) -> 
     assert stages == [(8, 3, 4, 0.5, 40), (3, 5, 4, 0.5, 20), (2, 5, 2, 1, 10), (2, 10, 1, 1, 2)]
     weights = (settings.mask_weight, settings.surroundings, settings.recognition_weight)
     assert weights == (1, 1, 1) and settings.azimuth_weight == 100
-    for photo, chosen in ((False, (False, 1.0, 0.3, 1, 10, 1000)), (True, (True, 1.4, 0.6, 0.05, 20, 3000))):
+    for photo, chosen in (
+        (False, (False, 1.0, 0.3, 1, 20, 1000, 0.2)),
+        (True, (True, 1.4, 0.6, 0.05, 20, 3000, 0)),
+    ):
         of_kind = resolve(settings, teapot, photo)
         open_settings = (of_kind.free_framing, of_kind.camera_distance_ratio, of_kind.decoration)
         assert (
@@ -576,6 +579,7 @@ def test_the_settings_are_those_of_the_published_tables(teapot: ObjectClass) -> 
             of_kind.appearance_weight,
             of_kind.prior_weight,
             of_kind.view_weight,
+            of_kind.gain_deviation,
         ) == chosen
     assert settings.likelihood is SPATIAL and settings.silhouette == "exact"
     assert (settings.self_shadow, settings.free_framing, settings.calibrated) == (True, None, True)

@@ -1,0 +1,136 @@
+"""The smooth gain of the shading: a shadow over the object bends neither its shape nor its view."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from vig.inference import FitSettings, explain_one
+from vig.inference.posterior import objective_of
+from vig.inference.refinement import Selection
+from vig.inference.settings import PHOTO, PICTURE, followed
+from vig.inference.shading_gain import LEAST, MOST, _bumps, _divided, _gain, with_shading_gain
+from vig.likelihood import GAUSSIAN
+from vig.recognition import Prediction
+from vig.scene import Latents, ObjectClass
+from vig_train.training.targets import azimuth_labels, numbers_of
+
+SETTINGS = FitSettings(**PICTURE | {"decoration": 0.0}, self_shadow=False, calibrated=False)
+BINS = 72
+NOISE = 0.05
+VISIBLE = replace(SETTINGS, likelihood=GAUSSIAN)
+"""Every pixel of the object is visible, however dark its shadow."""
+
+
+def shaded(studio, shadow: torch.Tensor | float = 1.0) -> tuple[torch.Tensor, Latents, Prediction]:
+    """A photo (H, W, 3) of the studio's whose object is in `shadow` (H, W), its truth, and that predicted."""
+    rng = np.random.default_rng(3)
+    truth = studio.latents(rng)
+    _, coverage, _ = studio.render(truth)
+    photo = studio.photo(rng, truth, noise=0.005)[0].float()
+    amodal = (coverage[0] > 0.5).float()
+    photo = photo * (1 + amodal * (torch.as_tensor(shadow) - 1))[..., None].float()
+    latents = Latents.from_vector(truth.to_vector().float())
+    numbers = numbers_of(latents)
+    mask = 0.7 * torch.stack([amodal, 0 * amodal, 1 - amodal], -1) + 0.1
+    labels = azimuth_labels(latents.azimuth, BINS)
+    unsure = torch.full_like(numbers, 0.3)
+    return photo, truth, Prediction(labels, numbers, unsure, mask[None], torch.zeros(1), torch.ones(1))
+
+
+def falling(side: int = 150) -> torch.Tensor:
+    """A shadow (H, W) that falls from the left to the right."""
+    return torch.linspace(1.1, 0.6, side).expand(side, side)
+
+
+def selected(point: torch.Tensor) -> Selection:
+    """The selection of one point, as if a search had ended there."""
+    return Selection(point, point, False, 0.0, 1, math.inf, False, 0.0, point[:0], ())
+
+
+def test_a_shadow_bends_the_shape_less_with_a_gain(studio, teapot: ObjectClass) -> None:
+    photo, truth, prediction = shaded(studio, falling())
+    plain = explain_one(photo, prediction, teapot, replace(SETTINGS, gain_deviation=0.0))
+    found = explain_one(photo, prediction, teapot, SETTINGS)
+
+    def off(latents: Latents) -> float:
+        model = teapot.shape_model
+        return float((model.vertices(latents.shape) - model.vertices(truth.shape)).norm(dim=2).mean())
+
+    assert off(found.latents) < 0.8 * off(plain.latents)
+    assert found.evaluations > plain.evaluations
+    assert torch.equal(found.descent[-1:, :-4], found.latents.to_vector())
+
+
+def test_the_gain_is_the_shadow(studio, teapot: ObjectClass) -> None:
+    photo, truth, prediction = shaded(studio)
+    latents = Latents.from_vector(truth.to_vector().float())
+    objective = objective_of(photo, prediction, teapot, VISIBLE)
+    point = objective.point(latents)
+    rendered = objective.of_one(point, NOISE, derivatives=False).evaluation
+    darkened = falling()[..., None] * rendered.irradiance[0][..., None] * latents.albedo[0]
+    covered = rendered.coverage[0] > 0.99
+    objective = objective_of(torch.where(covered[..., None], darkened, photo), prediction, teapot, VISIBLE)
+    gain, residual = _gain(objective, objective, point, NOISE, 1e-6)
+    assert gain is not None and float((gain - falling())[covered].abs().max()) < 0.03
+    assert residual < 0.005
+    certain, left = _gain(objective, objective, point, NOISE, 1e12)
+    assert certain is not None and torch.allclose(certain, torch.ones_like(certain), atol=1e-4)
+    assert left > 10 * residual
+
+
+def test_a_divided_photo_has_the_density_of_the_photo(studio, teapot: ObjectClass) -> None:
+    """log p(c) = log N(c / g; mu, s) - 3 log g, so that evidence with and without a gain can be compared."""
+    photo, truth, prediction = shaded(studio)
+    objective = objective_of(photo, prediction, teapot, SETTINGS)
+    point = objective.point(Latents.from_vector(truth.to_vector().float()))
+    half = _divided(objective, torch.full(photo.shape[:2], 0.5, dtype=torch.float64))
+    expected = objective_of(2 * photo, prediction, teapot, SETTINGS).likelihood.observed
+    torch.testing.assert_close(half.likelihood.observed, expected)
+    difference = half.likelihood.log_prior - objective.likelihood.log_prior
+    torch.testing.assert_close(difference[..., 0], torch.full_like(difference[..., 0], -3 * math.log(0.5)))
+    assert not difference[..., 1:].any()
+    one = _divided(objective, torch.ones(photo.shape[:2], dtype=torch.float64))
+    assert float(one.of_one(point, 0.03).value) == float(objective.of_one(point, 0.03).value)
+
+
+def test_where_nothing_is_visible_all_stays(studio, teapot: ObjectClass) -> None:
+    photo, truth, prediction = shaded(studio)
+    objective = objective_of(0.01 * photo, prediction, teapot, SETTINGS)
+    begun = selected(objective.point(Latents.from_vector(truth.to_vector().float())))
+    divided, refined = with_shading_gain(objective, begun, SETTINGS)
+    assert divided is objective and refined is begun
+
+
+@pytest.mark.parametrize("factor", [0.01, 20.0])
+def test_the_gain_keeps_its_bounds(factor: float, studio, teapot: ObjectClass) -> None:
+    photo, truth, prediction = shaded(studio)
+    objective = objective_of((factor * photo).clamp_max(8.0), prediction, teapot, VISIBLE)
+    point = objective.point(Latents.from_vector(truth.to_vector().float()))
+    gain, _ = _gain(objective, objective, point, NOISE, 1e-9)
+    assert gain is not None and float(gain.min()) >= LEAST and float(gain.max()) <= MOST
+
+
+def test_bumps_cover_the_box_evenly() -> None:
+    silhouette = torch.zeros(40, 60, dtype=torch.bool)
+    silhouette[10:30, 20:50] = True
+    bumps = _bumps(silhouette)
+    assert bumps.shape == (40, 60, 16) and bumps.dtype == torch.float64
+    # The highest pixels of a row of bumps are a third of the longer side apart, about the middle of the box.
+    peaks = bumps[20].amax(0).view(4, 4)
+    places = [int(bumps[20, :, 4 + column].argmax()) for column in range(4)]
+    assert places == pytest.approx([19.5, 29.5, 39.5, 49.5], abs=1)
+    assert float(peaks[1, 0]) == pytest.approx(float(peaks[1, 3]), rel=0.01)
+
+
+def test_photographs_frames_and_the_gaussian_model_are_without(studio, teapot: ObjectClass) -> None:
+    assert PHOTO["gain_deviation"] == 0.0 and followed(SETTINGS).gain_deviation == 0.0
+    photo, _, prediction = shaded(studio, falling())
+    paper = replace(SETTINGS, likelihood=GAUSSIAN)
+    found = explain_one(photo, prediction, teapot, paper)
+    plain = explain_one(photo, prediction, teapot, replace(paper, gain_deviation=0.0))
+    assert torch.equal(found.latents.to_vector(), plain.latents.to_vector())
