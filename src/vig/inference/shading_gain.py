@@ -56,9 +56,15 @@ def with_shading_gain(
         path.append(point)
     if divided is objective:
         return objective, selection
-    whole_path = torch.cat(path)
+    # Deviations are those under the photo's own noise where that is more than the pixel model's.
+    curvature = None if descent.normal is None or noise < pixel_sigma else descent.normal[0]
     return divided, replace(
-        selection, point=point, path=whole_path, evaluations=evaluations, evidence=None, normal=None
+        selection,
+        point=point,
+        path=torch.cat(path),
+        evaluations=evaluations,
+        evidence=None,
+        normal=curvature,
     )
 
 
