@@ -40,9 +40,9 @@ WORLD_OPTIONS: dict[str, dict[str, Any]] = {
 }
 """Arguments of `make_dataset` by the name of the world."""
 SAMPLES, SEED = 20, 31
-VIEW_TOLERANCE_DEG, SHARE_TOLERANCE = 5.0, 0.05
+VIEW_TOLERANCE_DEG, SHARE_TOLERANCE = 8.0, 0.05
 """By how much explanations may differ between kinds of processor, whose sums round otherwise: fits amplify
-that. With and without AVX512 and AMX, azimuth differs by 2.0 and elevation by 3.4 degrees at the most."""
+that. With and without AVX512 and AMX, azimuth differs by 2.8 and elevation by 4.4 degrees at the most."""
 
 
 def machine() -> str:
