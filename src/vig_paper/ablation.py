@@ -84,7 +84,10 @@ ABLATIONS: dict[str, Ablation] = {
     "hypotheses": Ablation("one start", _change_stages(lambda stage: replace(stage, starts=1))),
     "self-shadow": Ablation("no self-shadow", lambda s: replace(s, self_shadow=False)),
     "mask-prior": Ablation("no prior from the predicted mask", lambda s: replace(s, mask_weight=0.0)),
-    "shading-gain": Ablation("no gain of the shading", lambda s: replace(s, gain_deviation=0.0)),
+    "shading-gain": Ablation(
+        "no last refinement, with a gain of the shading and the noise estimated",
+        lambda s: replace(s, gain_deviation=0.0),
+    ),
     "surroundings": Ablation("no model of the surroundings", lambda s: replace(s, surroundings=0.0)),
     "cg": _other_optimizer("by conjugate gradient", ConjugateGradient()),
     "cg-unscaled": _other_optimizer(

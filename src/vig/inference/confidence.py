@@ -60,7 +60,7 @@ def assess(
     if evidence is None or normal is None:
         at_fit = objective.of_one(selection.point, settings.likelihood.sigma)
         assert at_fit.normal is not None
-        evidence, normal = float(at_fit.value), at_fit.normal[0] if normal is None else normal
+        evidence, normal = float(at_fit.value), at_fit.normal[0]
     symmetry = objective.object_class.symmetry
     latents = symmetry.canonical(objective.latents(selection.point))
     shown = _show(objective, selection.point, latents, settings.likelihood)

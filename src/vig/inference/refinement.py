@@ -39,7 +39,8 @@ class Selection:
             `UNINFORMED_VIEWS` where no network made a guess.
         behind: Of each of these the nats by which its score lies behind; NaN where it was not fitted to
             the end.
-        evidence: Log posterior at the point, nats; None where it is yet to be valued.
+        evidence: Log posterior at the point, that of a gain of the shading included, nats; None where it is
+            yet to be valued.
         normal: (P', P') negative Gauss-Newton Hessian there; None likewise.
     """
 

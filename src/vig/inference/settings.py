@@ -81,7 +81,7 @@ class Fit:
         view_threshold: Confidence from which a view is trusted, and mask_threshold a mask; NaN without a
             calibration.
         confidence_features: (C,) float64, what these follow from; see `CONFIDENCE_FEATURES`.
-        evidence: Log posterior at the fit, nats.
+        evidence: Log posterior at the fit, with that of a gain of the shading where there is one, nats.
         start_evidence: Log posterior at the recognition model's guess, nats.
         evaluations: Of the objective, by all starts together.
         alternatives: Other views that were tried, at most `refinement.OTHER_VIEWS`; where the verdict is
@@ -256,9 +256,9 @@ class ExplainSettings(_Settings):
         camera_distance_ratio: Distance of the eye and focal length, of the standard camera's.
         network_mask_share: Weight, 0 to 1, of the network's class probabilities in the outline and the mask
             that a fit of the `SPATIAL` model states; the rest is the model's silhouette and posterior.
-        gain_deviation: Standard deviation of a smooth gain of the shading over the object, by which shadows
-            and bounced light of what is near it are explained once a view is chosen; 0 leaves it out. See
-            `shading_gain`.
+        gain_deviation: Of a smooth gain of the shading over the object, by which shadows and bounced light of
+            what is near it are explained once a view is chosen, see `shading_gain`. 0 leaves it out; so do
+            the Gaussian model and a photo for which the recognition model's guess is taken.
         optimizer: Runs the stages, within their budgets.
         silhouette: "exact", or "paper" for the authors' constant mask.
         calibrated: Whether verdict and deviations follow from a calibration.

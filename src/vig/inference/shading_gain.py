@@ -1,14 +1,16 @@
 """A smooth gain of the shading over the object: shadows and bounced light of what is near it.
 
 Light at infinity explains neither, and what it leaves over would bend shape and view. The gain is one plus a
-sum of `GRID` x `GRID` Gaussian bumps over the object's box, with heights N(0, `gain_deviation`^2). It is
-linear in the rendered colour, so its heights are solved for exactly, in turn with descents of the latents.
-What even this leaves over is not independent from pixel to pixel: the noise is as large as it is seen to be.
+sum of `GRID` x `GRID` Gaussian bumps over the object. Their heights have the prior N(0, `gain_deviation`^2),
+to the power `prior_weight` as all latents. The rendered colour is linear in them, so that they are found by
+least squares, in turn with descents of the latents. What even this leaves over is not independent from pixel
+to pixel: the noise of the descents is as large as it is seen to be, which may lower the evidence under the
+pixel model's own.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import torch
 
@@ -19,7 +21,7 @@ from vig.likelihood import Likelihood, Photos
 from vig.search.optimizer import Budget
 
 GRID = 4
-"""Bumps along each side of the object's box; their deviation is the distance of neighbours."""
+"""Bumps along each side of a square about the object; their deviation is the distance of neighbours."""
 ROUNDS, BUDGET = 3, Budget(20, 0.3)
 """Turns of gain and latents, and the budget of each turn's descent."""
 FIRST_NOISE, LEAST_NOISE, MOST_NOISE = 2.0, 0.5, 3.0
@@ -28,6 +30,8 @@ WIDENING = 2.0
 """The noise is this multiple of the residual's root mean square, as neighbours err alike."""
 LEAST, MOST = 0.3, 3.0
 """Bounds of the gain."""
+BRIGHTEST = 8.0
+"""Of a divided photo, linear RGB; brighter pixels are highlights whatever the gain."""
 COVERED = 0.99
 """Share from which a pixel is wholly the object's; edges are a mixture."""
 LEAST_PIXELS = 50
@@ -39,42 +43,60 @@ def with_shading_gain(
 ) -> tuple[Objective, Selection]:
     """The selection refined with a gain, and the objective of the photo divided by that gain.
 
-    Both stay as they are where too little of the object is visible.
+    Its evidence counts the gain's prior; its curvature is under the photo's own noise, where that is more
+    than the pixel model's. Other views and how far they lie behind stay those of the search. All stays as it
+    is where too little of the object is visible, or the recognition model's guess has more evidence.
     """
     pixel_sigma = settings.likelihood.sigma
     noise, precision = FIRST_NOISE * pixel_sigma, settings.prior_weight / settings.gain_deviation**2
     point, path, evaluations, divided = selection.point, [selection.path], selection.evaluations, objective
-    of_photo = torch.zeros(1, dtype=torch.int32, device=objective.device)
+    of_photo, penalty = torch.zeros(1, dtype=torch.int32, device=objective.device), 0.0
     for _ in range(ROUNDS):
-        gain, residual = _gain(objective, divided, point, noise, precision)
+        gain = _gain(objective, divided, point, noise, precision)
         if gain is None:
-            break
-        divided = _divided(objective, gain)
-        noise = min(max(WIDENING * residual, LEAST_NOISE * pixel_sigma), MOST_NOISE * pixel_sigma)
+            return objective, selection
+        divided, penalty = _divided(objective, gain.factor), gain.penalty
+        noise = min(max(WIDENING * gain.residual, LEAST_NOISE * pixel_sigma), MOST_NOISE * pixel_sigma)
         descent = settings.optimizer(divided, point, of_photo, noise, BUDGET)
         point, evaluations = descent.points, evaluations + int(descent.evaluations) + 1
-        path.append(point)
-    if divided is objective:
+        path.append(point if descent.path is None else descent.path[1:, 0])
+    evidence = float(divided.of_one(point, pixel_sigma, derivatives=False).value) - penalty
+    if not evidence > selection.start_evidence:
         return objective, selection
-    # Deviations are those under the photo's own noise where that is more than the pixel model's.
-    curvature = None if descent.normal is None or noise < pixel_sigma else descent.normal[0]
+    normal = divided.of_one(point, max(noise, pixel_sigma)).normal
+    assert normal is not None
     return divided, replace(
         selection,
         point=point,
         path=torch.cat(path),
-        evaluations=evaluations,
-        evidence=None,
-        normal=curvature,
+        evaluations=evaluations + 2,
+        evidence=evidence,
+        normal=normal[0],
     )
+
+
+@dataclass(frozen=True)
+class _Gain:
+    """A gain, and what it leaves over.
+
+    Attributes:
+        factor: (H, W), within `LEAST` and `MOST`.
+        penalty: Of its heights, nats.
+        residual: Root mean square of visible pixels, linear RGB.
+    """
+
+    factor: torch.Tensor
+    penalty: float
+    residual: float
 
 
 def _gain(
     objective: Objective, divided: Objective, point: torch.Tensor, noise: float, precision: float
-) -> tuple[torch.Tensor | None, float]:
-    """The most probable gain (H, W) at a point, None where too little is visible, and what it leaves over.
+) -> _Gain | None:
+    """The gain at a point by regularised least squares; None where too little is visible.
 
     divided: the objective under the gain so far, by which a pixel is visible; precision: of each bump's
-    height, one over its variance. What is left over is the root mean square of visible pixels, linear RGB.
+    height, one over its variance.
     """
     evaluation = divided.of_one(point, noise, derivatives=False).evaluation
     assert evaluation.posterior is not None and evaluation.coverage is not None
@@ -82,7 +104,7 @@ def _gain(
     coverage, observed = evaluation.coverage[0], objective.likelihood.observed[0]
     visible = (evaluation.posterior[0] * (coverage > COVERED)).flatten().double()
     if float(visible.sum()) < LEAST_PIXELS:
-        return None, 0.0
+        return None
     albedo = objective.latents(point).albedo[0].to(coverage)
     rendered = evaluation.irradiance[0].flatten()[:, None] * albedo
     bumps = _bumps(coverage > 0.5).flatten(0, 1)
@@ -94,11 +116,12 @@ def _gain(
     gain = (1 + bumps @ heights).clamp(LEAST, MOST)
     squares = (observed / gain[:, None] - rendered).square().mean(1)
     residual = float((visible @ squares / visible.sum()).sqrt())
-    return gain.view(coverage.shape), residual
+    penalty = 0.5 * precision * float(heights.square().sum())
+    return _Gain(gain.view(coverage.shape), penalty, residual)
 
 
 def _bumps(silhouette: torch.Tensor) -> torch.Tensor:
-    """The bumps (H, W, `GRID`^2) over the box of a silhouette (H, W) bool, float64."""
+    """The bumps (H, W, `GRID`^2) over the square about a silhouette (H, W) bool, float64."""
     down, across = (torch.where(silhouette.any(axis))[0] for axis in (1, 0))
     side = float(max(down[-1] - down[0], across[-1] - across[0]) + 1)
     knots = torch.linspace(-0.5, 0.5, GRID).to(silhouette.device, torch.float64)
@@ -117,7 +140,7 @@ def _divided(objective: Objective, gain: torch.Tensor) -> Objective:
     likelihood, shape = objective.likelihood, (1, *gain.shape, 3)
     log_prior = likelihood.log_prior.view(shape).clone()
     log_prior[..., 0] -= 3 * gain.log().to(log_prior)
-    photo = likelihood.observed.view(shape) / gain[..., None].to(log_prior)
+    photo = (likelihood.observed.view(shape) / gain[..., None].to(log_prior)).clamp_max(BRIGHTEST)
     corrected = Likelihood(
         likelihood.geometry,
         likelihood.camera,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -13,10 +13,12 @@ from vig.inference import FitSettings, explain_one
 from vig.inference.posterior import objective_of
 from vig.inference.refinement import Selection
 from vig.inference.settings import PHOTO, PICTURE, followed
-from vig.inference.shading_gain import LEAST, MOST, _bumps, _divided, _gain, with_shading_gain
+from vig.inference.shading_gain import BRIGHTEST, LEAST, MOST, _bumps, _divided, _gain, with_shading_gain
 from vig.likelihood import GAUSSIAN
 from vig.recognition import Prediction
 from vig.scene import Latents, ObjectClass
+from vig.search.levenberg_marquardt import LevenbergMarquardt
+from vig.search.optimizer import Descent
 from vig_train.training.targets import azimuth_labels, numbers_of
 
 SETTINGS = FitSettings(**PICTURE | {"decoration": 0.0}, self_shadow=False, calibrated=False)
@@ -47,9 +49,9 @@ def falling(side: int = 150) -> torch.Tensor:
     return torch.linspace(1.1, 0.6, side).expand(side, side)
 
 
-def selected(point: torch.Tensor) -> Selection:
+def selected(point: torch.Tensor, start_evidence: float = 0.0) -> Selection:
     """The selection of one point, as if a search had ended there."""
-    return Selection(point, point, False, 0.0, 1, math.inf, False, 0.0, point[:0], ())
+    return Selection(point, point, False, start_evidence, 1, math.inf, False, 0.0, point[:0], ())
 
 
 def test_a_shadow_bends_the_shape_less_with_a_gain(studio, teapot: ObjectClass) -> None:
@@ -75,16 +77,16 @@ def test_the_gain_is_the_shadow(studio, teapot: ObjectClass) -> None:
     darkened = falling()[..., None] * rendered.irradiance[0][..., None] * latents.albedo[0]
     covered = rendered.coverage[0] > 0.99
     objective = objective_of(torch.where(covered[..., None], darkened, photo), prediction, teapot, VISIBLE)
-    gain, residual = _gain(objective, objective, point, NOISE, 1e-6)
-    assert gain is not None and float((gain - falling())[covered].abs().max()) < 0.03
-    assert residual < 0.005
-    certain, left = _gain(objective, objective, point, NOISE, 1e12)
-    assert certain is not None and torch.allclose(certain, torch.ones_like(certain), atol=1e-4)
-    assert left > 10 * residual
+    gain = _gain(objective, objective, point, NOISE, 1e-6)
+    assert gain is not None and float((gain.factor - falling())[covered].abs().max()) < 0.03
+    assert gain.residual < 0.005
+    certain = _gain(objective, objective, point, NOISE, 1e12)
+    assert certain is not None and torch.allclose(certain.factor, torch.ones_like(certain.factor), atol=1e-4)
+    assert certain.residual > 10 * gain.residual and certain.penalty < 0.1
 
 
 def test_a_divided_photo_has_the_density_of_the_photo(studio, teapot: ObjectClass) -> None:
-    """log p(c) = log N(c / g; mu, s) - 3 log g, so that evidence with and without a gain can be compared."""
+    """log p(c) = log N(c / g; mu, s) - 3 log g."""
     photo, truth, prediction = shaded(studio)
     objective = objective_of(photo, prediction, teapot, SETTINGS)
     point = objective.point(Latents.from_vector(truth.to_vector().float()))
@@ -106,13 +108,46 @@ def test_where_nothing_is_visible_all_stays(studio, teapot: ObjectClass) -> None
     assert divided is objective and refined is begun
 
 
+@dataclass(frozen=True)
+class WithoutCurvature:
+    """The default optimiser, which says nothing of the curvature and the path, as searches of first order."""
+
+    def __call__(self, problem, starts, photo, sigma, budget) -> Descent:
+        return replace(LevenbergMarquardt()(problem, starts, photo, sigma, budget), normal=None, path=None)
+
+
+@pytest.mark.parametrize("optimizer", [LevenbergMarquardt(), WithoutCurvature()])
+def test_evidence_counts_the_gain_and_curvature_is_under_the_photos_noise(
+    optimizer, studio, teapot: ObjectClass
+) -> None:
+    photo, truth, prediction = shaded(studio, falling())
+    # Strong texture, which no gain explains: more noise than the pixel model's.
+    noise = 0.1 * torch.randn(photo.shape, generator=torch.Generator().manual_seed(1))
+    settings = replace(SETTINGS, optimizer=optimizer)
+    objective = objective_of((photo + noise).clamp(0, 1), prediction, teapot, settings)
+    point = objective.point(Latents.from_vector(truth.to_vector().float()))
+    divided, refined = with_shading_gain(objective, selected(point, -math.inf), settings)
+    assert divided is not objective and refined.evidence is not None and refined.normal is not None
+    without_prior = divided.of_one(refined.point, settings.likelihood.sigma)
+    assert refined.evidence < float(without_prior.value)
+    assert without_prior.normal is not None
+    ratio = refined.normal.diagonal() / without_prior.normal[0].diagonal()
+    assert float(ratio[:23].median()) < 0.8
+    assert torch.equal(refined.path[-1:], refined.point)
+    # Where the guess has more evidence the search's own end stays.
+    begun = selected(point, refined.evidence)
+    divided, refined = with_shading_gain(objective, begun, settings)
+    assert divided is objective and refined is begun
+
+
 @pytest.mark.parametrize("factor", [0.01, 20.0])
 def test_the_gain_keeps_its_bounds(factor: float, studio, teapot: ObjectClass) -> None:
     photo, truth, prediction = shaded(studio)
     objective = objective_of((factor * photo).clamp_max(8.0), prediction, teapot, VISIBLE)
     point = objective.point(Latents.from_vector(truth.to_vector().float()))
-    gain, _ = _gain(objective, objective, point, NOISE, 1e-9)
-    assert gain is not None and float(gain.min()) >= LEAST and float(gain.max()) <= MOST
+    gain = _gain(objective, objective, point, NOISE, 1e-9)
+    assert gain is not None and float(gain.factor.min()) >= LEAST and float(gain.factor.max()) <= MOST
+    assert float(_divided(objective, gain.factor).likelihood.observed.max()) <= BRIGHTEST
 
 
 def test_bumps_cover_the_box_evenly() -> None:
