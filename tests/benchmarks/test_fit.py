@@ -107,8 +107,10 @@ def test_the_measurements_carry_the_kept_names(fits: Fits, monkeypatch) -> None:
 
 def test_processor_time_is_printed_beside_the_wall_clock() -> None:
     times = [Time(60.0, 40.0)]
-    found = fit.Samples(times, [Time(320.0, 300.0)], [Time(2.0, 1.5)], [30], [200], [True])
+    found = fit.Samples(
+        times, [Time(480.0, 450.0)], [Time(320.0, 300.0)], [Time(2.0, 1.5)], [30], [200], [True]
+    )
     lines = fit.printed(found, starts=16).splitlines()
     assert lines[0] == "fit_ms_per_core: 60.0 ms (interquartile range 0.0); processor 40.0 ms (0.0)"
     assert lines[-2] == "1 of 1 descents from one start converged"
-    assert lines[-1].startswith("a whole fit by its 16 starts, 320.0 ms: over the bar")
+    assert lines[-1].startswith("a photograph's fit by its 16 starts, 320.0 ms: over the bar")
