@@ -66,4 +66,4 @@ def test_the_block_has_a_row_for_each_metric() -> None:
     block = reached_block(reached(TINY, table(2.0)))
     assert block.header == ["", "rm", "gaussian", "robust", "spatial"] and len(block.rows) == len(REACHED)
     azimuth, *_, segmentation = block.rows
-    assert azimuth[:2] == ["azimuth (degrees)", "189\n45.5 to 94.6: worse"] and segmentation[2] == "-"
+    assert azimuth[:2] == ["azimuth (degrees)", "193\n53.2 to 96.7: worse"] and segmentation[2] == "-"
