@@ -40,9 +40,10 @@ WORLD_OPTIONS: dict[str, dict[str, Any]] = {
 }
 """Arguments of `make_dataset` by the name of the world."""
 SAMPLES, SEED = 20, 31
-VIEW_TOLERANCE_DEG, SHARE_TOLERANCE = 8.0, 0.05
+VIEW_TOLERANCE_DEG, UNSURE_TOLERANCE_DEG, SHARE_TOLERANCE = 5.0, 8.0, 0.05
 """By how much explanations may differ between kinds of processor, whose sums round otherwise: fits amplify
-that. With and without AVX512 and AMX, azimuth differs by 2.8 and elevation by 4.4 degrees at the most."""
+that, most of all where the view is not trusted. With and without AVX512 and AMX, azimuth differs by 2.8 and
+elevation by 4.4 degrees at the most; trusted ones by less than 2."""
 
 
 def machine() -> str:
@@ -83,9 +84,10 @@ def view_differences(expected: dict[str, Any], actual: dict[str, Any]) -> Iterat
     for name in (expected.keys() & actual.keys()) - {"machine", "scene"}:
         one, other = expected[name], actual[name]
         turn = abs(math.remainder(one["azimuth_deg"] - other["azimuth_deg"], 360.0))
+        degrees = VIEW_TOLERANCE_DEG if one["verdict"] == "trusted" else UNSURE_TOLERANCE_DEG
         bounds = {
-            "azimuth_deg": (turn, VIEW_TOLERANCE_DEG),
-            "elevation_deg": (abs(one["elevation_deg"] - other["elevation_deg"]), VIEW_TOLERANCE_DEG),
+            "azimuth_deg": (turn, degrees),
+            "elevation_deg": (abs(one["elevation_deg"] - other["elevation_deg"]), degrees),
             "hidden_fraction": (abs(one["hidden_fraction"] - other["hidden_fraction"]), SHARE_TOLERANCE),
             "confidence": (abs(one["confidence"] - other["confidence"]), SHARE_TOLERANCE),
         }

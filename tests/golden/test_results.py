@@ -23,12 +23,15 @@ def test_explanations_are_the_golden_ones() -> None:
 
 def test_a_wrong_view_is_reported_on_any_processor() -> None:
     right = {"azimuth_deg": 358.0, "elevation_deg": 20.0, "hidden_fraction": 0.2, "confidence": 0.9}
+    right["verdict"] = "trusted"
     near = right | {"azimuth_deg": 2.5, "confidence": 0.87}
     assert list(results.view_differences({"pot": right}, {"pot": near})) == []
-    wrong = right | {"azimuth_deg": 8.0, "hidden_fraction": 0.3}
+    wrong = right | {"azimuth_deg": 6.0, "hidden_fraction": 0.3}
     assert list(results.view_differences({"pot": right}, {"pot": wrong})) == [
-        "pot/azimuth_deg: expected 358.0; got 8.0", "pot/hidden_fraction: expected 0.2; got 0.3",
+        "pot/azimuth_deg: expected 358.0; got 6.0", "pot/hidden_fraction: expected 0.2; got 0.3",
     ]  # fmt: skip
+    unsure = right | {"verdict": "ambiguous"}
+    assert list(results.view_differences({"pot": unsure}, {"pot": unsure | {"azimuth_deg": 5.5}})) == []
     assert list(results.view_differences({"pot": right}, {})) == ["expected the photos ['pot']; got []"]
 
 

@@ -213,9 +213,8 @@ class _Settings:
         if not callable(self.optimizer):
             raise ValueError(f"optimizer must be an Optimizer; got {self.optimizer!r}. See vig.search.")
         shares = {"mask_weight": 1.0, "surroundings": 1.0, "decoration": 0.99, "network_mask_share": 1.0}
-        weights = ["recognition_weight", "appearance_weight", "prior_weight", "azimuth_weight", "view_weight"]
-        weights += ["gain_deviation"]
-        for name in (*shares, *weights):
+        weights = ("recognition_weight", "appearance_weight", "prior_weight", "azimuth_weight", "view_weight")
+        for name in (*shares, *weights, "gain_deviation"):
             most = shares.get(name, math.inf)
             value = getattr(self, name, None)
             if value is not None and (not 0 <= value <= most or value == math.inf):
