@@ -30,6 +30,8 @@ LEAST_PIXELS = 30
 """Seen pixels from which a part's own colour is told."""
 MOST_RESIDUAL = 0.5
 """Difference of sRGB brightness, of 1, that is drawn in full colour."""
+WHITE, BRIGHT, DARK = np.float32(255), np.float32(217), np.float32(38)
+"""8-bit levels of `panels`: of what is seen in the mask, and of grounds."""
 RESIDUAL_COLOURS = np.array([[0.80, 0.10, 0.10], [0.10, 0.25, 0.80]], np.float32)
 """Where the photo is brighter, and where it is darker."""
 
@@ -113,28 +115,33 @@ def panels(shown: CloseUp) -> np.ndarray:
     Normals are coloured by direction: red to the right, green up, blue towards the eye. The mask is white
     where the object is seen, pink where it is hidden.
     """
-    size, photo = len(shown.photo), srgb_from_linear(shown.photo)
-    here = shown.visible | (shown.coverage > 0)
-    share, seen, behind = shown.coverage[here][:, None], shown.visible[here][:, None], photo[here]
+    size = len(shown.photo)
+    photo = 255 * srgb_from_linear(shown.photo.reshape(-1, 3))
+    here = np.flatnonzero(shown.visible | (shown.coverage > 0))
+    share, seen = (each.reshape(-1, 1)[here] for each in (shown.coverage, shown.visible))
+    rendering, normals, behind = (
+        each.reshape(-1, 3)[here] for each in (shown.rendering, shown.normals, photo)
+    )
     # Both encoded before they are mixed, as screens would.
-    drawn = srgb_from_linear(shown.rendering[here] / np.maximum(share, 1e-6))
-    difference = (behind - drawn).mean(-1, keepdims=True) / MOST_RESIDUAL
+    drawn = 255 * srgb_from_linear(rendering / np.maximum(share, 1e-6))
+    difference = (behind - drawn).mean(-1, keepdims=True) / (255 * MOST_RESIDUAL)
     towards = np.where(difference > 0, RESIDUAL_COLOURS[:1], RESIDUAL_COLOURS[1:])
-    residual = 1 + np.abs(difference).clip(0, 1) * (towards - 1)
-    normals = 0.5 + 0.5 * shown.normals[here] * np.array([1, -1, -1], np.float32)
-    pictures: tuple[tuple[np.ndarray | float, np.ndarray], ...] = (  # where it is not, and where it is
+    residual = WHITE + np.abs(difference).clip(0, 1) * WHITE * (towards - 1)
+    normals = WHITE / 2 + WHITE / 2 * normals * np.array([1, -1, -1], np.float32)
+    pictures: tuple[tuple[np.ndarray | np.float32, np.ndarray], ...] = (  # where it is not, and where it is
         (photo, behind),
         (photo, behind + share * (drawn - behind)),
-        (0.85, np.where(seen, residual, np.float32(0.85))),
-        (0.85, 0.85 + share * (normals - 0.85)),
-        (0.15, np.where(seen, np.float32(1), 0.15 + share * (HIDDEN / 255 - 0.15))),
+        (BRIGHT, np.where(seen, residual, BRIGHT)),
+        (BRIGHT, BRIGHT + share * (normals - BRIGHT)),
+        (DARK, np.where(seen, WHITE, DARK + share * (HIDDEN - DARK))),
     )
     sheet = np.empty((size + LABEL, len(pictures) * size, 3), np.uint8)
     sheet[:LABEL] = _labels(size)
     for number, (ground, object_there) in enumerate(pictures):
-        panel = sheet[LABEL:, number * size : (number + 1) * size]
-        panel[:] = np.round(np.multiply(ground, 255))
-        panel[here] = (255 * object_there.clip(0, 1)).round()
+        panel = np.empty((size * size, 3), np.uint8)
+        panel[:] = np.round(ground)
+        panel[here] = object_there.clip(0, 255).round()
+        sheet[LABEL:, number * size : (number + 1) * size] = panel.reshape(size, size, 3)
     return sheet
 
 

@@ -229,6 +229,21 @@ def fold_normalisation(network: nn.Module) -> None:
             del layers[1]
 
 
+def keep_in_bfloat16(network: nn.Module) -> None:
+    """Keep weights as `bfloat16` has them, where it has them so: else it rounds them at each call."""
+    if has_bfloat16():
+        # Those of attention are multiplied as they are.
+        within = {
+            id(part)
+            for layer in network.modules()
+            if isinstance(layer, nn.TransformerEncoderLayer)
+            for part in layer.modules()
+        }
+        for layer in network.modules():
+            if type(layer) in (nn.Conv2d, nn.Linear) and id(layer) not in within:
+                layer.to(torch.bfloat16)
+
+
 class RecognitionNetwork(nn.Module):
     """From an image (B, 3, 150, 150), sRGB in [0, 1], to `Heads`."""
 

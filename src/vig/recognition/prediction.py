@@ -21,6 +21,7 @@ from vig.recognition.network import (
     RecognitionNetwork,
     bfloat16,
     fold_normalisation,
+    keep_in_bfloat16,
     latents_of,
     layout_of_numbers,
     mask_at_pixels,
@@ -237,6 +238,8 @@ class Recognizer:
         recognizer.symmetry, recognizer.mirror = object_class.symmetry, object_class.mirror
         recognizer.device, calibration = device, recognizer.calibration
         recognizer.network.to(device)
+        if device == "cpu":
+            keep_in_bfloat16(recognizer.network)
         recognizer.mean, recognizer.deviation = recognizer.mean.to(device), recognizer.deviation.to(device)
         recognizer.calibration = replace(
             calibration, **{name: held.to(device) for name, held in vars(calibration).items()}

@@ -17,6 +17,7 @@ from PIL import Image
 
 from vig import __version__
 from vig.io.files import atomic_write
+from vig.photo.images import png_bytes
 from vig.renderer.shading import smooth_normals
 from vig.scene import Camera, ObjectClass
 from vig_app.glb.bake import INVENTED, MIRRORED, SEEN, Texture
@@ -157,15 +158,16 @@ class _File:
 
     def _add_texture(self, texture: Texture) -> tuple[dict[str, Any], dict[str, Any]]:
         """How materials name the texture, and the mesh's `extras` on it."""
-        images = (texture.picture, "texture", "JPEG"), (texture.origin_picture, "texture_seen", "PNG")
-        places = []
-        for picture, name, kind in images:
-            data = io.BytesIO()
-            options = {"quality": JPEG_QUALITY, "subsampling": 0} if kind == "JPEG" else {"compress_level": 1}
-            Image.fromarray(picture).save(data, kind, **options)
-            view = self.add_view(data.getvalue())
-            kind = f"image/{kind.lower()}"
-            places.append(self.add("images", {"name": name, "mimeType": kind, "bufferView": view}))
+        photo = io.BytesIO()
+        Image.fromarray(texture.picture).save(photo, "JPEG", quality=JPEG_QUALITY, subsampling=0)
+        files = (
+            (photo.getvalue(), "texture", "jpeg"),
+            (png_bytes(texture.origin_picture), "texture_seen", "png"),
+        )
+        places = [
+            self.add("images", {"name": name, "mimeType": f"image/{kind}", "bufferView": self.add_view(data)})
+            for data, name, kind in files
+        ]
         if "samplers" not in self.described:
             how = {"magFilter": LINEAR, "minFilter": MIPMAPS, "wrapS": CLAMPED, "wrapT": CLAMPED}
             self.add("samplers", how)

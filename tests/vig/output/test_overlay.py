@@ -91,7 +91,7 @@ def close_up() -> CloseUp:
     covered = np.zeros((40, 40), bool)
     covered[10:30, 5:35] = True
     part = np.where(covered, np.arange(40) // 20, -1)
-    rendering = np.where(covered[..., None], 0.8, 0.0)
+    rendering = np.where(covered[..., None], [0.8, 0.8, 0.8], 0.0)
     seen = covered & (part == 0)
     photo = np.where(seen[..., None], [0.4, 0.2, 0.1], 0.0)
     normals = np.where(covered[..., None], [0.0, 0.0, -1.0], 0.0)

@@ -99,3 +99,11 @@ def test_a_class_gives_its_recognizer_its_symmetries() -> None:
     folded = Recognizer.of_class(one)(photo)
     torch.testing.assert_close(folded.azimuth, whole[:, :36] + whole[:, 36:])
     assert folded.symmetry is Symmetry.HALF_TURN
+
+
+def test_weights_that_are_kept_in_bfloat16_predict_the_same() -> None:
+    photo = torch.rand(1, 150, 150, 3, generator=torch.Generator().manual_seed(0))
+    as_stored = Recognizer(PACKAGED / "teapot" / "recognition.safetensors")(photo)
+    kept = Recognizer.of_class(ObjectClass.load("teapot"))(photo)
+    for name in ("azimuth", "numbers", "deviation", "mask", "presence"):
+        assert torch.equal(getattr(as_stored, name), getattr(kept, name))
