@@ -12,6 +12,7 @@ import numpy as np
 import torch
 
 from vig.inference import ExplainSettings, Stage, explain_one
+from vig.inference.settings import PICTURE
 from vig.io.errors import UserError
 from vig.likelihood import LIKELIHOODS, ROBUST
 from vig.recognition import Recognizer
@@ -54,8 +55,10 @@ class Ablation:
 
 
 def _change_stages(change: Callable[[Stage], Stage]) -> Callable[[ExplainSettings], ExplainSettings]:
-    """The change of every stage of the settings."""
-    return lambda settings: replace(settings, stages=tuple(change(stage) for stage in settings.stages))
+    """The change of every stage of the settings, those of pictures where they are left open."""
+    return lambda settings: replace(
+        settings, stages=tuple(change(stage) for stage in settings.stages or PICTURE["stages"])
+    )
 
 
 def _other_optimizer(title: str, optimizer: Optimizer, patience: int = 1) -> Ablation:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from vig.inference import ExplainSettings, Stage
+from vig.inference.settings import PICTURE
 from vig.io.errors import UserError
 from vig.likelihood import ROBUST, SPATIAL
 from vig.recognition import Recognizer
@@ -20,7 +21,7 @@ from vig_train.evaluation import evaluate
 from vig_world.dataset import Dataset
 
 FITTED = ("silhouettes", "spatial", "hypotheses", "gd", "lbfgs")
-WITH_SHADOW = ExplainSettings(self_shadow=True)
+WITH_SHADOW = ExplainSettings(self_shadow=True, stages=PICTURE["stages"])
 
 
 def changed(name: str) -> dict[str, Any]:
@@ -55,7 +56,7 @@ def test_an_ablation_switches_off_one_thing(name: str, expected: dict[str, Any])
 def test_an_optimiser_is_exchanged_with_the_same_starts_at_the_same_noise(name: str) -> None:
     assert set(changed(name)) <= {"optimizer", "stages"} and "optimizer" in changed(name)
     stages = variants(None, [name])[name].stages
-    for stage, default in zip(stages, ExplainSettings().stages, strict=True):
+    for stage, default in zip(stages, PICTURE["stages"], strict=True):
         assert (stage.starts, stage.sigma, stage.scale) == (default.starts, default.sigma, default.scale)
         assert stage.iterations >= default.iterations and stage.tolerance <= default.tolerance
 

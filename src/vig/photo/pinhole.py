@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+import torch
 
 from vig.scene import Camera
 
@@ -74,10 +75,9 @@ def pose_covariance(
         at: (N,) in radians, logs, or widths.
         deviation: (N,) of these.
     """
-    from scipy.spatial.transform import Rotation
-
     here, there = moved(at), np.stack([moved(at + step) for step in DIFFERENCE * np.eye(len(at))])
-    turns = Rotation.from_matrix(there[:, :3, :3] @ here[:3, :3].T).as_rotvec()
+    turned = there[:, :3, :3] @ here[:3, :3].T
+    turns = (turned - turned.mT)[:, [2, 0, 1], [1, 2, 0]] / 2  # to first order in the steps
     columns = np.concatenate([there[:, :3, 3] - here[:3, 3], turns], axis=1) / DIFFERENCE
     spread = columns.T * deviation
     return np.asarray(spread @ spread.T)
@@ -111,8 +111,6 @@ def reprojected(
     Returns:
         camera_from_object (4, 4).
     """
-    from scipy.spatial.transform import Rotation
-
     root = np.sqrt(weights)[:, None]
 
     def residual(pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -140,7 +138,7 @@ def reprojected(
         jacobian = (jacobian * root[:, 0]).reshape(6, -1)
         step = np.linalg.lstsq(jacobian @ jacobian.T, -jacobian @ off.T.ravel(), rcond=None)[0]
         moved = np.eye(4)
-        moved[:3, :3] = Rotation.from_rotvec(step[3:]).as_matrix()
+        moved[:3, :3] = _turn(step[3:])
         middle = points.mean(0)
         moved[:3, 3] = middle + step[:3] - moved[:3, :3] @ middle
         candidate = moved @ pose
@@ -152,3 +150,11 @@ def reprojected(
         if before - after < LEAST_GAIN * before:
             break
     return pose
+
+
+def _turn(vector: np.ndarray) -> np.ndarray:
+    """Rotation (3, 3) about a vector (3,) by its length in radians."""
+    x, y, z = vector
+    generator = torch.tensor([[0, -z, y], [z, 0, -x], [-y, x, 0]], dtype=torch.float64)
+    rotation: np.ndarray = torch.linalg.matrix_exp(generator).numpy()
+    return rotation

@@ -27,7 +27,7 @@ from vig.inference.calibration import LEAST_DEVIATION, UNCALIBRATED_WIDENING
 from vig.inference.confidence import MOST_GAP, _among_views, assess
 from vig.inference.posterior import objective_of, objectives_of, pixel_prior, prior_of
 from vig.inference.refinement import AMBIGUOUS_NATS, RefinedStarts, select, survivors
-from vig.inference.settings import PICTURE, Stage
+from vig.inference.settings import PHOTO, PICTURE, Stage
 from vig.io.errors import UserError
 from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL, PixelModel, log_colour_density
 from vig.likelihood.kernels.geometry import Geometry
@@ -564,8 +564,12 @@ def test_a_class_whose_settings_are_none_is_refused(
 def test_the_settings_are_those_of_the_published_tables(teapot: ObjectClass) -> None:
     """Whoever changes one makes docs and tables anew."""
     settings = ExplainSettings()
-    stages = [(s.starts, s.iterations, s.sigma, s.scale, s.tolerance) for s in settings.stages]
+    stages, of_photos = (
+        [(s.starts, s.iterations, s.sigma, s.scale, s.tolerance) for s in kind["stages"]]
+        for kind in (PICTURE, PHOTO)
+    )
     assert stages == [(8, 3, 4, 0.5, 40), (3, 5, 4, 0.5, 20), (2, 5, 2, 1, 10), (2, 10, 1, 1, 2)]
+    assert of_photos == [(8, 0, 4, 0.5, 40), (4, 4, 4, 0.5, 20), (2, 6, 2, 1, 10), (2, 10, 1, 1, 2)]
     weights = (settings.mask_weight, settings.surroundings, settings.recognition_weight)
     assert weights == (1, 1, 1) and settings.azimuth_weight == 100
     for photo, chosen in (
