@@ -174,7 +174,7 @@ PHOTO: dict[str, Any] = {
     "gain_deviation": 0.0,
     "stages": (
         Stage(8, 0, sigma=4.0, scale=0.5, tolerance=40.0),
-        Stage(4, 4, sigma=4.0, scale=0.5, tolerance=20.0),
+        Stage(4, 6, sigma=4.0, scale=0.5, tolerance=10.0),
         Stage(2, 6, sigma=2.0, tolerance=10.0),
         Stage(2, 10, tolerance=2.0, one_per_view=True),
     ),

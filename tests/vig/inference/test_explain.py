@@ -569,7 +569,7 @@ def test_the_settings_are_those_of_the_published_tables(teapot: ObjectClass) -> 
         for kind in (PICTURE, PHOTO)
     )
     assert stages == [(8, 3, 4, 0.5, 40), (3, 5, 4, 0.5, 20), (2, 5, 2, 1, 10), (2, 10, 1, 1, 2)]
-    assert of_photos == [(8, 0, 4, 0.5, 40), (4, 4, 4, 0.5, 20), (2, 6, 2, 1, 10), (2, 10, 1, 1, 2)]
+    assert of_photos == [(8, 0, 4, 0.5, 40), (4, 6, 4, 0.5, 10), (2, 6, 2, 1, 10), (2, 10, 1, 1, 2)]
     weights = (settings.mask_weight, settings.surroundings, settings.recognition_weight)
     assert weights == (1, 1, 1) and settings.azimuth_weight == 100
     for photo, chosen in (

@@ -16,10 +16,11 @@ from vig.inference import FitSettings
 from vig.inference.posterior import pixel_prior
 from vig.inference.settings import PICTURE
 from vig.io.errors import UserError
-from vig.scene import Latents, linear_from_srgb
+from vig.scene import Latents, ObjectClass, linear_from_srgb
 from vig_paper.network.network import FACTORS, PaperNetworks, PaperSettings, targets_of
-from vig_paper.network.recognizer import PaperRecognizer
+from vig_paper.network.recognizer import PaperRecognizer, recognizer_of
 from vig_paper.network.training import save_paper_weights
+from vig_paper.teapot_class import PACK
 from vig_train.training.targets import numbers_of
 
 SMALL = PaperSettings(filters=(4, 4, 4), dense=(8, 8))
@@ -121,7 +122,7 @@ def test_the_azimuth_is_a_gaussian_of_the_stated_width_across_north(tmp_path: Pa
 
 
 def test_the_deviations_are_the_files_and_the_mask_says_nothing(weights: Path) -> None:
-    prediction = PaperRecognizer(weights)(torch.rand(2, 150, 150, 3))
+    prediction = recognizer_of(ObjectClass.load(PACK), weights)(torch.rand(2, 150, 150, 3))
     torch.testing.assert_close(prediction.deviation, torch.linspace(0.1, 0.5, 23).expand(2, -1))
     settings = FitSettings(**PICTURE | {"decoration": 0.0}, surroundings=0.0)
     prior, _ = pixel_prior(torch.rand(150, 150, 3), prediction.mask[0], settings)
