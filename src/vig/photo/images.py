@@ -172,19 +172,19 @@ def write_png(path: str | Path, array: np.ndarray) -> None:
 
 
 def png_bytes(picture: np.ndarray) -> bytes:
-    """A picture (H, W), (H, W, 3) or (H, W, 4) uint8 as a PNG file.
+    """A picture (H, W), (H, W, 3) or (H, W, 4), uint8 or uint16, as a PNG file.
 
     Each row is stored as its difference from the one above: Pillow tries five filters on each, which takes
     as long as to compress all of it.
     """
     height, width = picture.shape[:2]
-    rows = picture.reshape(height, -1)
+    rows = np.ascontiguousarray(picture, picture.dtype.newbyteorder(">")).view(np.uint8).reshape(height, -1)
     lines = np.empty((height, rows.shape[1] + 1), np.uint8)
     lines[:, 0], lines[0, 1:] = UP, rows[0]
     np.subtract(rows[1:], rows[:-1], out=lines[1:, 1:])
-    colour = {1: 0, 3: 2, 4: 6}[rows.shape[1] // width]
+    colour = {(): 0, (3,): 2, (4,): 6}[picture.shape[2:]]
     chunks = (
-        (b"IHDR", struct.pack(">IIBBBBB", width, height, 8, colour, 0, 0, 0)),
+        (b"IHDR", struct.pack(">IIBBBBB", width, height, 8 * picture.itemsize, colour, 0, 0, 0)),
         (b"IDAT", isal_zlib.compress(lines.data, 1)),
         (b"IEND", b""),
     )

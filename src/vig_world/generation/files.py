@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 import json
-import struct
-import zlib
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from vig.io.checks import decode, read_json
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
 from vig_world.dataset.format import PARTIAL, SCENE, inside
 
-UP = 2
-"""PNG's number of the filter that stores a row less the one above it."""
 MOST_LABELS = 4096
 """Bytes of each of a sample's labels."""
 
@@ -59,25 +53,6 @@ def write_picture(path: Path, data: bytes) -> None:
     except OSError:
         pass
     write_bytes(path, data)  # makes folders, replaces what a killed run left, and says what is wrong
-
-
-def png(image: np.ndarray) -> bytes:
-    """A PNG file of an image, (H, W) uint8 or uint16 or (H, W, 3) uint8.
-
-    Each row is stored less the one above it, where Pillow tries five ways row by row: in half the time, files
-    of about the same size.
-    """
-    height, width = image.shape[:2]
-    rows = np.ascontiguousarray(image, image.dtype.newbyteorder(">")).view(np.uint8).reshape(height, -1)
-    filtered = np.full((height, rows.shape[1] + 1), UP, np.uint8)
-    filtered[0, 1:] = rows[0]
-    np.subtract(rows[1:], rows[:-1], out=filtered[1:, 1:])
-    colours = 2 if image.ndim == 3 else 0
-    header = struct.pack(">IIBBBBB", width, height, 8 * image.itemsize, colours, 0, 0, 0)
-    file = b"\x89PNG\r\n\x1a\n"
-    for kind, data in ((b"IHDR", header), (b"IDAT", zlib.compress(filtered.data, 1)), (b"IEND", b"")):
-        file += struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-    return file
 
 
 def read_scene(folder: Path, count: int) -> list[dict[str, Any]]:

@@ -12,13 +12,14 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from vig.io.errors import UserError
+from vig.photo.images import png_bytes
 from vig.scene import ObjectClass, linear_from_srgb
 from vig_world import World
 from vig_world.composition.sampling import CompositionError, sample
 from vig_world.dataset.format import STANDARD_SIZE, Size, image_paths
 from vig_world.dataset.spec import SampleError, SceneSpec, Split
 from vig_world.generation.describe import depth_units, describe, normal_units
-from vig_world.generation.files import png, sidecar_path, write_bytes, write_picture
+from vig_world.generation.files import sidecar_path, write_bytes, write_picture
 from vig_world.library import Library, OwnAssets
 from vig_world.raster.picture import Picture
 from vig_world.raster.view import View
@@ -198,7 +199,7 @@ def encode(
         pictures["normal"] = normal_units(picture.normals)
     files = {}
     for kind, path in image_paths(root, spec.index, picture.normals is not None).items():
-        files[path.as_posix()] = png(pictures[kind])
+        files[path.as_posix()] = png_bytes(pictures[kind])
     hashes = {name: hashlib.sha256(data).hexdigest() for name, data in files.items()}
     described = describe(spec, picture, depth, object_class, photo) | {"sha256": hashes}
     files[sidecar_path(root, spec.index).as_posix()] = json.dumps(described).encode()

@@ -402,5 +402,4 @@ def declarations() -> str:
 
 def address(array: np.ndarray) -> int:
     """Where an array's first element lies in memory."""
-    place: int = array.__array_interface__["data"][0]  # a third of the time of `array.ctypes`
-    return place
+    return array.ctypes.data  # `__array_interface__` describes all fields of a record, eight times as long

@@ -11,7 +11,7 @@ from PIL import Image, ImageCms
 from vig.io.errors import UserError
 from vig.photo.checks import MAX_PIXELS
 from vig.photo.decoding import MID_GREY
-from vig.photo.images import read_photo, write_png
+from vig.photo.images import png_bytes, read_photo, write_png
 from vig.photo.lens import focal_of
 from vig_world.assets.hdr import read_panorama
 
@@ -315,3 +315,24 @@ def test_whatever_is_damaged_the_answer_is_a_picture_or_a_refusal(tmp_path: Path
                 assert np.isfinite(read(tmp_path / name)).all()
             except UserError as error:
                 assert "\n" not in str(error)
+
+
+@pytest.mark.parametrize(
+    ("shape", "dtype", "mode"),
+    [
+        ((7, 5, 3), np.uint8, "RGB"),
+        ((7, 5), np.uint8, "L"),
+        ((7, 5), np.uint16, "I;16"),
+        ((1, 1), np.uint8, "L"),
+    ],
+)
+def test_pillow_reads_what_was_written(shape: tuple[int, ...], dtype: type, mode: str) -> None:
+    image = np.random.default_rng(0).integers(np.iinfo(dtype).max + 1, size=shape).astype(dtype)
+    read = Image.open(io.BytesIO(png_bytes(image)))
+    assert (read.format, read.mode) == ("PNG", mode)
+    np.testing.assert_array_equal(np.asarray(read), image)
+
+
+def test_smooth_pictures_become_small() -> None:
+    slope = np.add.outer(np.arange(150), np.arange(150)).astype(np.uint16) * 100
+    assert len(png_bytes(slope)) < slope.nbytes / 10
