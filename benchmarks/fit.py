@@ -37,13 +37,14 @@ class Samples:
     valuation: list[Time]
     one_start_evaluations: list[int]
     evaluations: list[int]
+    evaluations_of_photographs: list[int]
     converged: list[bool]
 
 
 def measure(fits: Fits, repeats: int) -> Samples:
     """Fit every photo `repeats` times on one thread."""
     torch.set_num_threads(1)
-    settings, found = fits.settings, Samples([], [], [], [], [], [], [])
+    settings, found = fits.settings, Samples([], [], [], [], [], [], [], [])
     of_photographs = resolve(ExplainSettings(), fits.object_class, photo=True)
     zero, sigma = torch.zeros(1, dtype=torch.int32), settings.likelihood.sigma
     fits.whole(torch.arange(1))  # compile the kernels
@@ -52,8 +53,9 @@ def measure(fits: Fits, repeats: int) -> Samples:
         explanation, time = timed(lambda: explain_one(photo, prediction, fits.object_class, settings))  # noqa: B023
         found.whole.append(time)
         found.evaluations.append(explanation.evaluations)
-        _, time = timed(lambda: explain_one(photo, prediction, fits.object_class, of_photographs))  # noqa: B023
+        explanation, time = timed(lambda: explain_one(photo, prediction, fits.object_class, of_photographs))  # noqa: B023
         found.of_photographs.append(time)
+        found.evaluations_of_photographs.append(explanation.evaluations)
         objective = objective_of(photo, prediction, fits.object_class, settings)
         start = objective.point(prediction.best())
         budget = descent_budget(settings)
@@ -79,6 +81,7 @@ def metrics_of(found: Samples) -> list[dict[str, Any]]:
         metric("full_evaluation_ms", walls(found.valuation), "ms"),
         metric("evaluations_per_start", found.one_start_evaluations, "evaluations"),
         metric("evaluations_per_fit", found.evaluations, "evaluations"),
+        metric("evaluations_per_photograph_fit", found.evaluations_of_photographs, "evaluations"),
     ]
 
 

@@ -27,6 +27,7 @@ import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -194,6 +195,9 @@ def rates(photos: Photos) -> list[dict[str, Any]]:
     metrics.append(metric("bytes_per_photo", sizes, "bytes"))
     ledger = (out / "results.jsonl").stat().st_size / photos.count
     metrics.append(metric("ledger_bytes_per_photo", [ledger], "bytes"))
+    if find_spec("ray") is None:
+        print("ray is not installed: no rows of two nodes")
+        return metrics
     with two_nodes(photos.out("two_nodes")) as address:
         on_nodes = Run.of(photos, photos.out("two_nodes"), *boxes, "--cluster", address)
         if on_nodes.code:

@@ -108,7 +108,7 @@ def test_the_measurements_carry_the_kept_names(fits: Fits, monkeypatch) -> None:
 def test_processor_time_is_printed_beside_the_wall_clock() -> None:
     times = [Time(60.0, 40.0)]
     found = fit.Samples(
-        times, [Time(480.0, 450.0)], [Time(320.0, 300.0)], [Time(2.0, 1.5)], [30], [200], [True]
+        times, [Time(480.0, 450.0)], [Time(320.0, 300.0)], [Time(2.0, 1.5)], [30], [200], [150], [True]
     )
     lines = fit.printed(found, starts=16).splitlines()
     assert lines[0] == "fit_ms_per_core: 60.0 ms (interquartile range 0.0); processor 40.0 ms (0.0)"

@@ -32,12 +32,12 @@ _DEVIATION_PER_MAD = 1.4826
 
 @dataclass(frozen=True)
 class PaperTrainingSettings:
-    """How to train: the paper's numbers.
+    """How to train: the paper's numbers, but for smaller batches.
 
     Attributes:
         epochs: Of each network, at most.
         patience: A network is done this many epochs after its best one.
-        batch: Images per step.
+        batch: Images per step. The paper's are of 128, with which losses fall less by an epoch.
         learning_rate: Of stochastic gradient descent.
         momentum: Nesterov's.
         seed: Of weights and order.
@@ -47,7 +47,7 @@ class PaperTrainingSettings:
 
     epochs: int = 150
     patience: int = 20
-    batch: int = 128
+    batch: int = 32
     learning_rate: float = 0.01
     momentum: float = 0.9
     seed: int = 0

@@ -183,9 +183,9 @@ def test_a_training_that_diverges_is_told(dataset: Dataset, tmp_path: Path) -> N
     assert not list(tmp_path.iterdir())
 
 
-def test_the_papers_numbers_are_the_default() -> None:
+def test_the_papers_numbers_but_for_smaller_batches_are_the_default() -> None:
     settings = PaperTrainingSettings()
-    assert (settings.epochs, settings.patience, settings.batch) == (150, 20, 128)
+    assert (settings.epochs, settings.patience, settings.batch) == (150, 20, 32)
     assert (settings.learning_rate, settings.momentum) == (0.01, 0.9)
     dropouts = [m.p for m in PaperNetworks(settings.networks).modules() if isinstance(m, torch.nn.Dropout)]
     assert dropouts == [0.5] * 8
