@@ -2,7 +2,7 @@
 
 On one thread, kernels warm: one descent from the recognition model's best guess at full size until it
 converges, one whole fit with all its starts, one with the settings of photographs, how often the objective
-is valued in the first two, and one valuation with gradient and normal matrix. Then fits per second on one
+is valued in each, and one valuation with gradient and normal matrix. Then fits per second on one
 thread and on two, in batches of 1 to 256 photos (with --quick to 16). The photos are made by the raster
 generator (test split), or are the last ones of `--dataset DIR`. Medians and interquartile ranges; wall clock,
 with the processor time beside it.
@@ -130,7 +130,8 @@ def main() -> None:
     fits = Fits(teapot, inputs.chosen(arguments, teapot)[0])
     samples = measure(fits, arguments.repeats)
     print(f"{len(fits.photos)} photos, {arguments.repeats} times each, one thread")
-    print(printed(samples, fits.settings.stages[0].starts), flush=True)
+    of_photographs = resolve(ExplainSettings(), teapot, photo=True)
+    print(printed(samples, of_photographs.stages[0].starts), flush=True)
     rates = throughput(fits, QUICK_BATCHES if arguments.quick else BATCHES)
     print(table(rates))
     if arguments.json:

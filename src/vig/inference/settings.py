@@ -182,10 +182,10 @@ PHOTO: dict[str, Any] = {
 """And for photographs: surfaces are painted and glazed, shading says less of shape, and what the network
 predicts of albedo and light of things like none that it has seen would bend the shape. Real outlines leave
 the shape model, which the network sees. Half of the starts are given up where they stand, and one end of each
-view goes on to the last stage: a quarter fewer evaluations, and as many views are right."""
+view goes on to the last stage, which takes fewer evaluations."""
 
 OPEN = tuple(name for name in PICTURE if name != "stages")
-"""Settings that a user may leave open, and that a class may set in its class.json."""
+"""Settings that a class may set in its class.json where a user leaves them open."""
 
 
 @dataclass(frozen=True)

@@ -177,6 +177,9 @@ def png_bytes(picture: np.ndarray) -> bytes:
     Each row is stored as its difference from the one above: Pillow tries five filters on each, which takes
     as long as to compress all of it.
     """
+    if picture.dtype not in (np.uint8, np.uint16) or picture.size == 0:
+        described = f"{picture.dtype} {picture.shape}"
+        raise ValueError(f"a PNG must be uint8 or uint16 and not empty; got {described}. Convert it.")
     height, width = picture.shape[:2]
     rows = np.ascontiguousarray(picture, picture.dtype.newbyteorder(">")).view(np.uint8).reshape(height, -1)
     lines = np.empty((height, rows.shape[1] + 1), np.uint8)

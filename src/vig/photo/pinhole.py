@@ -77,7 +77,7 @@ def pose_covariance(
     """
     here, there = moved(at), np.stack([moved(at + step) for step in DIFFERENCE * np.eye(len(at))])
     turned = there[:, :3, :3] @ here[:3, :3].T
-    turns = (turned - turned.mT)[:, [2, 0, 1], [1, 2, 0]] / 2  # to first order in the steps
+    turns = (turned - turned.transpose(0, 2, 1))[:, [2, 0, 1], [1, 2, 0]] / 2  # to first order in the steps
     columns = np.concatenate([there[:, :3, 3] - here[:3, 3], turns], axis=1) / DIFFERENCE
     spread = columns.T * deviation
     return np.asarray(spread @ spread.T)

@@ -230,9 +230,12 @@ def fold_normalisation(network: nn.Module) -> None:
 
 
 def keep_in_bfloat16(network: nn.Module) -> None:
-    """Keep weights as `bfloat16` has them, where it has them so: else it rounds them at each call."""
+    """Store weights of convolutions and dense layers in bfloat16 where `bfloat16` computes in it.
+
+    Autocast would convert them at each call.
+    """
     if has_bfloat16():
-        # Those of attention are multiplied as they are.
+        # Attention multiplies its weights as they are stored.
         within = {
             id(part)
             for layer in network.modules()

@@ -23,7 +23,7 @@ class PaperRecognizer(Recognizer):
 
     def _read(self, settings: dict[str, Any], tensors: dict[str, torch.Tensor]) -> None:
         self.network = networks_from(settings, tensors)
-        numbers = len(self.network.deviation)  # which it predicts in their own units
+        numbers = len(self.network.deviation)  # predicted unscaled
         self.mean, self.deviation = torch.zeros(numbers), torch.ones(numbers)
 
     @torch.inference_mode()

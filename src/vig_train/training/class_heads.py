@@ -208,6 +208,6 @@ def keep_member(network: RecognitionNetwork, number: int) -> None:
     count, width = network.settings.members, network.settings.features // network.settings.members
     for name in HEADS:
         weight = getattr(network, name).weight
-        own = weight[:, number * width : (number + 1) * width] * count
+        own = weight[:, number * width : (number + 1) * width].float() * count
         weight.zero_()
         weight[:, number * width : (number + 1) * width] = own

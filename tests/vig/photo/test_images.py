@@ -324,6 +324,7 @@ def test_whatever_is_damaged_the_answer_is_a_picture_or_a_refusal(tmp_path: Path
         ((7, 5), np.uint8, "L"),
         ((7, 5), np.uint16, "I;16"),
         ((1, 1), np.uint8, "L"),
+        ((7, 5, 4), np.uint8, "RGBA"),
     ],
 )
 def test_pillow_reads_what_was_written(shape: tuple[int, ...], dtype: type, mode: str) -> None:
@@ -331,6 +332,12 @@ def test_pillow_reads_what_was_written(shape: tuple[int, ...], dtype: type, mode
     read = Image.open(io.BytesIO(png_bytes(image)))
     assert (read.format, read.mode) == ("PNG", mode)
     np.testing.assert_array_equal(np.asarray(read), image)
+
+
+@pytest.mark.parametrize("picture", [np.zeros((4, 4), np.float32), np.zeros((0, 4), np.uint8)])
+def test_what_is_no_picture_is_not_encoded(picture: np.ndarray) -> None:
+    with pytest.raises(ValueError, match="Convert it"):
+        png_bytes(picture)
 
 
 def test_smooth_pictures_become_small() -> None:

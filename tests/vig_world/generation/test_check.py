@@ -175,6 +175,9 @@ def test_wrong_bop_entries_are_found(
 
 
 def test_rendering_again_finds_a_picture_of_something_else(copy: Path, teapot: ObjectClass) -> None:
+    """And not one that is only compressed otherwise."""
+    other = copy / SCENE / "rgb" / "000001.png"
+    Image.open(other).copy().save(other)
     path = copy / SCENE / "rgb" / "000000.png"
     path.write_bytes((copy / SCENE / "rgb" / "000001.png").read_bytes())
     seal(copy)
