@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 import torch
 
+from vig.parallel.internals import has_bfloat16
 from vig.recognition import NetworkSettings, RecognitionNetwork, Recognizer
 from vig.recognition.network import fold_normalisation, mirrored
 from vig.recognition.prediction import BOTH_SIDES
@@ -103,7 +104,10 @@ def test_a_class_gives_its_recognizer_its_symmetries() -> None:
 
 def test_weights_that_are_kept_in_bfloat16_predict_the_same() -> None:
     photo = torch.rand(1, 150, 150, 3, generator=torch.Generator().manual_seed(0))
+    recognizer = Recognizer.of_class(ObjectClass.load("teapot"))
+    expected = torch.bfloat16 if has_bfloat16() else torch.float32
+    assert recognizer.network.azimuth.weight.dtype == expected
     as_stored = Recognizer(PACKAGED / "teapot" / "recognition.safetensors")(photo)
-    kept = Recognizer.of_class(ObjectClass.load("teapot"))(photo)
+    kept = recognizer(photo)
     for name in ("azimuth", "numbers", "deviation", "mask", "presence"):
         assert torch.equal(getattr(as_stored, name), getattr(kept, name))
