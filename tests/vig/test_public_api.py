@@ -127,9 +127,7 @@ def test_a_photo_of_any_size_in_and_a_folder_out_as_vig_fit_writes_it(
     assert names == sorted(
         path.name for path in of_cli.iterdir() if path.name not in ("corrections.json", ".key")
     )
-    assert {name: (folder / name).read_bytes() for name in names} == {
-        name: (of_cli / name).read_bytes() for name in names
-    }
+    assert not [name for name in names if (folder / name).read_bytes() != (of_cli / name).read_bytes()]
 
 
 @pytest.mark.parametrize(

@@ -39,6 +39,11 @@ def files(root: Path) -> dict[str, bytes]:
     return {str(path.relative_to(root)): path.read_bytes() for path in found}
 
 
+def differing(one: dict[str, bytes], other: dict[str, bytes]) -> set[str]:
+    """Files that are not alike: comparing the contents themselves would print megabytes."""
+    return {name for name in one.keys() | other.keys() if one.get(name) != other.get(name)}
+
+
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     """The folder of a run with a single ablation, and what it printed."""
@@ -95,7 +100,7 @@ def test_a_second_run_passes_over_everything(finished: tuple[Path, str]) -> None
     steps = [line.split(":")[0] for line in first.splitlines() if line.endswith(": begun")]
     assert code == 0 and len(steps) == 9
     assert [line.split(":")[0] for line in printed.splitlines() if ": already done, in " in line] == steps
-    assert ": begun" not in printed and files(out) == before
+    assert ": begun" not in printed and not differing(files(out), before)
 
 
 @pytest.mark.slow
@@ -113,7 +118,7 @@ def test_other_settings_are_refused_in_a_line(finished: tuple[Path, str]) -> Non
     code, printed, errors = reproduce(finished[0], "--epochs", "2")
     assert code == 2 and printed == "" and errors.count("\n") == 1
     assert "holds a run with epochs 1; 2 was asked for" in errors
-    assert files(finished[0]) == before
+    assert not differing(files(finished[0]), before)
 
 
 @pytest.mark.slow
