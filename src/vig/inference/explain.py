@@ -17,7 +17,7 @@ from vig.inference.refinement import ExpectedStart, refine, select
 from vig.inference.settings import ExplainSettings, Fit, FitSettings, resolve
 from vig.inference.shading_gain import with_shading_gain
 from vig.likelihood import load_kernels
-from vig.likelihood.minimum_cut import cut_kernel
+from vig.likelihood.image_kernels import image_kernels
 from vig.parallel.threads import map_on_threads, on_one_core
 from vig.recognition import Prediction, Recognizer
 from vig.scene import ObjectClass
@@ -29,7 +29,7 @@ def load_fit_kernels(modes: int, device: str = "cpu", density: str = "gaussian")
     """Compile or load all kernels of fits of so many shape components, once: threads must not do it."""
     load_kernels(torch.float32, modes, device, density)
     search_kernels(torch.float32)
-    cut = cut_kernel()  # in the same module
+    cut = image_kernels()["minimum_cut"]  # in the same module
     wp.force_load(device, modules=[prior_kernel(torch.float32).module])
     wp.force_load("cpu", modules=[cut.module])  # where masks are cut, whatever the device
 

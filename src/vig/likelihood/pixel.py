@@ -8,19 +8,14 @@ recognition model's class probabilities of each pixel, they may differ from pixe
 
 from __future__ import annotations
 
-import functools
-import itertools
 import math
 from dataclasses import dataclass, replace
 
-import numpy as np
 import torch
 
 from vig.likelihood.densities import density_of
+from vig.likelihood.image_kernels import colour_density
 from vig.likelihood.spatial import NEVER, SpatialMask
-
-CELLS = 24
-"""Cells of the colour cube along each channel: about the robust model's noise, 0.03, each."""
 
 FLOOR = 0.05
 """Share of the uniform density, for colours that the photo does not show elsewhere."""
@@ -30,46 +25,11 @@ def log_colour_density(photo: torch.Tensor, weights: torch.Tensor) -> torch.Tens
     """Log density of each pixel's colour among the surroundings, relative to uniform on the cube.
 
     photo (H, W, 3) linear RGB in [0, 1]; weights (..., H, W) >= 0: how surely each pixel belongs to the
-    surroundings, of which there may be several; returns their shape. A trilinear histogram, smoothed by one
-    cell; exact sums in float64, so that the result does not depend on threads.
+    surroundings, of which there may be several; returns their shape. See `colour_density`.
     """
-    colours = photo.reshape(-1, 3).T.double().clamp(0, 1).numpy() * (CELLS - 1)
-    low = np.minimum(np.floor(colours), CELLS - 2)
-    part = colours - low
-    strides = np.array([CELLS * CELLS, CELLS, 1])
-    base, halves = strides @ low.astype(np.int64), (1 - part, part)  # the nodes below and above
-    corners = [
-        (base + strides @ at, halves[at[0]][0] * halves[at[1]][1] * halves[at[2]][2])
-        for at in itertools.product((0, 1), repeat=3)
-    ]
-    flat = weights.reshape(-1, len(base)).double()
-    shares = (flat / flat.sum(1, keepdim=True).clamp_min(1e-9)).numpy()
-    densities = np.zeros(shares.shape)
-    for density, share in zip(densities, shares, strict=True):
-        cube = np.zeros(CELLS**3)
-        for node, part_of_pixel in corners:
-            cube += np.bincount(node, share * part_of_pixel, CELLS**3)
-        cube = _smooth(cube.reshape(CELLS, CELLS, CELLS) / _volume()).ravel()
-        for node, part_of_pixel in corners:
-            density += cube[node] * part_of_pixel
-    return torch.log(FLOOR + (1 - FLOOR) * torch.from_numpy(densities)).view(weights.shape)
-
-
-@functools.cache
-def _volume() -> np.ndarray:
-    """Volume (C, C, C) that each node of the histogram stands for: halves at a face of the colour cube."""
-    length = np.full(CELLS, 1 / (CELLS - 1))
-    length[[0, -1]] /= 2
-    volume: np.ndarray = length[:, None, None] * length[:, None] * length
-    return volume
-
-
-def _smooth(cube: np.ndarray) -> np.ndarray:
-    """A binomial kernel (1, 2, 1) / 4 along each axis, borders reflected: the integral is preserved."""
-    for _ in range(3):
-        beside = np.pad(cube, ((1, 1), (0, 0), (0, 0)), "reflect")
-        cube = (0.5 * cube + 0.25 * (beside[:-2] + beside[2:])).transpose(1, 2, 0)
-    return cube
+    flat = weights.reshape(-1, *photo.shape[:2]).double()
+    shares = flat / flat.sum((1, 2), keepdim=True).clamp_min(1e-9)
+    return torch.log(FLOOR + (1 - FLOOR) * colour_density(photo, shares)).view(weights.shape)
 
 
 @dataclass(frozen=True)

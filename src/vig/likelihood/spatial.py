@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import torch
 
-from vig.likelihood.minimum_cut import minimum_cut
+from vig.likelihood.image_kernels import minimum_cut
 from vig.scene import srgb_from_linear
 
 NEVER = -1e30

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import torch
 from torch import nn
+
+from vig.parallel.internals import packed_convolution
 
 
 def convolution(inputs: int, outputs: int, kernel: int, stride: int = 1, groups: int = 1) -> nn.Module:
@@ -13,6 +17,33 @@ def convolution(inputs: int, outputs: int, kernel: int, stride: int = 1, groups:
         nn.BatchNorm2d(outputs, 1e-3),
         nn.ReLU6(inplace=True),
     )
+
+
+class PackedConvolution(nn.Module):
+    """A convolution of a network that only predicts on the CPU, with the ReLU6 after it, in one call.
+
+    Its weights are laid out for inputs of the size of the first one.
+    """
+
+    def __init__(self, layers: nn.Sequential):
+        super().__init__()
+        self.layers = layers
+        self.run: Callable[[torch.Tensor], torch.Tensor] | None = None
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        if self.run is None:
+            packed = packed_convolution(self.layers[0], len(self.layers) > 1, x.shape)  # type: ignore[arg-type]
+            self.run = packed or self.layers.forward
+        return self.run(x)
+
+
+def pack_convolutions(network: nn.Module) -> None:
+    """Prepare convolutions without normalisation, with ReLU6 or alone, for prediction on the CPU."""
+    for parent in list(network.modules()):
+        for name, layers in parent.named_children():
+            kinds = [type(each) for each in layers] if type(layers) is nn.Sequential else []
+            if kinds in ([nn.Conv2d], [nn.Conv2d, nn.ReLU6]):
+                setattr(parent, name, PackedConvolution(layers))  # type: ignore[arg-type]
 
 
 class InvertedResidual(nn.Module):

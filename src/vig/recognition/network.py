@@ -243,8 +243,8 @@ def keep_in_bfloat16(network: nn.Module) -> None:
             for part in layer.modules()
         }
         for layer in network.modules():
-            if type(layer) in (nn.Conv2d, nn.Linear) and id(layer) not in within:
-                layer.to(torch.bfloat16)
+            if isinstance(layer, nn.Conv2d | nn.Linear) and id(layer) not in within:
+                layer.weight.data = layer.weight.data.to(torch.bfloat16)
 
 
 class RecognitionNetwork(nn.Module):

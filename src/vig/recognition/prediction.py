@@ -14,6 +14,7 @@ import torch
 from vig.io.checks import decode, parse_json, read_tensors, reading
 from vig.io.errors import UserError
 from vig.parallel.threads import map_on_threads, on_one_core
+from vig.recognition.layers import pack_convolutions
 from vig.recognition.network import (
     Heads,
     NetworkCalibration,
@@ -240,6 +241,7 @@ class Recognizer:
         recognizer.network.to(device)
         if device == "cpu":
             keep_in_bfloat16(recognizer.network)
+            pack_convolutions(recognizer.network)
         recognizer.mean, recognizer.deviation = recognizer.mean.to(device), recognizer.deviation.to(device)
         recognizer.calibration = replace(
             calibration, **{name: held.to(device) for name, held in vars(calibration).items()}

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from vig.likelihood import log_colour_density
-from vig.likelihood.pixel import CELLS
+from vig.likelihood.image_kernels import CELLS
 
 
 def density_on_cube(colours: torch.Tensor, per_cell: int = 2) -> torch.Tensor:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 import math
+import platform
 from dataclasses import replace
 
 import pytest
@@ -10,6 +12,7 @@ import torch
 
 from vig.parallel.internals import has_bfloat16
 from vig.recognition import NetworkSettings, RecognitionNetwork, Recognizer
+from vig.recognition.layers import PackedConvolution, pack_convolutions
 from vig.recognition.network import fold_normalisation, mirrored
 from vig.recognition.prediction import BOTH_SIDES
 from vig.scene import ObjectClass, Symmetry
@@ -102,7 +105,7 @@ def test_a_class_gives_its_recognizer_its_symmetries() -> None:
     assert folded.symmetry is Symmetry.HALF_TURN
 
 
-def test_weights_that_are_kept_in_bfloat16_predict_the_same() -> None:
+def test_weights_in_bfloat16_that_are_laid_out_ahead_predict_the_same() -> None:
     photo = torch.rand(1, 150, 150, 3, generator=torch.Generator().manual_seed(0))
     recognizer = Recognizer.of_class(ObjectClass.load("teapot"))
     expected = torch.bfloat16 if has_bfloat16() else torch.float32
@@ -111,3 +114,19 @@ def test_weights_that_are_kept_in_bfloat16_predict_the_same() -> None:
     kept = recognizer(photo)
     for name in ("azimuth", "numbers", "deviation", "mask", "presence"):
         assert torch.equal(getattr(as_stored, name), getattr(kept, name))
+    packed = [layer for layer in recognizer.network.modules() if isinstance(layer, PackedConvolution)]
+    runs = [layer.run for layer in packed if layer.run is not None]
+    assert len(runs) == 50, "all of the trunk and of the decoder"
+    if torch.backends.mkldnn.is_available() and platform.machine() == "x86_64":
+        assert not any(inspect.ismethod(run) for run in runs), "torch's own layers were left in their place"
+
+
+def test_a_convolution_that_torch_cannot_pack_is_computed_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    layers = torch.nn.Sequential(torch.nn.Conv2d(3, 8, 3), torch.nn.ReLU6(inplace=True)).requires_grad_(False)
+    parent = torch.nn.Sequential(layers)
+    image = 9 * torch.rand(2, 3, 20, 20)
+    expected = parent(image)
+    pack_convolutions(parent)
+    monkeypatch.setattr(torch.backends.mkldnn, "is_available", lambda: False)
+    assert isinstance(parent[0], PackedConvolution) and torch.equal(parent(image), expected)
+    assert inspect.ismethod(parent[0].run)
