@@ -9,6 +9,9 @@ from torch import nn
 
 from vig.parallel.internals import packed_convolution
 
+MOST_SIZES = 6
+"""Of inputs, for which a convolution lays out its weights."""
+
 
 def convolution(inputs: int, outputs: int, kernel: int, stride: int = 1, groups: int = 1) -> nn.Module:
     """A convolution with normalisation and ReLU6."""
@@ -22,19 +25,26 @@ def convolution(inputs: int, outputs: int, kernel: int, stride: int = 1, groups:
 class PackedConvolution(nn.Module):
     """A convolution of a network that only predicts on the CPU, with the ReLU6 after it, in one call.
 
-    Its weights are laid out for inputs of the size of the first one.
+    Its weights are laid out for inputs of a size when that comes for the second time: of `MOST_SIZES` at the
+    most, as photos have many. Weights that are laid out for another size take twice as long.
     """
 
     def __init__(self, layers: nn.Sequential):
         super().__init__()
         self.layers = layers
-        self.run: Callable[[torch.Tensor], torch.Tensor] | None = None
+        self.runs: dict[torch.Size, Callable[[torch.Tensor], torch.Tensor] | None] = {}
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
-        if self.run is None:
+        size = x.shape[2:]
+        if size not in self.runs:
+            if len(self.runs) < MOST_SIZES:
+                self.runs[size] = None
+            return self.layers(x)  # type: ignore[no-any-return]
+        run = self.runs[size]
+        if run is None:
             packed = packed_convolution(self.layers[0], len(self.layers) > 1, x.shape)  # type: ignore[arg-type]
-            self.run = packed or self.layers.forward
-        return self.run(x)
+            run = self.runs[size] = packed or self.layers.forward
+        return run(x)
 
 
 def pack_convolutions(network: nn.Module) -> None:

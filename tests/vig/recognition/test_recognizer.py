@@ -12,7 +12,7 @@ import torch
 
 from vig.parallel.internals import has_bfloat16
 from vig.recognition import NetworkSettings, RecognitionNetwork, Recognizer
-from vig.recognition.layers import PackedConvolution, pack_convolutions
+from vig.recognition.layers import MOST_SIZES, PackedConvolution, pack_convolutions
 from vig.recognition.network import fold_normalisation, mirrored
 from vig.recognition.prediction import BOTH_SIDES
 from vig.scene import ObjectClass, Symmetry
@@ -111,14 +111,15 @@ def test_weights_in_bfloat16_that_are_laid_out_ahead_predict_the_same() -> None:
     expected = torch.bfloat16 if has_bfloat16() else torch.float32
     assert recognizer.network.azimuth.weight.dtype == expected
     as_stored = Recognizer(PACKAGED / "teapot" / "recognition.safetensors")(photo)
+    recognizer(1 - photo)
     kept = recognizer(photo)
     for name in ("azimuth", "numbers", "deviation", "mask", "presence"):
         assert torch.equal(getattr(as_stored, name), getattr(kept, name))
     packed = [layer for layer in recognizer.network.modules() if isinstance(layer, PackedConvolution)]
-    runs = [layer.run for layer in packed if layer.run is not None]
+    runs = [run for layer in packed for run in layer.runs.values()]
     assert len(runs) == 50, "all of the trunk and of the decoder"
     if torch.backends.mkldnn.is_available() and platform.machine() == "x86_64":
-        assert not any(inspect.ismethod(run) for run in runs), "torch's own layers were left in their place"
+        assert not any(run is None or inspect.ismethod(run) for run in runs), "torch's own layers were left"
 
 
 def test_a_convolution_that_torch_cannot_pack_is_computed_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -128,5 +129,16 @@ def test_a_convolution_that_torch_cannot_pack_is_computed_as_it_is(monkeypatch: 
     expected = parent(image)
     pack_convolutions(parent)
     monkeypatch.setattr(torch.backends.mkldnn, "is_available", lambda: False)
-    assert isinstance(parent[0], PackedConvolution) and torch.equal(parent(image), expected)
-    assert inspect.ismethod(parent[0].run)
+    assert isinstance(parent[0], PackedConvolution)
+    assert torch.equal(parent(image), expected) and torch.equal(parent(image), expected)
+    assert inspect.ismethod(parent[0].runs[image.shape[2:]])
+
+
+def test_weights_are_laid_out_for_few_sizes_that_come_again() -> None:
+    layers = torch.nn.Sequential(torch.nn.Conv2d(3, 8, 3)).requires_grad_(False)
+    packed = PackedConvolution(layers)
+    for side in range(10, 30):
+        image = torch.rand(1, 3, side, side)
+        for _ in range(3):
+            torch.testing.assert_close(packed(image), layers(image))
+    assert len(packed.runs) == MOST_SIZES and None not in packed.runs.values()
