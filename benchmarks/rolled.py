@@ -42,7 +42,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     inputs = parser.add_mutually_exclusive_group(required=True)
     inputs.add_argument("--dataset", type=Path)
-    inputs.add_argument("--boxes", type=Path)
+    inputs.add_argument("--boxes", type=Path, help="all of its photos, whatever --split and --count")
     parser.add_argument("--split", default="test")
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--class", dest="object_class", default="teapot")
@@ -93,7 +93,7 @@ def left_of_rolls(boxes: Path, recognizer: Recognizer) -> list[dict[str, Any]]:
         turned_windows = (
             upright(photo, replace(window, roll=math.radians(angle)), recognizer) for photo, window in objects
         )
-        left = np.degrees([abs(window.roll) for window in turned_windows])
+        left = np.degrees([abs(math.remainder(window.roll, math.tau)) for window in turned_windows])
         print(f"{angle:5d}  {np.median(left):21.1f}  {(left < NEAR_DEG).mean():.1%}", flush=True)
         metrics.append(metric(f"roll_left_{angle}", left.tolist(), "degrees"))
     return metrics

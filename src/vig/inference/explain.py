@@ -29,9 +29,8 @@ def load_fit_kernels(modes: int, device: str = "cpu", density: str = "gaussian")
     """Compile or load all kernels of fits of so many shape components, once: threads must not do it."""
     load_kernels(torch.float32, modes, device, density)
     search_kernels(torch.float32)
-    cut = image_kernels()["minimum_cut"]  # in the same module
     wp.force_load(device, modules=[prior_kernel(torch.float32).module])
-    wp.force_load("cpu", modules=[cut.module])  # where masks are cut, whatever the device
+    wp.force_load("cpu", modules=[image_kernels()["minimum_cut"].module])  # whatever the device
 
 
 def explain(

@@ -35,7 +35,7 @@ def _kernel(name: str, **constants: int) -> Any:
         native(wp.tid(), height, width, places)
 
     run.__qualname__ = name
-    return wp.kernel(module=kernel_module("search", torch.float32))(run)
+    return wp.kernel(module=kernel_module("image", torch.float64))(run)
 
 
 def _launch(name: str, size: torch.Size, *tensors: torch.Tensor) -> None:
@@ -60,9 +60,19 @@ def minimum_cut(free: torch.Tensor, alone: torch.Tensor, links: torch.Tensor) ->
 def colour_density(photo: torch.Tensor, shares: torch.Tensor) -> torch.Tensor:
     """Density (N, H, W) of each pixel's colour, relative to uniform on the cube, under N weightings.
 
-    photo (H, W, 3) linear RGB in [0, 1], else clamped; shares (N, H, W) sum to 1. A trilinear histogram,
-    smoothed by one cell. On the CPU, in float64: the result does not depend on threads.
+    photo (H, W, 3) linear RGB in [0, 1], else clamped, NaN to 0; shares (N, H, W), each of sum 1. A trilinear
+    histogram, smoothed by one cell. On the CPU, in float64, without gradients: the result does not depend on
+    threads.
+
+    Raises:
+        ValueError: They are of other shapes, or not on the CPU.
     """
+    if shares.ndim != 3 or photo.shape != (*shares.shape[1:], 3):
+        raise ValueError(
+            f"photo must be (H, W, 3) and shares (N, H, W); got {tuple(photo.shape)}, {tuple(shares.shape)}"
+        )
+    if photo.device.type != "cpu" or shares.device.type != "cpu":
+        raise ValueError(f"photo and shares must be on the CPU; got {photo.device}, {shares.device}")
     photo, shares = photo.double().contiguous(), shares.double().contiguous()
     density, work = torch.empty_like(shares), shares.new_empty(len(shares), 2, CELLS**3)
     _launch("colour_density", shares.shape, photo, shares, density, work)

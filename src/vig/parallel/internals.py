@@ -27,7 +27,10 @@ def packed_convolution(
     torch lays them out at each call, and clips in a second pass. `size`: (N, C, H, W) of the inputs for which
     they are laid out; others may have another. None where torch or the processor cannot do it, or on a GPU.
     """
-    if not torch.backends.mkldnn.is_available() or layer.weight.device.type != "cpu":
+    backend = torch.backends.mkldnn
+    if not (backend.is_available() and backend.enabled and layer.weight.device.type == "cpu"):
+        return None
+    if layer.padding_mode != "zeros" or isinstance(layer.padding, str):
         return None
     places = *map(list, (layer.padding, layer.stride, layer.dilation)), layer.groups
     activation = ("hardtanh", [0.0, 6.0], "") if clipped else ("none", [], "")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
+from typing import Any
 
 import torch
 from torch import nn
@@ -10,7 +12,8 @@ from torch import nn
 from vig.parallel.internals import packed_convolution
 
 MOST_SIZES = 6
-"""Of inputs, for which a convolution lays out its weights."""
+"""Sizes of inputs for which a network's weights are laid out, 4 MB each: a window's, and those of a folder's
+photos at two scales, upright and wide."""
 
 
 def convolution(inputs: int, outputs: int, kernel: int, stride: int = 1, groups: int = 1) -> nn.Module:
@@ -25,26 +28,28 @@ def convolution(inputs: int, outputs: int, kernel: int, stride: int = 1, groups:
 class PackedConvolution(nn.Module):
     """A convolution of a network that only predicts on the CPU, with the ReLU6 after it, in one call.
 
-    Its weights are laid out for inputs of a size when that comes for the second time: of `MOST_SIZES` at the
-    most, as photos have many. Weights that are laid out for another size take twice as long.
+    Its weights are laid out for inputs of a size when that comes again: windows have one, photos many.
     """
 
     def __init__(self, layers: nn.Sequential):
         super().__init__()
         self.layers = layers
-        self.runs: dict[torch.Size, Callable[[torch.Tensor], torch.Tensor] | None] = {}
+        self.runs: dict[torch.Size, Callable[[torch.Tensor], torch.Tensor]] = {}
+        self.latest: deque[torch.Size] = deque(maxlen=4)  # of those that it is not laid out for
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         size = x.shape[2:]
         if size not in self.runs:
-            if len(self.runs) < MOST_SIZES:
-                self.runs[size] = None
-            return self.layers(x)  # type: ignore[no-any-return]
-        run = self.runs[size]
-        if run is None:
+            if size not in self.latest or len(self.runs) == MOST_SIZES:
+                self.latest.append(size)
+                return self.layers(x)  # type: ignore[no-any-return]
             packed = packed_convolution(self.layers[0], len(self.layers) > 1, x.shape)  # type: ignore[arg-type]
-            run = self.runs[size] = packed or self.layers.forward
-        return run(x)
+            self.runs[size] = packed or self.layers.forward
+        return self.runs[size](x)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what is laid out, which is not to be copied: weights of a copy may change."""
+        return {**vars(self), "runs": {}}
 
 
 def pack_convolutions(network: nn.Module) -> None:

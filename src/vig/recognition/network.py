@@ -15,7 +15,7 @@ from torch.nn.utils.fusion import fuse_conv_bn_eval
 from vig.io.checks import check_number
 from vig.parallel.internals import has_bfloat16
 from vig.recognition.decoder import ATTENTION_HEADS, CELLS, ContextDecoder
-from vig.recognition.layers import GroupedLinear, InvertedResidual, convolution
+from vig.recognition.layers import GroupedLinear, InvertedResidual, convolution, pack_convolutions
 from vig.recognition.object_map import ObjectMap
 from vig.scene import LatentLayout, Latents, regressed_layout, rotate_z
 from vig.scene.shape_model import MOST_MODES
@@ -229,10 +229,11 @@ def fold_normalisation(network: nn.Module) -> None:
             del layers[1]
 
 
-def keep_in_bfloat16(network: nn.Module) -> None:
-    """Store weights of convolutions and dense layers in bfloat16 where `bfloat16` computes in it.
+def prepare_for_bfloat16(network: nn.Module) -> None:
+    """Store weights of convolutions and dense layers in bfloat16, laid out for it, where `bfloat16` uses it.
 
-    Autocast would convert them at each call.
+    Autocast would convert them at each call. A network in float32 stays as it is: with packed convolutions
+    its last bits would depend on which calls came before.
     """
     if has_bfloat16():
         # Attention multiplies its weights as they are stored.
@@ -245,6 +246,7 @@ def keep_in_bfloat16(network: nn.Module) -> None:
         for layer in network.modules():
             if isinstance(layer, nn.Conv2d | nn.Linear) and id(layer) not in within:
                 layer.weight.data = layer.weight.data.to(torch.bfloat16)
+        pack_convolutions(network)
 
 
 class RecognitionNetwork(nn.Module):

@@ -14,7 +14,6 @@ import torch
 from vig.io.checks import decode, parse_json, read_tensors, reading
 from vig.io.errors import UserError
 from vig.parallel.threads import map_on_threads, on_one_core
-from vig.recognition.layers import pack_convolutions
 from vig.recognition.network import (
     Heads,
     NetworkCalibration,
@@ -22,10 +21,10 @@ from vig.recognition.network import (
     RecognitionNetwork,
     bfloat16,
     fold_normalisation,
-    keep_in_bfloat16,
     latents_of,
     layout_of_numbers,
     mask_at_pixels,
+    prepare_for_bfloat16,
 )
 from vig.recognition.weights import FORMAT, load_network, whole_tensors
 from vig.scene import LatentLayout, Latents, ObjectClass, Symmetry, regressed_layout, srgb_from_linear
@@ -240,8 +239,7 @@ class Recognizer:
         recognizer.device, calibration = device, recognizer.calibration
         recognizer.network.to(device)
         if device == "cpu":
-            keep_in_bfloat16(recognizer.network)
-            pack_convolutions(recognizer.network)
+            prepare_for_bfloat16(recognizer.network)
         recognizer.mean, recognizer.deviation = recognizer.mean.to(device), recognizer.deviation.to(device)
         recognizer.calibration = replace(
             calibration, **{name: held.to(device) for name, held in vars(calibration).items()}
