@@ -28,7 +28,9 @@ the map has them, by .95 after one move, by .97 after two."""
 PLACES_PER_OBJECT = 3
 """The same for each of several objects."""
 SAME_PLACE = 0.4
-"""Overlap of windows from which they are of one object."""
+"""Overlap with the window that it began as, from which one that was moved is of the same object."""
+SAME_OBJECT = 0.5
+"""Overlap from which windows count as one object's: those of two that hide one another overlap, too."""
 LEAST_ROLL = math.radians(5.0)
 """A window is turned only where the network sees the object turned by more."""
 TURNS = 3
@@ -217,7 +219,7 @@ def apart(candidates: Iterable[Candidate], most: int) -> list[Candidate]:
     separate: list[Candidate] = []
     for each in sorted(candidates, key=lambda each: -each.present):
         if len(separate) < most and all(
-            overlap(each.window, other.window) < SAME_PLACE for other in separate
+            overlap(each.window, other.window) < SAME_OBJECT for other in separate
         ):
             separate.append(each)
     return separate
