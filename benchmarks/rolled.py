@@ -53,14 +53,14 @@ def main() -> None:
     if arguments.boxes:
         metrics = left_of_rolls(arguments.boxes, recognizer)
     else:
-        metrics = fits(read_dataset(arguments.dataset, arguments.split).first(arguments.count), object_class)
+        dataset = read_dataset(arguments.dataset, arguments.split).first(arguments.count)
+        metrics = wrong_views(dataset, object_class, recognizer)
     if arguments.json:
         write(report(metrics, threads=torch.get_num_threads()), arguments.json)
 
 
-def fits(dataset: Dataset, object_class: ObjectClass) -> list[dict[str, Any]]:
+def wrong_views(dataset: Dataset, object_class: ObjectClass, recognizer: Recognizer) -> list[dict[str, Any]]:
     """Fit, and print a line for each angle."""
-    recognizer = Recognizer.of_class(object_class)
     chosen = low_views(dataset)
     truth = torch.from_numpy(dataset.latents[chosen, layout_of_width(dataset.latents.shape[1]).at("azimuth")])
     print(

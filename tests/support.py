@@ -55,3 +55,13 @@ LOW_CONTRAST = """
 SMALL = NetworkSettings(
     channels=(4, 4, 4, 8, 8, 8), blocks=(1, 1, 1, 1, 1), expansion=2, decoder=8, squeezed=4, features=16
 )
+
+
+def contents(root: Path) -> dict[str, bytes]:
+    """Of all files below a folder, by their paths in it."""
+    return {str(path.relative_to(root)): path.read_bytes() for path in root.rglob("*") if path.is_file()}
+
+
+def differing(one: dict[str, bytes], other: dict[str, bytes]) -> set[str]:
+    """Names of `contents` that are not alike: comparing these themselves would print megabytes."""
+    return {name for name in one.keys() | other.keys() if one.get(name) != other.get(name)}

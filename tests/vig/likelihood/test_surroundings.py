@@ -78,8 +78,8 @@ def test_colours_outside_the_cube_count_as_on_its_border() -> None:
     torch.testing.assert_close(log_colour_density(outside, weight), log_colour_density(inside, weight))
 
 
-@pytest.mark.parametrize("shape", [(20, 20), (20, 20, 1), (20, 20, 4), (10, 30, 3)])
+@pytest.mark.parametrize("shape", [(20, 20), (20, 20, 1), (20, 20, 4)])
 def test_photos_of_another_shape_are_refused(shape: tuple[int, ...]) -> None:
     """The native code would read beyond them."""
-    with pytest.raises((ValueError, RuntimeError)):
+    with pytest.raises(ValueError, match="photo must be"):
         log_colour_density(torch.zeros(shape), torch.ones(20, 20))

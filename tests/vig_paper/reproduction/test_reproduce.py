@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support import contents, differing
 from vig_app.cli.main import main
 from vig_paper import ablation
 from vig_paper.reproduction import work
@@ -34,16 +35,6 @@ def reproduce(out: Path, *more: str) -> tuple[int, str, str]:
     return int(ended.value.code or 0), printed.getvalue(), errors.getvalue()
 
 
-def files(root: Path) -> dict[str, bytes]:
-    found = (path for path in root.rglob("*") if path.is_file())
-    return {str(path.relative_to(root)): path.read_bytes() for path in found}
-
-
-def differing(one: dict[str, bytes], other: dict[str, bytes]) -> set[str]:
-    """Files that are not alike: comparing the contents themselves would print megabytes."""
-    return {name for name in one.keys() | other.keys() if one.get(name) != other.get(name)}
-
-
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     """The folder of a run with a single ablation, and what it printed."""
@@ -66,7 +57,7 @@ def test_a_run_leaves_data_weights_tables_figures_and_a_page(finished: tuple[Pat
     out, printed = finished
     assert printed.splitlines()[-1] == str(out)
     assert "path-traced photos are left out, as --no-cycles asks" in printed
-    held = set(files(out))
+    held = set(contents(out))
     assert held >= {
         "index.html",
         "run.json",
@@ -95,12 +86,12 @@ def test_a_run_leaves_data_weights_tables_figures_and_a_page(finished: tuple[Pat
 @pytest.mark.slow
 def test_a_second_run_passes_over_everything(finished: tuple[Path, str]) -> None:
     out, first = finished
-    before = files(out)
+    before = contents(out)
     code, printed, _ = reproduce(out)
     steps = [line.split(":")[0] for line in first.splitlines() if line.endswith(": begun")]
     assert code == 0 and len(steps) == 9
     assert [line.split(":")[0] for line in printed.splitlines() if ": already done, in " in line] == steps
-    assert ": begun" not in printed and not differing(files(out), before)
+    assert ": begun" not in printed and not differing(contents(out), before)
 
 
 @pytest.mark.slow
@@ -114,11 +105,11 @@ def test_json_tells_tables_and_the_comparison(finished: tuple[Path, str]) -> Non
 
 @pytest.mark.slow
 def test_other_settings_are_refused_in_a_line(finished: tuple[Path, str]) -> None:
-    before = files(finished[0])
+    before = contents(finished[0])
     code, printed, errors = reproduce(finished[0], "--epochs", "2")
     assert code == 2 and printed == "" and errors.count("\n") == 1
     assert "holds a run with epochs 1; 2 was asked for" in errors
-    assert not differing(files(finished[0]), before)
+    assert not differing(contents(finished[0]), before)
 
 
 @pytest.mark.slow

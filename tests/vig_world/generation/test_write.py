@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 import trimesh
 
+from tests.support import contents, differing
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig_world.dataset.format import read_info
@@ -18,21 +19,11 @@ from vig_world.library import OwnAssets, OwnFolders
 COUNT, SEED = 10, 5  # of the fixture `made`
 
 
-def contents(root: Path) -> dict[str, bytes]:
-    return {str(path.relative_to(root)): path.read_bytes() for path in root.rglob("*") if path.is_file()}
-
-
-def differing(one: Path, other: Path) -> set[str]:
-    """The files that two folders have not alike: a comparison of `contents` would print megabytes."""
-    first, second = contents(one), contents(other)
-    return {name for name in first.keys() | second.keys() if first.get(name) != second.get(name)}
-
-
 def test_the_bytes_do_not_depend_on_the_number_of_workers(
     made: Path, tmp_path: Path, teapot: ObjectClass
 ) -> None:
     other = make_dataset(tmp_path / "two", COUNT, SEED, workers=2, progress=False, object_class=teapot)
-    assert not differing(other, made)
+    assert not differing(contents(other), contents(made))
 
 
 def test_a_killed_run_is_completed_with_the_same_bytes(
@@ -55,16 +46,16 @@ def test_a_killed_run_is_completed_with_the_same_bytes(
     half_written.write_bytes(b"half")
     make_dataset(out, COUNT, SEED, workers=1, progress=False, object_class=teapot)
     assert calls[4:] == list(range(3, COUNT))
-    assert not differing(out, made)
+    assert not differing(contents(out), contents(made))
 
 
 def test_a_complete_dataset_is_left_as_it_is(
-    made: Path, tmp_path: Path, teapot: ObjectClass, monkeypatch: pytest.MonkeyPatch
+    made: Path, teapot: ObjectClass, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delattr(Maker, "make")
-    kept = shutil.copytree(made, tmp_path / "kept")
+    before = contents(made)
     make_dataset(made, COUNT, SEED, progress=False, object_class=teapot)
-    assert not differing(made, kept)
+    assert not differing(contents(made), before)
 
 
 @pytest.mark.parametrize(
@@ -106,7 +97,7 @@ def test_a_dataset_of_other_settings_is_refused(
     copy = shutil.copytree(made, tmp_path / "copy")
     with pytest.raises(UserError, match=f"already holds a train split with {word}"):
         make_dataset(copy, *settings, object_class=teapot, progress=False)
-    assert not differing(copy, made)
+    assert not differing(contents(copy), contents(made))
 
 
 def test_a_run_that_made_nothing_claims_nothing(tmp_path: Path, monkeypatch) -> None:
