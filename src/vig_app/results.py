@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
+import json
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, suppress
+from itertools import islice
 from pathlib import Path, PurePath
 from typing import Any
 
 from vig.io.checks import reading
+from vig.io.errors import UserError
 from vig.io.files import atomic_write
 
 TABLE = "results"
@@ -38,6 +42,8 @@ TRUTHS = {"view_trusted", "mask_trusted", "distance_known", "lost", "refitted"}
 """Columns of text and of truth values; all others hold numbers."""
 WHOLE = {"object", "box_x", "box_y", "box_width", "box_height", "width", "height"}
 """Columns of whole numbers."""
+GROUP = 4096
+"""Rows of a table that are written at once."""
 
 
 def name_of(row: Mapping[str, Any]) -> str:
@@ -46,28 +52,70 @@ def name_of(row: Mapping[str, Any]) -> str:
     return PurePath(row["photo"]).name + (f" {which}" if several else "")
 
 
+class RowsOnDisk:
+    """Rows of a run in a temporary file, so that memory hardly grows with the photos.
+
+    Iterating gives them in the order of the photos, any number of times; its length is how many photos have
+    rows.
+
+    Args:
+        folders: Names of the photos' folders, in order.
+    """
+
+    def __init__(self, folders: Iterable[str]):
+        self._places: dict[str, dict[str, int]] = {folder: {} for folder in folders}
+        self._length = 0
+        self._file = tempfile.TemporaryFile()
+
+    def add(self, row: Mapping[str, Any]) -> None:
+        """Add an object's row, in the place of the one of its folder where there is one."""
+        places = self._places[row["folder"].split("/")[0]]
+        self._length += not places
+        try:
+            places[row["folder"]] = self._file.seek(0, 2)
+            self._file.write(json.dumps(row).encode() + b"\n")
+        except OSError as error:
+            raise UserError(f"cannot write a temporary file: {error.strerror}; make room.") from error
+
+    def __len__(self) -> int:
+        return self._length
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        for places in self._places.values():
+            for place in places.values():
+                self._file.seek(place)
+                yield json.loads(self._file.readline())
+
+
 def write_table(
     out: Path, rows: Iterable[dict[str, Any]], table: str = TABLE, columns: Sequence[str] = COLUMNS
 ) -> list[Path]:
-    """Write results.csv, and results.parquet where pyarrow is installed; returns what was written."""
-    rows = [{name: row.get(name) for name in columns} for row in rows]
-    with (
-        atomic_write(out / f"{table}.csv") as temporary,
-        open(temporary, "w", newline="", encoding="utf-8", errors="replace") as file,
-    ):
-        writer = csv.DictWriter(file, columns)
-        writer.writeheader()
-        writer.writerows(rows)
-    written = [out / f"{table}.csv"]
-    with suppress(ImportError):
-        import pyarrow
-        from pyarrow import parquet
+    """Write results.csv, and results.parquet where pyarrow is installed; returns what was written.
 
-        arrays = {name: pyarrow.array([_text(row[name]) for row in rows], _kind(name)) for name in columns}
-        with atomic_write(out / f"{table}.parquet") as temporary:
-            parquet.write_table(pyarrow.table(arrays), temporary)
-        written.append(out / f"{table}.parquet")
-    return written
+    The rows are taken one after the other, `GROUP` of them are held at a time.
+    """
+    paths = [out / f"{table}.csv"]
+    with ExitStack() as stack:
+        temporary = stack.enter_context(atomic_write(paths[0]))
+        file = stack.enter_context(open(temporary, "w", newline="", encoding="utf-8", errors="replace"))
+        write_group = None
+        with suppress(ImportError):
+            import pyarrow
+            from pyarrow import parquet
+
+            schema = pyarrow.schema([(name, _kind(name)) for name in columns])
+            paths.append(out / f"{table}.parquet")
+            temporary = stack.enter_context(atomic_write(paths[1]))
+            write_group = stack.enter_context(parquet.ParquetWriter(temporary, schema)).write_table
+        writer = csv.DictWriter(file, columns, extrasaction="ignore")
+        writer.writeheader()
+        rows = iter(rows)
+        while group := list(islice(rows, GROUP)):
+            writer.writerows(group)
+            if write_group is not None:
+                arrays = {name: [_text(row.get(name)) for row in group] for name in columns}
+                write_group(pyarrow.table(arrays, schema))
+    return paths
 
 
 def read_results(folder: str | Path) -> list[dict[str, Any]]:

@@ -7,7 +7,7 @@ import json
 import os
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import closing, nullcontext
 from datetime import datetime
 from functools import partial
@@ -43,7 +43,7 @@ from vig_app.exports import RUN_FORMATS, export_run, run_files
 from vig_app.report.folder import FILES, check_files
 from vig_app.report.folder_page import write_run_page
 from vig_app.report.sheet import sheet_name, write_sheets
-from vig_app.results import TABLES, TRACK, name_of, write_table
+from vig_app.results import TABLES, TRACK, RowsOnDisk, name_of, write_table
 from vig_app.runs import LEDGER, RunSettings, Task, ledger_of, run, run_tracked
 
 FRAMES = "frames"
@@ -126,11 +126,16 @@ def fit(settings: FitCommand) -> int:
         Task(photo, folder, box, settings.focal, hints, mask(photo), objects, most, camera, by_hand[folder])
         for photo, folder, (box, objects), camera in zip(photos, folders, boxes, cameras, strict=True)
     )
-    rows_of_photo: dict[str, dict[str, dict[str, Any]]] = {}
+    rows = RowsOnDisk(folder.name for folder in folders)
+    made_anew = False
+    failed = 0
 
     def take(row: dict[str, Any]) -> None:
-        rows_of_photo.setdefault(row["folder"].split("/")[0], {})[row["folder"]] = row
-        meter.advance(len(rows_of_photo) - meter.done)
+        nonlocal made_anew, failed
+        rows.add(row)
+        made_anew |= not row.get("done_before")
+        failed += row["error"] is not None
+        meter.advance(len(rows) - meter.done)
         line = in_one_line(_line(row))
         log(line)
         if row["error"] is not None:
@@ -138,12 +143,9 @@ def fit(settings: FitCommand) -> int:
         elif not settings.json and not settings.quiet:
             print(line, flush=True)
 
-    def all_rows() -> list[dict[str, Any]]:
-        return [row for folder in folders for row in rows_of_photo.get(folder.name, {}).values()]
-
     def finish() -> None:
-        if rows := all_rows():
-            if not all(row.get("done_before") for row in rows):
+        if len(rows):
+            if made_anew:
                 for name in run_files():  # of the results before
                     (settings.out / name).unlink(missing_ok=True)
             write_table(settings.out, rows)
@@ -159,13 +161,11 @@ def fit(settings: FitCommand) -> int:
             with closing(run(tasks, settings.out, run_settings, *how, finish)) as found:
                 for row in found:
                     take(row)
-    rows = all_rows()
     if settings.track and not settings.json and not settings.quiet:
         lost = sum(frame.lost for frame in frames)
         print(f"{len(frames)} frames, {lost} of them lost: {settings.out / TRACK}.csv")
     if len(photos) > 1 and (formats := [name for name in settings.export if name in RUN_FORMATS]):
         export_run(settings.out, formats)
-    failed = sum(row["error"] is not None for row in rows)
     if settings.json:
         errors = {row["photo"]: row["error"] for row in rows if row["error"] is not None}
         result = {"results": _results(rows, settings.out), "errors": errors, "folder": str(settings.out)}
@@ -174,7 +174,7 @@ def fit(settings: FitCommand) -> int:
         if settings.quiet:
             print(settings.out)
         else:
-            end(settings.out, _next(settings, folders, len(rows_of_photo) - failed))
+            end(settings.out, _next(settings, folders, len(rows) - failed))
     return 0 if not failed else 1 if failed < len(rows) else 2
 
 
@@ -249,7 +249,7 @@ def _of_mesh(mesh: Path, object_class: ObjectClass) -> str:
     return f"'{mesh.name}': {TURNS[object_class.symmetry]}; {size}"
 
 
-def _results(rows: list[dict[str, Any]], out: Path) -> dict[str, Any]:
+def _results(rows: Iterable[dict[str, Any]], out: Path) -> dict[str, Any]:
     """What each explanation.json holds, by photo; a list of them where a photo has several objects."""
     results: dict[str, Any] = {}
     for row in rows:

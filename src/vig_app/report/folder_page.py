@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import heapq
 import os
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -93,11 +94,17 @@ def folder_html(
     )
 
 
-def write_run_page(out: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """report.html of a run: the first `MOST_ENTRIES` of its photos in review order."""
-    explained = sorted((row for row in rows if row["error"] is None), key=review_order)
+def write_run_page(out: Path, rows: Iterable[Mapping[str, Any]]) -> None:
+    """report.html of a run: the first `MOST_ENTRIES` of its photos in review order. Takes the rows twice."""
+    objects, photos, errors = 0, set[str](), []
+    for row in rows:
+        if row["error"] is None:
+            objects += 1
+            photos.add(row["photo"])
+        else:
+            errors.append(row["error"])
     entries = []
-    for row in explained[:MOST_ENTRIES]:
+    for row in heapq.nsmallest(MOST_ENTRIES, (row for row in rows if row["error"] is None), review_order):
         folder = row["folder"].split("/")[0]  # of several objects the page of all
         picture = np.full((24, 32, 3), 128, np.uint8)  # where no thumbnail was asked for
         with suppress(OSError), Image.open(out / row["folder"] / THUMBNAIL_FILE) as thumbnail:
@@ -105,10 +112,8 @@ def write_run_page(out: Path, rows: Sequence[Mapping[str, Any]]) -> None:
         has_page = (out / folder / "report.html").exists()
         entries.append(Entry(name_of(row), folder, row, picture, has_page))
     if entries:
-        errors = [row["error"] for row in rows if row["error"] is not None]
-        photos = len({row["photo"] for row in explained})
-        title = None if photos == len(explained) else f"{photos} photos, {len(explained)} objects explained"
-        write_page(out / "report.html", folder_html(entries, len(explained), errors, title))
+        title = None if len(photos) == objects else f"{len(photos)} photos, {objects} objects explained"
+        write_page(out / "report.html", folder_html(entries, objects, errors, title))
 
 
 def review_order(row: Mapping[str, Any]) -> tuple[int, float]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import heapq
 import math
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +48,7 @@ def sheet_name(number: int) -> str:
     return "sheet.jpg" if number == 0 else f"sheet-{number + 1}.jpg"
 
 
-def write_sheets(out: Path, rows: Sequence[Mapping[str, Any]]) -> list[Path]:
+def write_sheets(out: Path, rows: Iterable[Mapping[str, Any]]) -> list[Path]:
     """Write the photos of a run in the order of `review_order`, `PER_SHEET` to a sheet.
 
     Args:
@@ -60,7 +61,7 @@ def write_sheets(out: Path, rows: Sequence[Mapping[str, Any]]) -> list[Path]:
     Raises:
         UserError: They cannot be written.
     """
-    ordered = sorted(rows, key=review_order)
+    ordered = heapq.nsmallest(MOST_SHEETS * PER_SHEET, rows, review_order)
     written = []
     for number in range(MOST_SHEETS):
         path, part = out / sheet_name(number), ordered[number * PER_SHEET : (number + 1) * PER_SHEET]
