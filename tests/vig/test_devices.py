@@ -1,4 +1,4 @@
-"""Fits on a GPU that is pretended, and all kernels compiled for real ones; no test here runs on one."""
+"""Fits on a GPU that is pretended, and all kernels compiled for real ones; `test_gpu.py` runs on one."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from vig.likelihood.kernels.geometry import Geometry
 from vig.likelihood.kernels.load import likelihood_kernels
 from vig.photo import Window
 from vig.recognition import Recognizer
+from vig.renderer import MeshObject, Pinhole, Scene, Topology, render
 from vig.renderer.primitives import crossings, texture, visibility
 from vig.search.damped_step import search_kernels
 from vig_app.examples import FOLDER
@@ -113,6 +114,33 @@ def test_an_evaluation_waits_for_nothing(studio: Any, monkeypatch: pytest.Monkey
         found = evaluated(NAME)
     for there, here in zip(found, expected, strict=True):
         torch.testing.assert_close(there, here, rtol=1e-9, atol=1e-9 * float(here.abs().max()))
+
+
+def test_a_mesh_is_drawn_on_its_own_device(
+    packaged: vig.ObjectClass, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Native code would read a table of another device at an address of the host."""
+    model = packaged.shape_model
+
+    def drawn(at: str, topology: Topology) -> torch.Tensor:
+        def moved(numbers: Any) -> torch.Tensor:
+            return torch.from_numpy(np.array(numbers, np.float64)).to(at)
+
+        turn, place = [[1, 0, 0], [0, 0, -1], [0, 1, 0]], [0.0, 0.1, 0.5]
+        camera = Pinhole(60, 40, *map(moved, ([80.0, 80.0], [30.0, 20.0], turn, place)))
+        item = MeshObject(moved(model.mean), topology, moved([0.2, 0.4, 0.6]), light=moved([1.0] + 8 * [0.1]))
+        return render(Scene([item], camera)).rgb.cpu().clone()
+
+    here = Topology.of(model.faces, model.mean)
+    expected = drawn("cpu", here)
+    with pretended(monkeypatch):
+        there = Topology.of(model.faces, model.mean, device=NAME)
+        torch.testing.assert_close(drawn(NAME, there), expected, rtol=1e-9, atol=1e-12)
+        for at, topology, where in (("cpu", there, NAME), (NAME, here, "cpu")):
+            with pytest.raises(
+                ValueError, match=f"topology of object 0 .* must be on {at}.* it is on {where}"
+            ):
+                drawn(at, topology)
 
 
 @pytest.mark.slow

@@ -226,14 +226,27 @@ def _check_scene(index: int, scene: Scene, size: tuple[int, int], like: torch.Te
 def _check_object(name: str, item: MeshObject, like: torch.Tensor) -> None:
     _check(f"of {name}", _object_tensors(item), like)
     item.topology.check_unchanged()
-    if item.texture is None:
+    topology, texture = item.topology, item.texture
+    _check_device(f"the topology of {name}", (topology.faces, topology.texture_faces, topology.edges), like)
+    if texture is None:
         return
+    _check_device(f"the texture of {name}", (texture.levels, texture.first), like)
     rows = 0 if item.texture_coordinates is None else len(item.texture_coordinates)
     if item.texture_coordinates is None or item.topology.texture_rows > rows:
         raise ValueError(
             f"a texture needs a row of texture_coordinates for each of its corners; {name} has "
             f"{rows} for corners up to {item.topology.texture_rows - 1}"
         )
+
+
+def _check_device(what: str, tables: tuple[torch.Tensor, ...], like: torch.Tensor) -> None:
+    """ValueError unless tables are where the camera is: kernels read them there."""
+    for each in tables:
+        if each.device != like.device:
+            raise ValueError(
+                f"{what} must be on {like.device}, like the camera; it is on {each.device}. Make it there:"
+                f" Topology.of has a device, a pyramid is where its texture is."
+            )
 
 
 def _check(of: str, tensors: _Tensors, like: torch.Tensor | None = None, finite: bool = False) -> None:
