@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -13,9 +14,10 @@ import torch
 from vig.inference.hints import PlaceTerm
 from vig.inference.prior_kernel import prior_kernel
 from vig.likelihood import Evaluation, Likelihood
-from vig.renderer.device import launch
+from vig.renderer.device import launch, recorded
 from vig.scene import LatentLayout, Latents, ObjectClass, latent_layout, rotate_z
 from vig.scene.latents import FRAMING
+from vig.search.native_descent import Valuation
 
 
 @dataclass(frozen=True)
@@ -95,16 +97,18 @@ class Prior:
         self, points: torch.Tensor, value: torch.Tensor, gradient: torch.Tensor, normal: torch.Tensor
     ) -> None:
         """Add log p(z) to values (B,) float64, its gradient to (B, P'), -log p's matrix to (B, P', P')."""
-        gaussians = (
-            points,
-            self.mean,
-            self.precision,
-            self.heading_mean,
-            self.heading_precision,
-            self.azimuths,
-        )
+        launch(prior_kernel(points.dtype), len(points), *self._arguments(points, value, gradient, normal))
+
+    def after(self, valuation: Valuation) -> Valuation:
+        """A valuation to which log p(z) is added, as `add_to` does."""
+        point, found = valuation.point[None], (valuation.value, valuation.gradient, valuation.normal)
+        return valuation.then(recorded(prior_kernel(point.dtype), 1, *self._arguments(point, *found)))
+
+    def _arguments(self, points: torch.Tensor, *found: torch.Tensor) -> tuple[Any, ...]:
+        """Of the kernel."""
+        gaussians = self.mean, self.precision, self.heading_mean, self.heading_precision, self.azimuths
         places = self.azimuth_precision, float(self.symmetry.fold), self.azimuth, self.light.start
-        launch(prior_kernel(points.dtype), len(points), *gaussians, *places, value, gradient, normal)
+        return (points, *gaussians, *places, *found)
 
 
 @dataclass(frozen=True)
@@ -191,6 +195,15 @@ class Objective:
         """Value one point (1, P') of the first photo."""
         photo = torch.zeros(1, dtype=torch.int32, device=self.device)
         return self(point, photo, torch.tensor([sigma], device=self.device), derivatives)
+
+    @contextmanager
+    def valuation(self, photo: int, sigma: float) -> Iterator[Valuation | None]:
+        """See `vig.search.native_descent.NativeProblem`; None where there are terms of places, too."""
+        if self.terms or not isinstance(self.likelihood, Likelihood):
+            yield None
+            return
+        with self.likelihood.valuation(photo, sigma) as valuation:
+            yield None if valuation is None else self.prior.after(valuation)
 
     def __call__(
         self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: bool = True

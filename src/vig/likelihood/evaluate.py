@@ -17,6 +17,7 @@ from vig.likelihood.passes import Pass
 from vig.parallel.threads import on_one_core, run_on_threads, thread_count
 from vig.renderer import warp_array
 from vig.scene import Camera, Latents, latent_layout
+from vig.search.native_descent import Valuation
 
 CURVATURE_LINES = 75
 """Lines of pixels that enter the normal matrix, unless a stride is given."""
@@ -216,6 +217,20 @@ class Likelihood:
         if coverage is not None:
             coverage = coverage.clamp_(0.0, 1.0)
         return Evaluation(value, gradient, normal, posterior, coverage, irradiance)
+
+    @contextmanager
+    def valuation(self, photo: int, sigma: float) -> Iterator[Valuation | None]:
+        """How native code values a point of a photo, with gradient and normal matrix; None where it cannot.
+
+        For one thread: its memory is that of a pass, which is lent until the block ends.
+        """
+        if self.geometry.device != "cpu" or not (0 <= photo < len(self.observed) and 0 < sigma < math.inf):
+            yield None
+            return
+        with self._pass(1) as run:
+            run.photo.fill_(photo)
+            run.sigma.fill_(sigma)
+            yield run.valuation()
 
     def _check(self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor) -> None:
         """Raise ValueError for input that kernels do not check: out-of-range indices, NaN."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import inspect
 import weakref
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -16,6 +15,7 @@ from vig.parallel.internals import group_fields, type_parts
 from vig.renderer import NOTHING, warp_array
 from vig.renderer.device import Prepared
 from vig.renderer.raster import KEYS_MARGIN
+from vig.search.native_descent import CLEAR, COMBINE, COPY, FILL, LAUNCH, PROJECT, SQUARE, Valuation
 
 if TYPE_CHECKING:
     from vig.likelihood.evaluate import Likelihood
@@ -201,7 +201,38 @@ class Pass:
                     torch.mm(rows_used.T, rows_used, out=product)
             self._assemble()
 
-    def _recorded(self, derivatives: int, images: bool) -> list[Callable[[], object]]:
+    def valuation(self) -> Valuation | None:
+        """How native code values the first point, gradient and matrix too, once photo and sigma are set.
+
+        None on a GPU and where launches have no addresses.
+        """
+        launches = [self._look, *self._program(2, False), self._assemble]
+        addresses = [launch.addresses for launch in launches]
+        if not self._alone or None in addresses:
+            return None
+        look, *middle, assemble = [(LAUNCH, *each) for each in addresses if each is not None]
+        positions, world = self.geometry.positions, self.world.view(self.count, -1)
+        lines, across = positions.shape
+
+        def at(tensor: torch.Tensor) -> int:
+            return tensor.data_ptr()
+
+        on_world, rows, products = self.on_world, self.rows[0], self.products
+        steps = [
+            (COPY, at(self.albedo), at(self._blocks["albedo"]), 3),
+            (FILL, at(self.keys), self.keys[0].numel(), NOTHING),
+            *((CLEAR, at(each), each[0].nbytes) for each in self._cleared),
+            look,
+            (COMBINE, at(world), at(self._with_one), at(positions), lines, across),
+            *middle,
+            (PROJECT, at(self.shape_gradient), at(on_world), at(positions[1:]), lines - 1, across),
+            (SQUARE, at(products), at(rows), at(self.row_counts), *rows.shape),
+            assemble,
+        ]
+        found = self.value[:1], self.gradient[:1], self.normal[:1]
+        return Valuation(self.points[0], *found, steps, (self, launches))
+
+    def _recorded(self, derivatives: int, images: bool) -> list[Prepared]:
         """The launches between placing the vertices in the world and the last matrix products."""
         parts = self.count, self._parts
         line = {"values": "line_values", "on_albedo": "line_albedo"}
@@ -231,7 +262,7 @@ class Pass:
         shared_out: str | None = None,
         values: dict[str, Any] | None = None,
         renamed: dict[str, str] | None = None,
-    ) -> Callable[[], object]:
+    ) -> Prepared:
         """Record a launch of a kernel, whose arguments are found by their names.
 
         shared_out: of what each thread takes a `chunk`. values: further arguments. renamed: which buffer

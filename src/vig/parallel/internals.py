@@ -72,8 +72,9 @@ def group_fields(group: Any) -> tuple[str, ...]:
     return tuple(fields if fields is not None else struct.cls.__annotations__)
 
 
-def packed_launch(command: Any) -> tuple[Callable[[], object], Any] | None:
-    """A recorded CPU launch as a call, and the C structure of its arguments `argument_0`, `argument_1`, ...
+def packed_launch(command: Any) -> tuple[Callable[[], object], Any, tuple[int, int, int]] | None:
+    """A recorded CPU launch as a call, the C structure of its arguments `argument_0`, `argument_1`, ..., and
+    the addresses of its function, of its bounds and of that structure.
 
     Warp packs a launch's arguments anew each time, which takes longer than many a kernel runs; here they are
     packed once. None on a GPU and where Warp has no such parts: `command.launch` does the same.
@@ -86,7 +87,9 @@ def packed_launch(command: Any) -> tuple[Callable[[], object], Any] | None:
     fields = [(f"argument_{i}", type(argument)) for i, argument in enumerate(arguments)]
     packed = type("Arguments", (ctypes.Structure,), {"_fields_": fields})(*arguments)
     structures = ctypes.byref(bounds), ctypes.byref(packed)
-    return lambda: forward(*structures), packed
+    function = ctypes.cast(forward, ctypes.c_void_p).value or 0
+    addresses = function, ctypes.addressof(bounds), ctypes.addressof(packed)
+    return lambda: forward(*structures), packed, addresses
 
 
 def transforms(*cotangents: torch.Tensor | None) -> bool:

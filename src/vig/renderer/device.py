@@ -72,13 +72,7 @@ def launch(kernel: wp.Kernel, count: int | tuple[int, ...], *arguments: Any) -> 
         # Describing arguments takes longer than many kernels run: a launch like one before is that one again.
         prepared.repeat(arguments)
         return
-    inputs = [
-        # A bare descriptor, faster made than an array; the tensor lives until the kernel has been launched.
-        wp.from_torch(argument, dtype=kind.dtype, requires_grad=False, return_ctype=True)
-        if isinstance(argument, torch.Tensor)
-        else argument
-        for argument, kind in zip(arguments, kernel.func.__annotations__.values(), strict=True)
-    ]
+    inputs = _described(kernel, arguments)
     # Recording takes longer than describing: what comes once, as lengths that depend on data do, is launched.
     if device.type != "cpu" or key not in kept:
         wp.launch(kernel, count, inputs, device=str(device), stream=current_stream(device))
@@ -92,6 +86,32 @@ def launch(kernel: wp.Kernel, count: int | tuple[int, ...], *arguments: Any) -> 
     if len(kept) >= KEPT_LAUNCHES:
         kept.clear()
     kept[key] = prepared
+
+
+def recorded(kernel: wp.Kernel, count: int | tuple[int, ...], *arguments: Any) -> Prepared:
+    """A launch on the processor with these arguments, see `launch`, not yet run; this thread keeps it.
+
+    The next launch or recording of the same kind on this thread gives it other arguments.
+    """
+    kept, key = _here.__dict__.setdefault("launches", {}), (kernel, count, *map(_kind, arguments))
+    prepared: Prepared | None = kept.get(key)
+    if prepared is None:
+        inputs = _described(kernel, arguments)
+        prepared = Prepared(wp.launch(kernel, count, inputs, device="cpu", record_cmd=True))
+        kept[key] = prepared
+    else:
+        prepared.take(arguments)
+    return prepared
+
+
+def _described(kernel: wp.Kernel, arguments: Sequence[Any]) -> list[Any]:
+    """Arguments of a launch; tensors as bare descriptors, faster made than arrays; the caller keeps them."""
+    return [
+        wp.from_torch(argument, dtype=kind.dtype, requires_grad=False, return_ctype=True)
+        if isinstance(argument, torch.Tensor)
+        else argument
+        for argument, kind in zip(arguments, kernel.func.__annotations__.values(), strict=True)
+    ]
 
 
 def _kind(argument: Any) -> Any:
@@ -290,8 +310,9 @@ class Prepared:
         device = str(command.device)
         self._launch: Callable[[], object] = lambda: command.launch(current_stream(device))
         self.packed: Any = None
+        self.addresses: tuple[int, int, int] | None = None
         if (packed := packed_launch(command)) is not None:
-            self._launch, self.packed = packed
+            self._launch, self.packed, self.addresses = packed
 
     def __call__(self) -> object:
         """Launch."""
@@ -307,7 +328,11 @@ class Prepared:
 
     def repeat(self, arguments: Sequence[Any]) -> None:
         """Launch with other tensors of the same kinds in the place of those that it was recorded with."""
+        self.take(arguments)
+        self._launch()
+
+    def take(self, arguments: Sequence[Any]) -> None:
+        """From now on the tensors are these, of the same kinds."""
         for index, argument in enumerate(arguments):
             if isinstance(argument, torch.Tensor):
                 getattr(self.packed, f"argument_{index}").data = argument.data_ptr()
-        self._launch()

@@ -13,11 +13,18 @@ from vig.search.optimizer import Problem, Valued
 
 ROUNDS = 3
 """How often a step is solved, numbers at a bound held."""
+KINDS = {"LAUNCH": 0, "FILL": 1, "CLEAR": 2, "COPY": 3, "COMBINE": 4, "PROJECT": 5, "SQUARE": 6}
+"""Of the steps of a valuation by native code; `descend.cc` says what each does."""
+STEP = 6
+"""Numbers of such a step: its kind and what it takes."""
+LANES, TILE = 16, 8
+"""Numbers that native code takes at a time, whole vector registers, and how many such it sums at once."""
 
 
 @functools.cache
-def search_kernels(dtype: torch.dtype) -> tuple[Any, Any]:
-    """The kernels of a step and of its acceptance for one scalar type; a thread for each search."""
+def search_kernels(dtype: torch.dtype) -> tuple[Any, Any, Any]:
+    """For one scalar type the kernels of a step and of its acceptance, a thread for each search, and that of
+    whole searches one after the other, on the processor."""
     initialise()
     real = scalar_type(dtype)
 
@@ -105,7 +112,17 @@ def search_kernels(dtype: torch.dtype) -> tuple[Any, Any]:
             done,
         )
 
-    return damped, accept
+    constants = {**KINDS, "STEP": STEP, "LANES": LANES, "TILE": TILE}
+    whole = native_code(Path(__file__).parent, "descend.cc", real=real, **constants)
+
+    @wp.func_native(snippet=whole)
+    def descend_all(table: wp.array(dtype=wp.int64), first_damping: wp.float64): ...
+
+    @wp.kernel(module=kernel_module("search", dtype))
+    def descend(table: wp.array(dtype=wp.int64), first_damping: wp.float64):
+        descend_all(table, first_damping)
+
+    return damped, accept, descend
 
 
 def damped_step(

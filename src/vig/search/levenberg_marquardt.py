@@ -12,6 +12,7 @@ import torch
 
 from vig.parallel.threads import on_one_core
 from vig.search.damped_step import Standing, damped_step
+from vig.search.native_descent import NativeProblem, descend
 from vig.search.optimizer import Budget, Descent, Problem
 
 
@@ -38,6 +39,11 @@ class LevenbergMarquardt:
         self, objective: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
     ) -> Descent:
         count = len(starts)
+        if isinstance(objective, NativeProblem) and starts.dtype == objective.dtype:
+            if (
+                found := descend(objective, starts, photo, sigma, budget, self.damping, self.give_up)
+            ) is not None:
+                return found
         noise = torch.full((count,), sigma, dtype=objective.dtype, device=objective.device)
         start = objective(starts, photo, noise)
         assert start.gradient is not None and start.normal is not None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from types import SimpleNamespace
 
 import numpy as np
@@ -87,12 +88,15 @@ def test_a_packed_launch_does_what_the_launch_does(recorded: tuple[wp.Launch, wp
     command, out = recorded
     found = packed_launch(command)
     assert found is not None
-    launch, packed = found
+    launch, packed, (function, bounds, arguments) = found
     launch()
     np.testing.assert_array_equal(out.numpy(), [3.0, 5.0])
     packed.argument_1 = 10.0
     launch()
     np.testing.assert_array_equal(out.numpy(), [11.0, 21.0])
+    packed.argument_1 = 20.0
+    ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(function)(bounds, arguments)
+    np.testing.assert_array_equal(out.numpy(), [21.0, 41.0])
 
 
 @pytest.mark.parametrize("missing", [None, "hooks", "params"])
