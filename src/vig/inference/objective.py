@@ -197,12 +197,12 @@ class Objective:
         return self(point, photo, torch.tensor([sigma], device=self.device), derivatives)
 
     @contextmanager
-    def valuation(self, photo: int, sigma: float) -> Iterator[Valuation | None]:
+    def valuation(self, photo: int, sigma: float, derivatives: bool = True) -> Iterator[Valuation | None]:
         """See `vig.search.native_descent.NativeProblem`; None where there are terms of places, too."""
         if self.terms or not isinstance(self.likelihood, Likelihood):
             yield None
             return
-        with self.likelihood.valuation(photo, sigma) as valuation:
+        with self.likelihood.valuation(photo, sigma, derivatives) as valuation:
             yield None if valuation is None else self.prior.after(valuation)
 
     def __call__(

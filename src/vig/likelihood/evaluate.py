@@ -219,8 +219,8 @@ class Likelihood:
         return Evaluation(value, gradient, normal, posterior, coverage, irradiance)
 
     @contextmanager
-    def valuation(self, photo: int, sigma: float) -> Iterator[Valuation | None]:
-        """How native code values a point of a photo, with gradient and normal matrix; None where it cannot.
+    def valuation(self, photo: int, sigma: float, derivatives: bool = True) -> Iterator[Valuation | None]:
+        """How native code values a point of a photo, with its derivatives or alone; None where it cannot.
 
         For one thread: its memory is that of a pass, which is lent until the block ends.
         """
@@ -230,7 +230,7 @@ class Likelihood:
         with self._pass(1) as run:
             run.photo.fill_(photo)
             run.sigma.fill_(sigma)
-            yield run.valuation()
+            yield run.valuation(derivatives)
 
     def _check(self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor) -> None:
         """Raise ValueError for input that kernels do not check: out-of-range indices, NaN."""

@@ -201,34 +201,39 @@ class Pass:
                     torch.mm(rows_used.T, rows_used, out=product)
             self._assemble()
 
-    def valuation(self) -> Valuation | None:
-        """How native code values the first point, gradient and matrix too, once photo and sigma are set.
+    def valuation(self, derivatives: bool) -> Valuation | None:
+        """How native code values the first point once photo and sigma are set, with derivatives or alone.
 
         None on a GPU and where launches have no addresses.
         """
-        launches = [self._look, *self._program(2, False), self._assemble]
+        launches = [self._look, *self._program(2 if derivatives else 0, False)]
+        if derivatives:
+            launches.append(self._assemble)
         addresses = [launch.addresses for launch in launches]
         if not self._alone or None in addresses:
             return None
-        look, *middle, assemble = [(LAUNCH, *each) for each in addresses if each is not None]
+        look, *others = [(LAUNCH, *each) for each in addresses if each is not None]
         positions, world = self.geometry.positions, self.world.view(self.count, -1)
         lines, across = positions.shape
 
         def at(tensor: torch.Tensor) -> int:
             return tensor.data_ptr()
 
-        on_world, rows, products = self.on_world, self.rows[0], self.products
+        on_world, rows = self.on_world, self.rows[0]
         steps = [
             (COPY, at(self.albedo), at(self._blocks["albedo"]), 3),
             (FILL, at(self.keys), self.keys[0].numel(), NOTHING),
             *((CLEAR, at(each), each[0].nbytes) for each in self._cleared),
             look,
             (COMBINE, at(world), at(self._with_one), at(positions), lines, across),
-            *middle,
-            (PROJECT, at(self.shape_gradient), at(on_world), at(positions[1:]), lines - 1, across),
-            (SQUARE, at(products), at(rows), at(self.row_counts), *rows.shape),
-            assemble,
+            *others,
         ]
+        products = [
+            (PROJECT, at(self.shape_gradient), at(on_world), at(positions[1:]), lines - 1, across),
+            (SQUARE, at(self.products), at(rows), at(self.row_counts), *rows.shape),
+        ]
+        if derivatives:
+            steps[-1:-1] = products
         found = self.value[:1], self.gradient[:1], self.normal[:1]
         return Valuation(self.points[0], *found, steps, (self, launches))
 

@@ -1,5 +1,6 @@
 // Levenberg-Marquardt searches one after the other: starts `first`, `first + among` and so on. A valuation is a list of
-// steps, `STEP` numbers each, that value the point at a fixed address; see `Valuation`.
+// steps, `STEP` numbers each, that value the point at a fixed address; see `Valuation`. Without iterations starts are only
+// valued, without derivatives.
 #ifndef __CUDACC__  // searches on a GPU are batches
 typedef void (*Launch)(void*, void*);
 typedef real Lanes __attribute__((vector_size(LANES * sizeof(real)), aligned(sizeof(real))));
@@ -108,11 +109,11 @@ for (wp::int64 search = first; search < searches; search += among) {
     evaluate();
     *value = *tried_value;
     bool going = *value - *value == 0;
-    for (wp::int64 i = 0; i < n; ++i) {
+    for (wp::int64 i = 0; iterations && i < n; ++i) {
         gradient[i] = tried_gradient[i];
         going &= gradient[i] - gradient[i] == 0;
     }
-    for (wp::int64 i = 0; i < n * n; ++i)
+    for (wp::int64 i = 0; iterations && i < n * n; ++i)
         normal[i] = tried_normal[i];
     *damping = real(first_damping);
     *growth = 3;
@@ -137,7 +138,7 @@ for (wp::int64 search = first; search < searches; search += among) {
     }
     converged[search] = going & ended;
     end_value[search] = *value;
-    for (wp::int64 i = 0; i < n * n; ++i)
+    for (wp::int64 i = 0; iterations && i < n * n; ++i)
         end_normal[search * n * n + i] = normal[i];
 }
 #endif

@@ -50,7 +50,9 @@ class Valuation:
 class NativeProblem(Problem, Protocol):
     """A problem that native code may be able to value, on the processor."""
 
-    def valuation(self, photo: int, sigma: float) -> AbstractContextManager[Valuation | None]:
+    def valuation(
+        self, photo: int, sigma: float, derivatives: bool = True
+    ) -> AbstractContextManager[Valuation | None]:
         """How it is valued, for one thread at a time; None where it cannot be in native code."""
         ...
 
@@ -113,7 +115,8 @@ def descend(
 ) -> Descent | None:
     """Search from starts (S, P') of photos (S,), shared out to threads.
 
-    None where native code cannot value the problem, or the starts are of different photos.
+    None where native code cannot value the problem, or the starts are of different photos. Without iterations
+    the starts are only valued.
     """
     count, size = starts.shape
     if (
@@ -133,7 +136,7 @@ def descend(
         kept = _here.__dict__.setdefault("searches", {})
         if (search := kept.get((size, starts.dtype))) is None:
             search = kept[size, starts.dtype] = _Search(size, starts.dtype)
-        with problem.valuation(number, sigma) as valuation:
+        with problem.valuation(number, sigma, budget.iterations > 0) as valuation:
             if valuation is None:
                 refused.append(first)
             else:
@@ -143,4 +146,5 @@ def descend(
     if refused:
         return None
     path = path[: int(evaluations.max())]
-    return Descent(path[-1].clone(), value, evaluations, converged, path, normal)
+    curvature = normal if budget.iterations else None
+    return Descent(path[-1].clone(), value, evaluations, converged, path, curvature)
