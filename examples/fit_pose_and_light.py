@@ -20,8 +20,8 @@ import torch
 from PIL import Image
 
 from vig.renderer import MeshObject, Pinhole, Scene, Topology, render
-from vig.renderer.primitives import pyramid
 from vig.scene import ObjectClass, irradiance, srgb8_from_linear
+from vig_renderer.primitives import pyramid
 
 STEPS = 150
 SIZE = 100

@@ -131,8 +131,8 @@ def pretended(patch: pytest.MonkeyPatch) -> Iterator[PretendDevice]:
     patch.setattr(wp, "get_cuda_device_count", lambda: 1)
     patch.setattr(torch.cuda, "device_count", lambda: 1)
     patch.setattr(torch.cuda, "is_bf16_supported", lambda *_: False)
-    patch.setattr("vig.renderer.device.current_stream", lambda device: None)
-    patch.setattr("vig.renderer.device.packed_launch", lambda command: None)  # as on a GPU
+    patch.setattr("vig_renderer.device.current_stream", lambda device: None)
+    patch.setattr("vig_renderer.device.packed_launch", lambda command: None)  # as on a GPU
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from vig.hints import Hints as Hints
     from vig.inference.settings import Verdict as Verdict
     from vig.io.errors import UserError as UserError
-    from vig.renderer.rendering import render as render
     from vig.scene.camera import Camera as Camera
     from vig.scene.latents import Latents as Latents
     from vig.scene.object_class import ObjectClass as ObjectClass
@@ -27,6 +26,7 @@ if TYPE_CHECKING:
     from vig.video import TrackedPose as TrackedPose
     from vig.video import Tracker as Tracker
     from vig.video import track as track
+    from vig_renderer.rendering import render as render
 
 __version__ = "0.3.0.dev0"
 
@@ -46,7 +46,7 @@ _HOMES = {
     "SceneExplanation": "vig.several",
     "explain_found": "vig.several",
     "explain_together": "vig.several",
-    "render": "vig.renderer",
+    "render": "vig_renderer",
     "track": "vig.video",
 }
 """Where each public name lives: imported when it is first asked for, so that `import vig` is quick."""

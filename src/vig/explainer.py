@@ -36,8 +36,8 @@ from vig.photo import ImagePyramid, Intrinsics, Window, focal_of
 from vig.photo.images import coded_photo
 from vig.photo.window import DISTANCE_RATIO_BOUNDS
 from vig.recognition import WEIGHTS_FILE, Recognizer, UninformedRecognizer, find, upright
-from vig.renderer.device import compute_device
 from vig.scene import Latents, ObjectClass
+from vig_renderer.device import compute_device
 
 Photo = str | Path | Image.Image | np.ndarray | torch.Tensor
 Box = tuple[float, float, float, float]

@@ -13,6 +13,7 @@ import torch
 import warp as wp
 
 import vig
+import vig_renderer
 from tests.pretend import NAME, MixedDevicesError, is_there, pretended
 from tests.support import points_of
 from vig.inference import ExplainSettings, explain_one
@@ -24,12 +25,12 @@ from vig.likelihood.kernels.load import likelihood_kernels
 from vig.photo import Window
 from vig.recognition import Recognizer
 from vig.renderer import MeshObject, Pinhole, Scene, Topology, render
-from vig.renderer.primitives import crossings, texture, visibility
 from vig.search.damped_step import search_kernels
 from vig_app.examples import FOLDER
 from vig_paper.optimizers import OPTIMIZERS
+from vig_renderer.primitives import crossings, texture, visibility
 
-SOURCE = Path(vig.__file__).parent
+SOURCE, RENDERER = Path(vig.__file__).parent, Path(vig_renderer.__file__).parent
 PHOTO = FOLDER / "01_open.png"
 WHOLE = Window.of(150, 150)
 
@@ -159,8 +160,9 @@ def test_all_kernels_compile_for_gpus(packaged: vig.ObjectClass, tmp_path: Path)
     ]
     kernels = [kernel for module in modules for kernel in module.kernels.values()]
     files = {Path(kernel.func.__code__.co_filename) for kernel in kernels}
-    processor_only = {SOURCE / "renderer" / "native.py", SOURCE / "likelihood" / "image_kernels.py"}
-    kept = {path for path in SOURCE.rglob("*.py") if "wp.kernel(" in path.read_text()} - processor_only
+    processor_only = {RENDERER / "native.py", SOURCE / "likelihood" / "image_kernels.py"}
+    sources = [*SOURCE.rglob("*.py"), *RENDERER.rglob("*.py")]
+    kept = {path for path in sources if "wp.kernel(" in path.read_text()} - processor_only
     assert files == kept
     for module in modules:
         made = wp.compile_aot_module(module, arch=[80, 90], module_dir=tmp_path / module.name, use_ptx=False)

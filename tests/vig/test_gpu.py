@@ -15,8 +15,8 @@ from vig.likelihood import Likelihood, Photos
 from vig.likelihood.kernels.geometry import Geometry
 from vig.photo import Window
 from vig.renderer import MeshObject, Pinhole, Scene, Topology, render
-from vig.renderer.device import initialise
 from vig_app.examples import example_photos
+from vig_renderer.device import initialise
 
 
 def has_gpu() -> bool:

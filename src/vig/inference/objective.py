@@ -14,10 +14,10 @@ import torch
 from vig.inference.hints import PlaceTerm
 from vig.inference.prior_kernel import prior_kernel
 from vig.likelihood import Evaluation, Likelihood
-from vig.renderer.device import launch, recorded
 from vig.scene import LatentLayout, Latents, ObjectClass, latent_layout, rotate_z
 from vig.scene.latents import FRAMING
 from vig.search.native_descent import Valuation
+from vig_renderer.device import launch, recorded
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Any
 import torch
 import warp as wp
 
-from vig.renderer.device import initialise, kernel_module, native_code, scalar_type
+from vig_renderer.device import initialise, kernel_module, native_code, scalar_type
 
 
 @functools.cache

@@ -21,6 +21,7 @@ import numpy as np
 from safetensors import safe_open
 
 from vig.io.errors import UserError
+from vig_renderer.checks import check_indices as check_indices
 
 MOST_JSON = 16 << 20
 """Bytes of a JSON file, unless its reader has another limit."""
@@ -162,15 +163,6 @@ def check_arrays(
             wanted = ", ".join(f"{sizes.get(w, w)}" if isinstance(w, str) else f"{w}" for w in shape)
             raise ValueError(f"{name} must be ({wanted}); it is {tuple(array.shape)}")
     return sizes
-
-
-def check_indices(name: str, indices: Any, count: int, least: int = 0) -> None:
-    """ValueError unless all of an integer array or tensor lie in [least, count)."""
-    if 0 in indices.shape:
-        return
-    low, high = int(indices.min()), int(indices.max())
-    if low < least or high >= count:
-        raise ValueError(f"{name} must be from {least} to {count - 1}; they are from {low} to {high}")
 
 
 def number_of(value: Any) -> float | None:

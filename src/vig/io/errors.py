@@ -1,12 +1,5 @@
 """The one exception that the command line shows to its user."""
 
+from vig_renderer.errors import UserError
 
-class UserError(ValueError):
-    """A mistake that the user can mend: bad input, a missing file, a full disk.
-
-    Its message is one line that says what was expected, what came, and what to do. The command line
-    prints it and exits with code 2, without a traceback. Errors of the program itself are other types.
-    """
-
-    def __init__(self, message: str) -> None:
-        super().__init__(" ".join(message.split()))
+__all__ = ["UserError"]

@@ -15,9 +15,9 @@ from vig.likelihood.kernels.geometry import Geometry
 from vig.likelihood.kernels.load import likelihood_kernels, load_kernels
 from vig.likelihood.passes import Pass
 from vig.parallel.threads import on_one_core, run_on_threads, thread_count
-from vig.renderer import warp_array
 from vig.scene import Camera, Latents, latent_layout
 from vig.search.native_descent import Valuation
+from vig_renderer import warp_array
 
 CURVATURE_LINES = 75
 """Lines of pixels that enter the normal matrix, unless a stride is given."""

@@ -10,7 +10,7 @@ from typing import Any
 import torch
 import warp as wp
 
-from vig.renderer.device import initialise, kernel_module, native_code
+from vig_renderer.device import initialise, kernel_module, native_code
 
 CELLS = 24
 """Cells of the colour cube along each channel: about the robust model's noise, 0.03, each."""

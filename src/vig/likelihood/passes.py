@@ -11,11 +11,11 @@ import torch
 import warp as wp
 
 from vig.likelihood.kernels.load import CUDA_PARTS, PARTS, likelihood_kernels
-from vig.parallel.internals import group_fields, type_parts
-from vig.renderer import NOTHING, warp_array
-from vig.renderer.device import Prepared
-from vig.renderer.raster import KEYS_MARGIN
 from vig.search.native_descent import CLEAR, COMBINE, COPY, FILL, LAUNCH, PROJECT, SQUARE, Valuation
+from vig_renderer import NOTHING, warp_array
+from vig_renderer.device import Prepared
+from vig_renderer.internals import group_fields, type_parts
+from vig_renderer.raster import KEYS_MARGIN
 
 if TYPE_CHECKING:
     from vig.likelihood.evaluate import Likelihood

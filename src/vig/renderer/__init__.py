@@ -1,12 +1,20 @@
-"""The differentiable renderer: rasterisation, shading, coverage, Jacobians."""
+"""The differentiable renderer, `vig_renderer`, and explanations drawn by it."""
 
-from vig.renderer.device import warp_array
 from vig.renderer.explained import render_latents, scene_of
-from vig.renderer.primitives.texture import Pyramid, pyramid
-from vig.renderer.primitives.topology import Topology
-from vig.renderer.raster import NOTHING
-from vig.renderer.rendering import jacobian, render
-from vig.renderer.scene import DirectionalLight, MeshObject, Pinhole, Rendering, Scene
+from vig_renderer import (
+    NOTHING,
+    DirectionalLight,
+    MeshObject,
+    Pinhole,
+    Pyramid,
+    Rendering,
+    Scene,
+    Topology,
+    jacobian,
+    pyramid,
+    render,
+    warp_array,
+)
 
 __all__ = [
     "NOTHING",

@@ -6,12 +6,12 @@ import functools
 
 import torch
 
-from vig.renderer.primitives import Topology
-from vig.renderer.rendering import render
-from vig.renderer.scene import MeshObject, Pinhole, Rendering, Scene
-from vig.renderer.shading import smooth_normals
 from vig.scene import Camera, Latents, ObjectClass
 from vig.scene.light import COSINE_LOBE, sh_basis
+from vig_renderer.primitives import Topology
+from vig_renderer.rendering import render
+from vig_renderer.scene import MeshObject, Pinhole, Rendering, Scene
+from vig_renderer.shading import smooth_normals
 
 
 def vertex_irradiance(

@@ -1,9 +1,8 @@
 """Light as nine real spherical-harmonic (SH) coefficients, and colour.
 
 Coefficients are of incident radiance in the orthonormal real basis, in the order (l, m) =
-(0,0), (1,-1), (1,0), (1,1), (2,-2), ..., (2,2), in the world frame (Z up). What a Lambertian
-surface reflects is albedo x max(0, sum A_l L_lm Y_lm(n)) with A = (1, 2/3, 1/4): the clamped
-cosine's coefficients (pi, 2 pi / 3, pi / 4) over pi (Ramamoorthi and Hanrahan, 2001).
+(0,0), (1,-1), (1,0), (1,1), (2,-2), ..., (2,2), in the world frame (Z up); `vig_renderer.harmonics` has the
+basis and what a surface reflects.
 """
 
 from __future__ import annotations
@@ -13,6 +12,14 @@ from typing import TypeVar
 
 import numpy as np
 import torch
+
+from vig_renderer.harmonics import COSINE_LOBE as COSINE_LOBE
+from vig_renderer.harmonics import L_COUNT as L_COUNT
+from vig_renderer.harmonics import Y00 as Y00
+from vig_renderer.harmonics import Y1 as Y1
+from vig_renderer.harmonics import Y2 as Y2
+from vig_renderer.harmonics import Y20 as Y20
+from vig_renderer.harmonics import sh_basis as sh_basis
 
 ArrayT = TypeVar("ArrayT", np.ndarray, torch.Tensor)
 
@@ -41,36 +48,8 @@ def srgb8_from_linear(linear: np.ndarray) -> np.ndarray:
     return np.round(srgb_from_linear(np.asarray(linear)) * 255).astype(np.uint8)
 
 
-L_COUNT = 9
 EXPOSURE_L00 = 0.75 * math.pi
 """L00 of every light after exposure: the paper's 0.75 in its units, which lack the 1 / pi."""
-
-COSINE_LOBE = (1.0, *([2.0 / 3.0] * 3), *([0.25] * 5))
-"""A_l repeated over m: nine numbers."""
-
-Y00 = 0.5 / math.sqrt(math.pi)
-Y1 = math.sqrt(3 / (4 * math.pi))
-Y2 = 0.5 * math.sqrt(15 / math.pi)
-Y20 = 0.25 * math.sqrt(5 / math.pi)
-
-
-def sh_basis(directions: torch.Tensor) -> torch.Tensor:
-    """Real orthonormal SH up to degree 2 of unit directions: (..., 3) to (..., 9)."""
-    x, y, z = directions.unbind(-1)
-    return torch.stack(
-        [
-            torch.full_like(x, Y00),
-            Y1 * y,
-            Y1 * z,
-            Y1 * x,
-            Y2 * x * y,
-            Y2 * y * z,
-            Y20 * (3 * z * z - 1),
-            Y2 * x * z,
-            0.5 * Y2 * (x * x - y * y),
-        ],
-        dim=-1,
-    )
 
 
 def irradiance(light: torch.Tensor, normals: torch.Tensor) -> torch.Tensor:

@@ -8,8 +8,8 @@ from typing import Any
 import torch
 import warp as wp
 
-from vig.renderer.device import initialise, kernel_module, launch, native_code, scalar_type
 from vig.search.optimizer import Problem, Valued
+from vig_renderer.device import initialise, kernel_module, launch, native_code, scalar_type
 
 ROUNDS = 3
 """How often a step is solved, numbers at a bound held."""

@@ -14,9 +14,9 @@ from typing import Any, Protocol, runtime_checkable
 import torch
 
 from vig.parallel.threads import run_on_threads, thread_count
-from vig.renderer.device import Prepared, recorded
 from vig.search.damped_step import KINDS, STEP, Standing, search_kernels
 from vig.search.optimizer import Budget, Descent, Problem
+from vig_renderer.device import Prepared, recorded
 
 LAUNCH, FILL, CLEAR, COPY, COMBINE, PROJECT, SQUARE = KINDS.values()
 

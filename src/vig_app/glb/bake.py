@@ -18,10 +18,10 @@ from vig.output.pictures import PANEL
 from vig.parallel import on_one_core
 from vig.photo.masks import box_of
 from vig.renderer import render_latents
-from vig.renderer.shading import smooth_normals
 from vig.scene import Camera, ObjectClass
 from vig.scene.light import srgb8_from_linear
 from vig_app.glb.atlas import SIDE, Atlas, atlas_of
+from vig_renderer.shading import smooth_normals
 
 SEEN, MIRRORED, INVENTED = 255, 128, 0
 """Values of the map of where a texel's colour is from."""

@@ -18,9 +18,9 @@ from PIL import Image
 from vig import __version__
 from vig.io.files import atomic_write
 from vig.photo.images import png_bytes
-from vig.renderer.shading import smooth_normals
 from vig.scene import Camera, ObjectClass
 from vig_app.glb.bake import INVENTED, MIRRORED, SEEN, Texture
+from vig_renderer.shading import smooth_normals
 
 LOOKS_BACK = np.diag([1.0, -1.0, -1.0, 1.0])
 """Cameras of glTF, USD and nerfstudio look along -Z with Y up, those of OpenCV along +Z with Y down."""

@@ -30,10 +30,10 @@ import warp as wp
 from vig.io.files import atomic_write, write_arrays
 from vig.io.progress import Meter
 from vig.parallel import map_on_threads
-from vig.renderer.device import initialise, launch
 from vig.scene import SHAPE_LIMIT, ObjectClass, ShapeModel
 from vig.scene.light import COSINE_LOBE, Y00, Y1, Y2, Y20, sh_basis
 from vig.scene.object_class import TRANSFER_FILE
+from vig_renderer.device import initialise, launch
 from vig_world.mesh import vertex_normals
 
 ALBEDO = 0.5

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from vig.renderer.device import Prepared, initialise
-from vig.renderer.raster import PIXEL_BOX
+from vig_renderer.device import Prepared, initialise
+from vig_renderer.raster import PIXEL_BOX
 from vig_world.raster.records import address, declarations
 
 MODULE = "vig_world_raster"

@@ -9,9 +9,9 @@ import torch
 import warp as wp
 
 from vig.io.checks import check_indices
-from vig.renderer.device import initialise, kernel_module, launch
-from vig.renderer.raster import FACE_MASK, KEYS_MARGIN, NEAR, NOTHING, rasterize_kernel
 from vig.scene import Camera
+from vig_renderer.device import initialise, kernel_module, launch
+from vig_renderer.raster import FACE_MASK, KEYS_MARGIN, NEAR, NOTHING, rasterize_kernel
 
 
 @functools.cache

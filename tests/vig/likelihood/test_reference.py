@@ -15,8 +15,8 @@ from vig.likelihood import Likelihood, Photos
 from vig.likelihood.kernels.geometry import Geometry
 from vig.likelihood.kernels.layout import REST
 from vig.likelihood.passes import Pass
-from vig.renderer.raster import FACE_MASK, NOTHING
 from vig.scene import Camera, Latents
+from vig_renderer.raster import FACE_MASK, NOTHING
 from vig_world.raster.rasterize import rasterize
 
 SIGMA = 0.03

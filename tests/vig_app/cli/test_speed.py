@@ -11,7 +11,6 @@ import pytest
 import torch
 import warp
 
-from vig.renderer.device import initialise
 from vig_app.cli import speed
 from vig_app.cli.speed import (
     EXTRAS,
@@ -26,6 +25,7 @@ from vig_app.cli.speed import (
     rows,
     threads,
 )
+from vig_renderer.device import initialise
 
 ROOT = Path(__file__).parents[3]
 

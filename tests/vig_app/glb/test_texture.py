@@ -19,12 +19,12 @@ from vig.inference.calibration import CONFIDENCE_FEATURES
 from vig.photo.window import Window
 from vig.renderer import MeshObject, Pinhole, Scene, Topology, render
 from vig.renderer.explained import vertex_irradiance
-from vig.renderer.shading import smooth_normals
 from vig.scene import Latents, ObjectClass, ShapeModel
 from vig_app.glb import Texture
 from vig_app.glb import bake as bake_any
 from vig_app.glb.atlas import GAP, SIDE, atlas_of
 from vig_app.glb.bake import INVENTED, MIRRORED, SEEN
+from vig_renderer.shading import smooth_normals
 
 MAGENTA = np.array([1.0, 0.0, 1.0], np.float32)
 

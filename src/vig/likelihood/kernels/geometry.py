@@ -10,9 +10,9 @@ import warp as wp
 
 from vig.likelihood.kernels.layout import RowLayout
 from vig.likelihood.kernels.load import likelihood_kernels
-from vig.renderer.device import warp_array
 from vig.scene import ShapeModel, point_layout
 from vig.scene.light import L_COUNT
+from vig_renderer.device import warp_array
 
 
 class Geometry:

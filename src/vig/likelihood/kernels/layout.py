@@ -8,8 +8,8 @@ from pathlib import Path
 import torch
 
 from vig.likelihood import densities
-from vig.renderer.device import native_code, scalar_type
 from vig.scene import Block, LatentLayout, point_layout
+from vig_renderer.device import native_code, scalar_type
 
 BEHIND_EDGE = 0.002
 """Metres by which the surface beyond an occlusion edge must lie behind it."""

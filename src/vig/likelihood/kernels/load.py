@@ -13,9 +13,9 @@ import torch
 import warp as wp
 
 from vig.likelihood.kernels.layout import RowLayout
-from vig.renderer.device import instantiate, kernel_module, vector_types
-from vig.renderer.raster import rasterize_kernel
 from vig.scene.light import L_COUNT
+from vig_renderer.device import instantiate, kernel_module, vector_types
+from vig_renderer.raster import rasterize_kernel
 
 TEMPLATES = (
     *("arguments", "camera", "rows", "surface", "density", "edges", "blending"),

@@ -10,8 +10,8 @@ import torch
 from vig.explanation import Explanation
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
-from vig.renderer.shading import smooth_normals
 from vig_app.glb import LOOKS_BACK
+from vig_renderer.shading import smooth_normals
 
 FILES = ("object.usdc",)
 

@@ -6,7 +6,7 @@ import torch
 import warp as wp
 
 from vig.likelihood import densities
-from vig.renderer.device import native_code
+from vig_renderer.device import native_code
 
 snippet = native_code(densities.FOLDER, f"{density}.cc", real=real)
 log_unit = real(densities.density_of(density).LOG_UNIT)

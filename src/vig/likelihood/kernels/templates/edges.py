@@ -3,7 +3,7 @@
 import warp as wp
 
 from vig.likelihood.kernels.layout import BEFORE_EDGE, BEHIND_EDGE
-from vig.renderer.raster import FACE_MASK, NOTHING
+from vig_renderer.raster import FACE_MASK, NOTHING
 
 behind_edge = real(BEHIND_EDGE)
 before_edge = real(BEFORE_EDGE)

@@ -5,7 +5,7 @@ import warp as wp
 
 from vig.likelihood.densities import density_of
 from vig.likelihood.kernels.layout import LANES, density_code, native_file
-from vig.renderer.raster import FACE_MASK, NOTHING
+from vig_renderer.raster import FACE_MASK, NOTHING
 
 NEGLIGIBLE = 1e-9
 """Posterior of being visible below which a pixel has no gradient: most hidden pixels."""

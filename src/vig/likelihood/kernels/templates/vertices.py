@@ -6,8 +6,8 @@ Points are rows of (1, latents in their order, framing).
 import warp as wp
 
 from vig.likelihood.kernels.layout import LANES, RowLayout, native_file
-from vig.renderer.raster import FACE_MASK, NEAR, NOTHING
 from vig.scene.light import L_COUNT
+from vig_renderer.raster import FACE_MASK, NEAR, NOTHING
 
 near = real(NEAR)
 widths = {"WIDTH": RowLayout(modes).shape, "REST": RowLayout(modes).rest}

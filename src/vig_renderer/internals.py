@@ -1,0 +1,65 @@
+"""Private interfaces of torch and Warp: each function documents what it does when one is missing."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import torch
+from torch.autograd import forward_ad
+
+
+def type_parts(kind: Any) -> tuple[Any, tuple[int, ...]]:
+    """Scalar type and shape of a Warp type: (float32, (3,)) of a vector, () of a scalar.
+
+    Raises TypeError for a vector or matrix whose parts this version of Warp does not expose.
+    """
+    scalar, shape = getattr(kind, "_wp_scalar_type_", None), getattr(kind, "_shape_", None)
+    if scalar is not None and shape is not None:
+        return scalar, tuple(shape)
+    if getattr(kind, "_length_", 1) > 1:
+        raise TypeError(f"this version of Warp does not expose the parts of {kind}; install another")
+    return kind, ()
+
+
+def group_fields(group: Any) -> tuple[str, ...]:
+    """Names of the fields of a Warp struct or of an instance of one, in their order."""
+    struct = getattr(group, "_cls", group)
+    fields = getattr(struct, "vars", None)
+    return tuple(fields if fields is not None else struct.cls.__annotations__)
+
+
+def packed_launch(command: Any) -> tuple[Callable[[], object], Any, tuple[int, int, int]] | None:
+    """A recorded CPU launch as a call, the C structure of its arguments `argument_0`, `argument_1`, ..., and
+    the addresses of its function, of its bounds and of that structure.
+
+    Warp packs a launch's arguments anew each time, which takes longer than many a kernel runs; here they are
+    packed once. None on a GPU and where Warp has no such parts: `command.launch` does the same.
+    """
+    hooks, parameters = getattr(command, "hooks", None), getattr(command, "params", None)
+    forward = getattr(hooks, "forward", None)
+    if not command.device.is_cpu or forward is None or parameters is None:
+        return None
+    bounds, *arguments = parameters
+    fields = [(f"argument_{i}", type(argument)) for i, argument in enumerate(arguments)]
+    packed = type("Arguments", (ctypes.Structure,), {"_fields_": fields})(*arguments)
+    structures = ctypes.byref(bounds), ctypes.byref(packed)
+    function = ctypes.cast(forward, ctypes.c_void_p).value or 0
+    addresses = function, ctypes.addressof(bounds), ctypes.addressof(packed)
+    return lambda: forward(*structures), packed, addresses
+
+
+def transforms(*cotangents: torch.Tensor | None) -> bool:
+    """Whether a transform of torch.func is active, or a cotangent is a batch of them; True when unknown."""
+    functorch = getattr(torch._C, "_functorch", None)
+    levels = getattr(functorch, "peek_interpreter_stack", None)
+    batched = getattr(functorch, "is_legacy_batchedtensor", None)
+    if levels is None or levels() is not None:
+        return True
+    return any(each is not None and (batched is None or batched(each)) for each in cotangents)
+
+
+def differentiates_forward(tensors: Iterable[torch.Tensor]) -> bool:
+    """Whether a transform of torch.func is active, or any of the tensors has a tangent; True when unknown."""
+    return transforms() or any(forward_ad.unpack_dual(tensor).tangent is not None for tensor in tensors)

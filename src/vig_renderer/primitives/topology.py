@@ -1,0 +1,119 @@
+"""What stays the same while a mesh moves: its faces, and the edges between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import torch
+
+from vig_renderer.checks import check_indices
+from vig_renderer.device import check_table, table_state
+
+
+@dataclass(frozen=True)
+class Topology:
+    """Faces and edges of a triangle mesh, made once by `Topology.of`.
+
+    faces (F, 3) int32: vertices. texture_faces (F, 3) int32: rows of the texture coordinates, `faces` itself
+    where there is one pair of coordinates per vertex. edges (E, 6) int32: vertices a and b, the third vertex
+    of the face on either side, and those two faces; -1 twice at a border. vertex_count: V.
+    texture_rows: how many rows of texture coordinates there must be.
+    """
+
+    faces: torch.Tensor
+    texture_faces: torch.Tensor
+    edges: torch.Tensor
+    vertex_count: int
+    texture_rows: int = field(init=False)
+    _state: tuple[object, ...] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        self.check()
+
+    def check(self) -> None:
+        """ValueError for tables of other shapes or types, or with numbers out of range."""
+        count = len(self.faces)
+        for name in ("faces", "texture_faces", "edges"):
+            object.__setattr__(self, name, getattr(self, name).contiguous())
+        check_table("faces", self.faces, (None, 3), self.vertex_count)
+        check_table("texture_faces", self.texture_faces, (count, 3))
+        check_table("edges", self.edges, (None, 6))
+        if self.texture_faces.numel() and self.texture_faces.min() < 0:
+            raise ValueError(
+                f"texture_faces must name rows of coordinates, 0 and up; they name {self.texture_faces.min()}"
+            )
+        for columns, most, least in (([0, 1, 2], self.vertex_count, 0), ([3], self.vertex_count, -1),
+                                     ([4], count, 0), ([5], count, -1)):  # fmt: skip
+            check_indices("edges", self.edges[:, columns], most, least)
+        rows = int(self.texture_faces.max()) + 1 if count else 0
+        object.__setattr__(self, "texture_rows", rows)
+        object.__setattr__(self, "_state", self.state())
+
+    def check_unchanged(self) -> None:
+        """Check once more where a table has been written to: kernels rely on its numbers."""
+        if self._state != self.state():
+            self.check()
+
+    def state(self) -> tuple[object, ...]:
+        """See `table_state`."""
+        return table_state(self.faces, self.texture_faces, self.edges)
+
+    @staticmethod
+    def of(
+        faces: np.ndarray,
+        vertices: np.ndarray,
+        texture_faces: np.ndarray | None = None,
+        device: str = "cpu",
+    ) -> Topology:
+        """Find the edges of `faces` (F, 3).
+
+        vertices (V, 3): where vertices lie now; those at exactly the same place (a texture's seam) are one
+        for the edges, so that no silhouette is seen between them. An edge of three or more faces counts as
+        a border of each. Faces that use a vertex twice have no edges.
+        """
+        faces = np.array(faces, np.int32, order="C").reshape(-1, 3)
+        vertices = np.asarray(vertices)
+        if vertices.ndim != 2 or vertices.shape[1] != 3:
+            raise ValueError(f"vertices must be (V, 3); got {vertices.shape}")
+        if len(faces) and (faces.min() < 0 or faces.max() >= len(vertices)):
+            raise ValueError(
+                f"faces must name vertices 0 to {len(vertices) - 1}; they name {faces.min()} to {faces.max()}"
+            )
+        if texture_faces is None:
+            texture_faces = faces
+        texture_faces = np.array(texture_faces, np.int32, order="C")
+        if texture_faces.shape != faces.shape:
+            raise ValueError(f"texture_faces must be {faces.shape}, like faces; got {texture_faces.shape}")
+        edges = _edges(_welded(vertices)[faces] if len(faces) else faces)
+        return Topology(
+            torch.from_numpy(faces).to(device),
+            torch.from_numpy(texture_faces).to(device),
+            torch.from_numpy(edges).to(device),
+            len(vertices),
+        )
+
+
+def _welded(vertices: np.ndarray) -> np.ndarray:
+    """For each vertex the first one at the same place: (V,)."""
+    _, first, inverse = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
+    return first[inverse.reshape(-1)].astype(np.int32)
+
+
+def _edges(faces: np.ndarray) -> np.ndarray:
+    """The rows of `Topology.edges`, in the order of their vertices."""
+    whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+    which = np.flatnonzero(whole).astype(np.int32)
+    sides = np.concatenate([faces[which][:, [i, (i + 1) % 3, (i + 2) % 3]] for i in range(3)])
+    face = np.concatenate([which] * 3)
+    low, high = sides[:, :2].min(axis=1), sides[:, :2].max(axis=1)
+    order = np.lexsort((face, high, low))
+    low, high, apex, face = low[order], high[order], sides[order, 2], face[order]
+    starts = np.flatnonzero(np.r_[True, (low[1:] != low[:-1]) | (high[1:] != high[:-1])][: len(low)])
+    counts = np.diff(np.r_[starts, len(low)])
+    paired = starts[counts == 2]
+    pairs = [low[paired], high[paired], apex[paired], apex[paired + 1], face[paired], face[paired + 1]]
+    single = np.flatnonzero(np.repeat(counts != 2, counts))
+    nothing = np.full(len(single), -1, np.int32)
+    borders = [low[single], high[single], apex[single], nothing, face[single], nothing]
+    return np.concatenate([np.stack(pairs, axis=1), np.stack(borders, axis=1)]).astype(np.int32)
