@@ -1,23 +1,46 @@
 """The differentiable renderer: rasterisation, shading, coverage, Jacobians. It needs nothing else of vig."""
 
-from vig_renderer.device import warp_array
-from vig_renderer.primitives.texture import Pyramid, pyramid
-from vig_renderer.primitives.topology import Topology
-from vig_renderer.raster import NOTHING
-from vig_renderer.rendering import jacobian, render
-from vig_renderer.scene import DirectionalLight, MeshObject, Pinhole, Rendering, Scene
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-__all__ = [
-    "NOTHING",
-    "DirectionalLight",
-    "MeshObject",
-    "Pinhole",
-    "Pyramid",
-    "Rendering",
-    "Scene",
-    "Topology",
-    "jacobian",
-    "pyramid",
-    "render",
-    "warp_array",
-]
+if TYPE_CHECKING:
+    from vig_renderer.device import warp_array as warp_array
+    from vig_renderer.primitives.texture import Pyramid as Pyramid
+    from vig_renderer.primitives.texture import pyramid as pyramid
+    from vig_renderer.primitives.topology import Topology as Topology
+    from vig_renderer.raster import NOTHING as NOTHING
+    from vig_renderer.rendering import jacobian as jacobian
+    from vig_renderer.rendering import render as render
+    from vig_renderer.scene import DirectionalLight as DirectionalLight
+    from vig_renderer.scene import MeshObject as MeshObject
+    from vig_renderer.scene import Pinhole as Pinhole
+    from vig_renderer.scene import Rendering as Rendering
+    from vig_renderer.scene import Scene as Scene
+
+_HOMES = {
+    "DirectionalLight": "scene",
+    "MeshObject": "scene",
+    "NOTHING": "raster",
+    "Pinhole": "scene",
+    "Pyramid": "primitives",
+    "Rendering": "scene",
+    "Scene": "scene",
+    "Topology": "primitives",
+    "jacobian": "rendering",
+    "pyramid": "primitives.texture",
+    "render": "rendering",
+    "warp_array": "device",
+}
+"""Where each public name lives: imported when it is first asked for, as torch takes a second."""
+
+__all__ = [*_HOMES]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'vig_renderer' has no attribute '{name}'")
+    return getattr(import_module(f"vig_renderer.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
