@@ -28,15 +28,18 @@ from vig.recognition import Recognizer
 from vig.scene import ObjectClass
 from vig.scene.light import L_COUNT
 from vig.search import Budget, LevenbergMarquardt
+from vig_renderer import NOTHING
 
 REPEATS = 20
 OTHERS = 64 << 20
 """Bytes that are read between valuations, so that the cache holds nothing of them."""
-STEPS = (
+KERNELS = (
     *("look", "place", "rasterize_faces", "collect_edges", "use_seen", "shade", "interior", "interior_rows"),
     *("boundary", "unshade", "add_values", "assemble"),
 )
-"""Kernels of a valuation with gradient and normal matrix, in their order."""
+"""Of a valuation with gradient and normal matrix, in their order."""
+PARTS = (KERNELS[0], "combine", *KERNELS[1:-1], "project", "square", KERNELS[-1])
+"""With the products by components and rows."""
 UNITS = {
     "place": "vertices",
     "rasterize_faces": "faces",
@@ -56,6 +59,7 @@ class Point:
 
     objective: Objective
     place: torch.Tensor
+    sigma: float
     run: Pass
 
     def begin(self) -> None:
@@ -63,17 +67,24 @@ class Point:
         run = self.run
         run.points.copy_(self.place)
         run.albedo.copy_(run._blocks["albedo"])
-        run.keys.fill_((1 << 63) - 1)
+        run.keys.fill_(NOTHING)
         for cleared in run._cleared:
             cleared.zero_()
 
-    def launches(self) -> Iterator[tuple[str, Callable[[], object]]]:
-        """Kernels in their order, with the products between them under the name of none."""
-        run, program = self.run, self.run._program(2, False)
-        for name, launch in zip(STEPS, [run._look, *program, run._assemble], strict=True):
-            if name == "place":
-                torch.mm(run._with_one, run.geometry.positions, out=run.world.view(1, -1))
-            yield name, launch
+    def parts(self) -> Iterator[tuple[str, Callable[[], object]]]:
+        """Kernels and products in their order."""
+        run, positions = self.run, self.run.geometry.positions
+        on_world, rows = run.on_world.view(1, -1), run.rows[0]
+        program = dict(zip(KERNELS, [run._look, *run._program(2, False), run._assemble], strict=True))
+        products = {
+            "combine": lambda: torch.mm(run._with_one, positions, out=run.world.view(1, -1)),
+            "project": lambda: torch.mm(on_world, positions[1:].T, out=run.shape_gradient),
+            "square": lambda: torch.mm(
+                rows[: int(run.row_counts)].T, rows[: int(run.row_counts)], out=run.products[0]
+            ),
+        }
+        for name in PARTS:
+            yield name, (program | products)[name]
 
     def work(self) -> dict[str, int]:
         """Units of work of the last valuation."""
@@ -85,7 +96,7 @@ class Point:
             "pixels": run.keys.shape[1],
             "vertices used": int((run.used > 0).sum()),
             "vertices seen": int((run.used > 1).sum()),
-            "pixels covered": int((run.keys < (1 << 63) - 1).sum()),
+            "pixels covered": int((run.keys < NOTHING).sum()),
             "rows": int(run.row_counts.sum()),
         }
 
@@ -99,7 +110,7 @@ class Point:
         rows = 2 * 3 * width * work["rows"]  # of a face's three corners
         return products + transfer + rings + rows + width * (width + 1) * work["rows"]
 
-    def bytes(self, work: dict[str, int]) -> int:
+    def least_bytes(self, work: dict[str, int]) -> int:
         """That are read at least once: components, transfer, faces, edges, the photo and its prior."""
         geometry, run = self.run.geometry, self.run
         number = run.points.element_size()
@@ -125,7 +136,9 @@ def points(count: int, scale: float, seed: int = 0) -> Iterator[Point]:
         with objective.likelihood._pass(1) as run:
             run.photo.fill_(0)
             run.sigma.fill_(settings.likelihood.sigma)
-            yield Point(objective, objective.point(fit.latents, fit.framing[None]), run)
+            place = objective.point(fit.latents, fit.framing[None])
+        # Nobody else borrows the pass before the next photo.
+        yield Point(objective, place, settings.likelihood.sigma, run)
 
 
 def rates() -> tuple[float, float]:
@@ -157,7 +170,7 @@ def measure(count: int, scale: float) -> None:
     for point in points(count, scale):
         for _ in range(REPEATS):
             point.begin()
-            for name, launch in point.launches():
+            for name, launch in point.parts():
                 started = time.perf_counter_ns()
                 launch()
                 by_kernel[name].append(time.perf_counter_ns() - started)
@@ -165,18 +178,15 @@ def measure(count: int, scale: float) -> None:
         for name, number in counted.items():
             work[name].append(number)
         bounds["arithmetic"].append(point.arithmetic(counted) / operations)
-        bounds["bytes from beyond the cache"].append(point.bytes(counted) / stream)
-        for name, evict in (("kernels, warm", False), ("kernels, cold", True)):
+        bounds["bytes from beyond the cache"].append(point.least_bytes(counted) / stream)
+        for name, evict in (("all, warm", False), ("all, cold", True)):
             for _ in range(REPEATS):
                 whole[name].append(_valuation(point, others if evict else None))
-        searched = LevenbergMarquardt()
-        zero = torch.zeros(1, dtype=torch.int32)
-        started = time.perf_counter_ns()
-        found = searched(point.objective, point.place, zero, 0.03, Budget(8, 0.0))
-        whole["in a search"].append((time.perf_counter_ns() - started) / int(found.evaluations))
+    for point in points(count, scale):
+        whole["in a search"].append(_in_a_search(point))
     units = {name: float(np.median(numbers)) for name, numbers in work.items()}
     print(f"\nat {scale:g} of the size: " + ", ".join(f"{units[name]:.0f} {name}" for name in units))
-    for name in STEPS:
+    for name in PARTS:
         spent, unit = float(np.median(by_kernel[name])), UNITS.get(name)
         each = f", {spent / units[unit]:.1f} ns for each of the {unit}" if unit else ""
         print(f"  {name:16} {spent / 1000:6.1f} us{each}")
@@ -186,13 +196,23 @@ def measure(count: int, scale: float) -> None:
         print(f"  {name} alone {np.median(least) / 1000:6.1f} us")
 
 
+def _in_a_search(point: Point) -> float:
+    """Nanoseconds of each valuation of a search, step and acceptance included."""
+    photo, taken = torch.zeros(1, dtype=torch.int32), []
+    for _ in range(3):
+        started = time.perf_counter_ns()
+        found = LevenbergMarquardt()(point.objective, point.place, photo, point.sigma, Budget(8, 0.0))
+        taken.append((time.perf_counter_ns() - started) / int(found.evaluations))
+    return min(taken)
+
+
 def _valuation(point: Point, others: Any) -> float:
-    """Nanoseconds of all kernels of a valuation, after `others` were read."""
+    """Nanoseconds of all parts of a valuation, after `others` were read."""
     point.begin()
     if others is not None:
         others.sum()
     started = time.perf_counter_ns()
-    for _, launch in point.launches():
+    for _, launch in point.parts():
         launch()
     return float(time.perf_counter_ns() - started)
 

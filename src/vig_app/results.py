@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -12,7 +13,6 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from vig.io.checks import reading
-from vig.io.errors import UserError
 from vig.io.files import atomic_write
 
 TABLE = "results"
@@ -56,35 +56,46 @@ class RowsOnDisk:
     """Rows of a run in a temporary file, so that memory hardly grows with the photos.
 
     Iterating gives them in the order of the photos, any number of times; its length is how many photos have
-    rows.
+    rows. What cannot be written stays in memory.
 
     Args:
         folders: Names of the photos' folders, in order.
     """
 
     def __init__(self, folders: Iterable[str]):
-        self._places: dict[str, dict[str, int]] = {folder: {} for folder in folders}
-        self._length = 0
-        self._file = tempfile.TemporaryFile()
+        self._places: dict[str, dict[str, int | bytes]] = {folder: {} for folder in folders}
+        self._length = self._end = 0
+        self._file: Any = None
+        with suppress(OSError):
+            self._file = tempfile.TemporaryFile(buffering=0)
 
     def add(self, row: Mapping[str, Any]) -> None:
         """Add an object's row, in the place of the one of its folder where there is one."""
-        places = self._places[row["folder"].split("/")[0]]
-        self._length += not places
-        try:
-            places[row["folder"]] = self._file.seek(0, 2)
-            self._file.write(json.dumps(row).encode() + b"\n")
-        except OSError as error:
-            raise UserError(f"cannot write a temporary file: {error.strerror}; make room.") from error
+        line, place = json.dumps(row).encode() + b"\n", self._end
+        written = False
+        with suppress(OSError, AttributeError):
+            self._file.seek(place)
+            written = self._file.write(line) == len(line)
+        self._end += len(line) * written
+        rows = self._places[row["folder"].split("/")[0]]
+        self._length += not rows
+        rows[row["folder"]] = place if written else line
 
     def __len__(self) -> int:
         return self._length
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
-        for places in self._places.values():
-            for place in places.values():
-                self._file.seek(place)
-                yield json.loads(self._file.readline())
+        reader = None if self._file is None else io.BufferedReader(self._file)
+        try:
+            for place in [place for rows in self._places.values() for place in rows.values()]:
+                if isinstance(place, bytes):
+                    yield json.loads(place)
+                elif reader is not None:
+                    reader.seek(place)
+                    yield json.loads(reader.readline())
+        finally:
+            if reader is not None:
+                reader.detach()
 
 
 def write_table(

@@ -88,20 +88,22 @@ def launch(kernel: wp.Kernel, count: int | tuple[int, ...], *arguments: Any) -> 
     kept[key] = prepared
 
 
-def recorded(kernel: wp.Kernel, count: int | tuple[int, ...], *arguments: Any) -> Prepared:
-    """A launch on the processor with these arguments, see `launch`, not yet run; this thread keeps it.
+def recorded(
+    launches: dict[Any, Prepared], kernel: wp.Kernel, count: int | tuple[int, ...], *arguments: Any
+) -> Prepared:
+    """A launch on the processor with these arguments, see `launch`, not yet run.
 
-    The next launch or recording of the same kind on this thread gives it other arguments.
+    launches: of its owner, where it is kept: the next of the same kind is that one with other tensors.
     """
-    kept, key = _here.__dict__.setdefault("launches", {}), (kernel, count, *map(_kind, arguments))
-    prepared: Prepared | None = kept.get(key)
-    if prepared is None:
-        inputs = _described(kernel, arguments)
-        prepared = Prepared(wp.launch(kernel, count, inputs, device="cpu", record_cmd=True))
-        kept[key] = prepared
-    else:
+    key = kernel, count, *map(_kind, arguments)
+    if (prepared := launches.get(key)) is not None:
         prepared.take(arguments)
-    return prepared
+        return prepared
+    if len(launches) >= KEPT_LAUNCHES:
+        launches.clear()
+    inputs = _described(kernel, arguments)
+    launches[key] = Prepared(wp.launch(kernel, count, inputs, device="cpu", record_cmd=True))
+    return launches[key]
 
 
 def _described(kernel: wp.Kernel, arguments: Sequence[Any]) -> list[Any]:
@@ -332,7 +334,7 @@ class Prepared:
         self._launch()
 
     def take(self, arguments: Sequence[Any]) -> None:
-        """From now on the tensors are these, of the same kinds."""
+        """From now on the tensors are these, of the same kinds; only where the arguments are packed."""
         for index, argument in enumerate(arguments):
             if isinstance(argument, torch.Tensor):
                 getattr(self.packed, f"argument_{index}").data = argument.data_ptr()

@@ -45,7 +45,9 @@ def packed_launch(command: Any) -> tuple[Callable[[], object], Any, tuple[int, i
     fields = [(f"argument_{i}", type(argument)) for i, argument in enumerate(arguments)]
     packed = type("Arguments", (ctypes.Structure,), {"_fields_": fields})(*arguments)
     structures = ctypes.byref(bounds), ctypes.byref(packed)
-    function = ctypes.cast(forward, ctypes.c_void_p).value or 0
+    function = ctypes.cast(forward, ctypes.c_void_p).value
+    if function is None:
+        return None
     addresses = function, ctypes.addressof(bounds), ctypes.addressof(packed)
     return lambda: forward(*structures), packed, addresses
 

@@ -125,7 +125,7 @@ def pack(scenes: Sequence[Scene]) -> PackedScenes:
     if odd or not scenes:
         among = " among them" * isinstance(scenes, Sequence)
         received = f"a {type(odd[0]).__name__}{among}" if odd else "none"
-        raise ValueError(f"expected a scene or several; got {received}. Pass vig.renderer.Scene.")
+        raise ValueError(f"expected a scene or several; got {received}. Pass vig_renderer.Scene.")
     camera = scenes[0].camera
     height, width = camera.height, camera.width
     like = camera.translation

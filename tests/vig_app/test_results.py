@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import importlib.util
+import io
 import json
 import tracemalloc
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -174,3 +177,21 @@ def test_rows_of_a_run_are_kept_on_disk_in_the_order_of_the_photos() -> None:
     assert [row["folder"] for row in again[6:11]] == ["p6", "p7", "p7/1-mug", "p8", "p9"]
     assert again[8]["photo"] == "caf\udce9.jpg" and again[10]["verdict"] is None
     assert again[0] == next(iter(rows)) == full | {"folder": "p0", "confidence": 0.1}
+
+
+@pytest.mark.parametrize("when", ["made", "written"])
+def test_rows_stay_in_memory_where_no_file_takes_them(when: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A full disk for temporary files loses no table."""
+
+    def full(**_: object) -> io.BytesIO:
+        raise OSError(errno.ENOSPC, "full")
+
+    class Short(io.BytesIO):
+        def write(self, line: Any) -> int:
+            return super().write(line[:5]) if len(self.getvalue()) > 40 else super().write(line)
+
+    monkeypatch.setattr("tempfile.TemporaryFile", full if when == "made" else lambda **_: Short())
+    rows = RowsOnDisk(["a", "b", "c"])
+    for name in "bac":
+        rows.add({"folder": name, "error": None, "verdict": name * 20})
+    assert [row["verdict"] for row in rows] == ["a" * 20, "b" * 20, "c" * 20]

@@ -12,7 +12,7 @@ from vig.inference.calibration import calibration_of
 from vig.inference.confidence import assess
 from vig.inference.hints import WindowHints
 from vig.inference.posterior import objectives_of
-from vig.inference.prior_kernel import prior_kernel
+from vig.inference.prior_kernel import load_search_kernels
 from vig.inference.refinement import ExpectedStart, refine, select
 from vig.inference.settings import ExplainSettings, Fit, FitSettings, resolve
 from vig.inference.shading_gain import with_shading_gain
@@ -21,15 +21,13 @@ from vig.likelihood.image_kernels import image_kernels
 from vig.parallel.threads import map_on_threads, on_one_core
 from vig.recognition import Prediction, Recognizer
 from vig.scene import ObjectClass
-from vig.search.damped_step import search_kernels
 
 
 @functools.cache
 def load_fit_kernels(modes: int, device: str = "cpu", density: str = "gaussian") -> None:
     """Compile or load all kernels of fits of so many shape components, once: threads must not do it."""
     load_kernels(torch.float32, modes, device, density)
-    search_kernels(torch.float32)
-    wp.force_load(device, modules=[prior_kernel(torch.float32).module])
+    load_search_kernels(torch.float32, device)
     wp.force_load("cpu", modules=[image_kernels()["minimum_cut"].module])  # whatever the device
 
 

@@ -12,12 +12,12 @@ from typing import Any
 import torch
 
 from vig.inference.hints import PlaceTerm
-from vig.inference.prior_kernel import prior_kernel
+from vig.inference.prior_kernel import load_search_kernels, prior_kernel
 from vig.likelihood import Evaluation, Likelihood
 from vig.scene import LatentLayout, Latents, ObjectClass, latent_layout, rotate_z
 from vig.scene.latents import FRAMING
 from vig.search.native_descent import Valuation
-from vig_renderer.device import launch, recorded
+from vig_renderer.device import launch
 
 
 @dataclass(frozen=True)
@@ -101,8 +101,8 @@ class Prior:
 
     def after(self, valuation: Valuation) -> Valuation:
         """A valuation to which log p(z) is added, as `add_to` does."""
-        point, found = valuation.point[None], (valuation.value, valuation.gradient, valuation.normal)
-        return valuation.then(recorded(prior_kernel(point.dtype), 1, *self._arguments(point, *found)))
+        point, results = valuation.point[None], (valuation.value, valuation.gradient, valuation.normal)
+        return valuation.then(prior_kernel(point.dtype), *self._arguments(point, *results))
 
     def _arguments(self, points: torch.Tensor, *found: torch.Tensor) -> tuple[Any, ...]:
         """Of the kernel."""
@@ -153,6 +153,7 @@ class Objective:
         self._latents = layout.indices(*(block.name for block in latent_layout(layout.count("shape")).blocks))
         geometry = likelihood.geometry
         self.dtype, self.device = geometry.dtype, geometry.device
+        load_search_kernels(self.dtype, self.device)
         place: dict[str, Any] = {"dtype": self.dtype, "device": self.device}
         self.prior = Prior(layout, object_class, recognition, place, prior_weight)
         self.lower, self.upper = (torch.tensor(bound, **place) for bound in layout.bounds())
@@ -198,8 +199,10 @@ class Objective:
 
     @contextmanager
     def valuation(self, photo: int, sigma: float, derivatives: bool = True) -> Iterator[Valuation | None]:
-        """See `vig.search.native_descent.NativeProblem`; None where there are terms of places, too."""
-        if self.terms or not isinstance(self.likelihood, Likelihood):
+        """See `NativeProblem`; None where there are terms of places, or a subclass values otherwise."""
+        likelihood, prior = getattr(type(self.likelihood), "at", None), type(self.prior).add_to
+        ours = type(self).__call__, likelihood, prior
+        if self.terms or ours != (Objective.__call__, Likelihood.at, Prior.add_to):
             yield None
             return
         with self.likelihood.valuation(photo, sigma, derivatives) as valuation:

@@ -7,6 +7,7 @@ from typing import Any
 import torch
 import warp as wp
 
+from vig.search.damped_step import LOADING, search_kernels
 from vig_renderer.device import initialise, kernel_module, native_code, scalar_type
 
 
@@ -69,3 +70,15 @@ def prior_kernel(dtype: torch.dtype) -> Any:
         )
 
     return add
+
+
+def load_search_kernels(dtype: torch.dtype, device: str) -> None:
+    """Make and load the kernels of priors and searches, one module, before threads launch them."""
+    with LOADING:
+        _load(dtype, device)
+
+
+@functools.cache
+def _load(dtype: torch.dtype, device: str) -> None:
+    search_kernels(dtype)
+    wp.force_load(device, modules=[prior_kernel(dtype).module])

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import torch
 import warp as wp
 
+from vig.likelihood.kernels.layout import LANES
 from vig.likelihood.kernels.load import CUDA_PARTS, PARTS, likelihood_kernels
 from vig.search.native_descent import CLEAR, COMBINE, COPY, FILL, LAUNCH, PROJECT, SQUARE, Valuation
 from vig_renderer import NOTHING, warp_array
@@ -88,6 +89,7 @@ class Pass:
         }
         self._arguments |= likelihood.camera_arguments | nothing
         self._launches: list[tuple[Prepared, dict[str, Any]]] = []
+        self.after: dict[Any, Prepared] = {}  # of those who go on from a `valuation`
         self.look_at(likelihood)
         made = self._buffer
         points = made("points", k.real, 1 + self.layout.size)
@@ -220,6 +222,7 @@ class Pass:
             return tensor.data_ptr()
 
         on_world, rows = self.on_world, self.rows[0]
+        assert self.geometry.rows.width % LANES == 0, "native code multiplies by whole vectors"
         steps = [
             (COPY, at(self.albedo), at(self._blocks["albedo"]), 3),
             (FILL, at(self.keys), self.keys[0].numel(), NOTHING),
@@ -235,7 +238,7 @@ class Pass:
         if derivatives:
             steps[-1:-1] = products
         found = self.value[:1], self.gradient[:1], self.normal[:1]
-        return Valuation(self.points[0], *found, steps, (self, launches))
+        return Valuation(self.points[0], *found, steps, self.after)
 
     def _recorded(self, derivatives: int, images: bool) -> list[Prepared]:
         """The launches between placing the vertices in the world and the last matrix products."""

@@ -1,6 +1,7 @@
 """Damped steps of Levenberg-Marquardt searches and their acceptance, each of all searches in one launch."""
 
 import functools
+import threading
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,10 +16,23 @@ ROUNDS = 3
 """How often a step is solved, numbers at a bound held."""
 KINDS = {"LAUNCH": 0, "FILL": 1, "CLEAR": 2, "COPY": 3, "COMBINE": 4, "PROJECT": 5, "SQUARE": 6}
 """Of the steps of a valuation by native code; `descend.cc` says what each does."""
-STEP = 6
-"""Numbers of such a step: its kind and what it takes."""
-LANES, TILE = 16, 8
-"""Numbers that native code takes at a time, whole vector registers, and how many such it sums at once."""
+STEP_NUMBERS = 6
+"""Of such a step: its kind and what it takes."""
+LANES = 16
+"""Numbers in a padded vector, and pixels taken at a time: whole vector registers of a processor."""
+TILE = 8
+"""Vectors that a product sums at once; for 16 there are too few registers, and it takes twice as long."""
+LOADING = threading.Lock()
+"""Held while kernels are made and loaded, which threads must not do at the same time."""
+TABLE = (
+    *("steps", "trial", "tried_value", "tried_gradient", "tried_normal"),
+    *("point", "value", "gradient", "normal", "damping", "growth", "step", "done"),
+    *("starts", "path", "end_value", "end_normal", "evaluations", "converged"),
+    *("damped_function", "damped_bounds", "damped_arguments"),
+    *("accept_function", "accept_bounds", "accept_arguments"),
+    *("step_count", "searches", "size", "iterations", "first", "stride"),
+)
+"""What `descend.cc` is given, in this order: addresses, then numbers."""
 
 
 @functools.cache
@@ -112,7 +126,8 @@ def search_kernels(dtype: torch.dtype) -> tuple[Any, Any, Any]:
             done,
         )
 
-    constants = {**KINDS, "STEP": STEP, "LANES": LANES, "TILE": TILE}
+    constants = {**KINDS, "STEP_NUMBERS": STEP_NUMBERS, "LANES": LANES, "TILE": TILE}
+    constants |= {f"AT_{name.upper()}": place for place, name in enumerate(TABLE)}
     whole = native_code(Path(__file__).parent, "descend.cc", real=real, **constants)
 
     @wp.func_native(snippet=whole)

@@ -1,33 +1,34 @@
-// Levenberg-Marquardt searches one after the other: starts `first`, `first + among` and so on. A valuation is a list of
-// steps, `STEP` numbers each, that value the point at a fixed address; see `Valuation`. Without iterations starts are only
+// Levenberg-Marquardt searches one after the other: every `stride`-th start from the `first` on. A valuation is a list of
+// steps, `STEP_NUMBERS` numbers each, that value the point at a fixed address; see `Valuation`. Without iterations starts are only
 // valued, without derivatives.
 #ifndef __CUDACC__  // searches on a GPU are batches
 typedef void (*Launch)(void*, void*);
 typedef real Lanes __attribute__((vector_size(LANES * sizeof(real)), aligned(sizeof(real))));
-const wp::int64* const place = (const wp::int64*)table.data;
-const wp::int64* const steps = (const wp::int64*)place[0];
-real* const trial = (real*)place[1];
-const double* const tried_value = (const double*)place[2];
-const real *const tried_gradient = (const real*)place[3], *const tried_normal = (const real*)place[4];
-real* const x = (real*)place[5];
-double* const value = (double*)place[6];
-real *const gradient = (real*)place[7], *const normal = (real*)place[8];
-real *const damping = (real*)place[9], *const growth = (real*)place[10];
-const real* const step = (const real*)place[11];
-const bool* const done = (const bool*)place[12];
-const real* const starts = (const real*)place[13];
-real* const path = (real*)place[14];
-double* const end_value = (double*)place[15];
-real* const end_normal = (real*)place[16];
-wp::int64* const evaluations = (wp::int64*)place[17];
-bool* const converged = (bool*)place[18];
-const wp::int64 *const damp = place + 19, *const accept = place + 22, count = place[25];
-const wp::int64 searches = place[26], n = place[27], iterations = place[28], first = place[29], among = place[30];
+const wp::int64* const given = (const wp::int64*)table.data;
+const wp::int64* const steps = (const wp::int64*)given[AT_STEPS];
+real* const trial = (real*)given[AT_TRIAL];
+const double* const tried_value = (const double*)given[AT_TRIED_VALUE];
+const real* const tried_gradient = (const real*)given[AT_TRIED_GRADIENT];
+const real* const tried_normal = (const real*)given[AT_TRIED_NORMAL];
+real* const point = (real*)given[AT_POINT];
+double* const value = (double*)given[AT_VALUE];
+real *const gradient = (real*)given[AT_GRADIENT], *const normal = (real*)given[AT_NORMAL];
+real *const damping = (real*)given[AT_DAMPING], *const growth = (real*)given[AT_GROWTH];
+const real* const step = (const real*)given[AT_STEP];
+const bool* const done = (const bool*)given[AT_DONE];
+const real* const starts = (const real*)given[AT_STARTS];
+real* const path = (real*)given[AT_PATH];
+double* const end_value = (double*)given[AT_END_VALUE];
+real* const end_normal = (real*)given[AT_END_NORMAL];
+wp::int64* const evaluations = (wp::int64*)given[AT_EVALUATIONS];
+bool* const converged = (bool*)given[AT_CONVERGED];
+const wp::int64 *const damped = given + AT_DAMPED_FUNCTION, *const accept = given + AT_ACCEPT_FUNCTION;
+const wp::int64 searches = given[AT_SEARCHES], n = given[AT_SIZE], iterations = given[AT_ITERATIONS];
 
 auto launch = [](const wp::int64* of) { ((Launch)of[0])((void*)of[1], (void*)of[2]); };
 auto evaluate = [&]() {
-    for (wp::int64 number = 0; number < count; ++number) {
-        const wp::int64* const of = steps + number * STEP + 1;
+    for (wp::int64 number = 0; number < given[AT_STEP_COUNT]; ++number) {
+        const wp::int64* const of = steps + number * STEP_NUMBERS + 1;
         const wp::int64 kind = of[-1];
         if (kind == LAUNCH) {
             launch(of);
@@ -103,9 +104,9 @@ auto evaluate = [&]() {
     }
 };
 
-for (wp::int64 search = first; search < searches; search += among) {
+for (wp::int64 search = given[AT_FIRST]; search < searches; search += given[AT_STRIDE]) {
     for (wp::int64 i = 0; i < n; ++i)
-        x[i] = trial[i] = path[search * n + i] = starts[search * n + i];
+        point[i] = trial[i] = path[search * n + i] = starts[search * n + i];
     evaluate();
     *value = *tried_value;
     bool going = *value - *value == 0;
@@ -121,9 +122,9 @@ for (wp::int64 search = first; search < searches; search += among) {
     bool ended = false;
     for (wp::int64 t = 1; t <= iterations; ++t) {
         if (going & !ended) {
-            launch(damp);
+            launch(damped);
             for (wp::int64 i = 0; i < n; ++i) {
-                trial[i] = x[i] + step[i];
+                trial[i] = point[i] + step[i];
                 going &= trial[i] - trial[i] == 0;
             }
         }
@@ -134,7 +135,7 @@ for (wp::int64 search = first; search < searches; search += among) {
             ended = *done;
         }
         for (wp::int64 i = 0; i < n; ++i)
-            path[(t * searches + search) * n + i] = x[i];
+            path[(t * searches + search) * n + i] = point[i];
     }
     converged[search] = going & ended;
     end_value[search] = *value;

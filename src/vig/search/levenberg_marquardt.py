@@ -39,12 +39,16 @@ class LevenbergMarquardt:
         self, objective: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
     ) -> Descent:
         count = len(starts)
+        # What native code does not take, or takes wrong input for, goes on below.
         if isinstance(objective, NativeProblem) and starts.dtype == objective.dtype:
-            if (
-                found := descend(objective, starts, photo, sigma, budget, self.damping, self.give_up)
-            ) is not None:
-                return found
+            native = descend(objective, starts, photo, sigma, budget, self.damping, self.give_up)
+            if native is not None:
+                return native
         noise = torch.full((count,), sigma, dtype=objective.dtype, device=objective.device)
+        if not budget.iterations:
+            value = objective(starts, photo, noise, derivatives=False).value.double()
+            ones = torch.ones(count, dtype=torch.int64, device=objective.device)
+            return Descent(starts.clone(), value, ones, ones < 1, starts[None])
         start = objective(starts, photo, noise)
         assert start.gradient is not None and start.normal is not None
         points, value, curvature = starts.clone(), start.value.double().clone(), start.normal.clone()

@@ -1,20 +1,22 @@
-"""Levenberg-Marquardt searches on the processor in one native call: for problems whose value is native, too.
+"""Whole Levenberg-Marquardt searches in one native call: on the processor, of what native code can value.
 
-A search's small products and copies take less time than Python takes to ask for them.
+Python would take longer to ask for the small products and copies of a search than they take.
 """
 
 from __future__ import annotations
 
+import functools
 import threading
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol, runtime_checkable
 
 import torch
+import warp as wp
 
 from vig.parallel.threads import run_on_threads, thread_count
-from vig.search.damped_step import KINDS, STEP, Standing, search_kernels
+from vig.search.damped_step import KINDS, LOADING, STEP_NUMBERS, TABLE, Standing, search_kernels
 from vig.search.optimizer import Budget, Descent, Problem
 from vig_renderer.device import Prepared, recorded
 
@@ -29,7 +31,7 @@ class Valuation:
         point: (P',) contiguous, what is valued.
         value: (1,) float64; gradient (1, P'), normal (1, P', P') as of `Valued`: what the steps write.
         steps: Each a kind of `KINDS` and up to five addresses and numbers.
-        kept: What the addresses belong to.
+        launches: Where further launches are kept, by its owner.
     """
 
     point: torch.Tensor
@@ -37,13 +39,13 @@ class Valuation:
     gradient: torch.Tensor
     normal: torch.Tensor
     steps: list[tuple[int, ...]]
-    kept: tuple[Any, ...] = ()
+    launches: dict[Any, Prepared]
 
-    def then(self, launch: Prepared) -> Valuation:
-        """The same with a launch after it."""
+    def then(self, kernel: Any, *arguments: Any) -> Valuation:
+        """The same with a launch of one thread of a kernel after it."""
+        launch = recorded(self.launches, kernel, 1, *arguments)
         assert launch.addresses is not None
-        steps = [*self.steps, (LAUNCH, *launch.addresses)]
-        return Valuation(self.point, self.value, self.gradient, self.normal, steps, (*self.kept, launch))
+        return replace(self, steps=[*self.steps, (LAUNCH, *launch.addresses)])
 
 
 @runtime_checkable
@@ -67,38 +69,48 @@ class _Search:
         self.here = Standing(point, value, gradient, torch.zeros(1, size, size, dtype=dtype), damping, growth)
         self.scratch = torch.zeros(1, size + 2, size, dtype=dtype)
         self.held, self.done = torch.zeros(1, size, dtype=torch.uint8), torch.zeros(1, dtype=torch.bool)
+        self.launches: dict[Any, Prepared] = {}
 
     def run(
         self,
         problem: NativeProblem,
         valuation: Valuation,
         starts: torch.Tensor,
-        found: Sequence[torch.Tensor],
+        ends: Sequence[torch.Tensor],
         first: int,
-        among: int,
+        stride: int,
         limits: tuple[float, float, float],
     ) -> None:
-        """Search from starts `first`, `first + among`, ...
+        """Search from every `stride`-th start from the `first` on.
 
-        found: path, value, normal, evaluations and whether converged, of all starts, to be written. limits:
+        ends: path, value, normal, evaluations and whether converged, of all starts, to be written. limits:
         damping, tolerance, give_up.
         """
-        damped, accept, descent = search_kernels(starts.dtype)
+        damped_kernel, accept_kernel, descent_kernel = search_kernels(starts.dtype)
         damping, tolerance, give_up = limits
         here, tried = self.here, (valuation.value, valuation.gradient, valuation.normal)
+        bounds, size = (problem.lower, problem.upper), starts.shape[1]
+        assert {bound.shape for bound in bounds} == {(size,)} and valuation.point.numel() == size
+        assert valuation.gradient.shape == (1, size) and valuation.normal.shape == (1, size, size)
         standing = list(vars(here).values())
-        given = here.points, here.gradient, here.normal, here.damping, problem.lower, problem.upper
-        launches = (
-            recorded(damped, 1, *given, self.scratch, self.held, self.step, self.promised),
-            recorded(accept, 1, self.step, self.promised, *tried, tolerance, give_up, *standing, self.done),
-        )
-        steps = torch.tensor([[*step, *[0] * (STEP - len(step))] for step in valuation.steps])
-        memory = [steps, valuation.point, *tried, *standing, self.step, self.done, starts, *found]
-        places = [each.data_ptr() for each in memory]
-        places += [*(number for launch in launches for number in launch.addresses or ()), len(steps)]
-        places += [*starts.shape, len(found[0]) - 1, first, among]
-        table = torch.tensor(places)
-        recorded(descent, 1, table, damping)()
+        model = here.points, here.gradient, here.normal, here.damping, *bounds
+        work = self.scratch, self.held, self.step, self.promised
+        damped = recorded(self.launches, damped_kernel, 1, *model, *work)
+        trial = self.step, self.promised, *tried, tolerance, give_up
+        accept = recorded(self.launches, accept_kernel, 1, *trial, *standing, self.done)
+        steps = torch.tensor([[*step, *[0] * (STEP_NUMBERS - len(step))] for step in valuation.steps])
+        memory = [steps, valuation.point, *tried, *standing, self.step, self.done, starts, *ends]
+        table = [tensor.data_ptr() for tensor in memory]
+        table += [*(damped.addresses or ()), *(accept.addresses or ())]
+        table += [len(steps), *starts.shape, len(ends[0]) - 1, first, stride]
+        assert len(table) == len(TABLE)
+        numbers = torch.tensor(table)
+        recorded(self.launches, descent_kernel, 1, numbers, damping)()
+
+
+@functools.cache
+def _load(dtype: torch.dtype) -> None:
+    wp.force_load("cpu", modules=[search_kernels(dtype)[2].module])
 
 
 _here = threading.local()
@@ -118,31 +130,37 @@ def descend(
     None where native code cannot value the problem, or the starts are of different photos. Without iterations
     the starts are only valued.
     """
+    if str(problem.device) != "cpu" or starts.ndim != 2 or starts.shape[1:] != problem.lower.shape:
+        return None
     count, size = starts.shape
     if (
-        str(problem.device) != "cpu"
-        or not torch.isfinite(starts).all()
-        or len(of := set(photo.tolist())) != 1
+        photo.shape != (count,)
+        or photo.dtype not in (torch.int32, torch.int64)
+        or not starts.isfinite().all()
     ):
         return None
-    (number,), starts = of, starts.contiguous()
+    if len(photos := set(photo.tolist())) != 1:
+        return None
+    (number,), starts = photos, starts.contiguous()
     path = starts.new_empty(budget.iterations + 1, count, size)
     value, normal = starts.new_empty(count, dtype=torch.float64), starts.new_empty(count, size, size)
     evaluations, converged = torch.empty(count, dtype=torch.int64), torch.empty(count, dtype=torch.bool)
-    found = path, value, normal, evaluations, converged
+    ends = path, value, normal, evaluations, converged
     threads, refused, limits = min(thread_count(), count), list[int](), (damping, budget.tolerance, give_up)
+    with LOADING:
+        _load(starts.dtype)
 
-    def every(first: int) -> None:
-        kept = _here.__dict__.setdefault("searches", {})
-        if (search := kept.get((size, starts.dtype))) is None:
-            search = kept[size, starts.dtype] = _Search(size, starts.dtype)
+    def search_share(first: int) -> None:
+        searches = _here.__dict__.setdefault("searches", {})
+        if (search := searches.get((size, starts.dtype))) is None:
+            search = searches[size, starts.dtype] = _Search(size, starts.dtype)
         with problem.valuation(number, sigma, budget.iterations > 0) as valuation:
             if valuation is None:
                 refused.append(first)
             else:
-                search.run(problem, valuation, starts, found, first, threads, limits)
+                search.run(problem, valuation, starts, ends, first, threads, limits)
 
-    run_on_threads(every, threads)
+    run_on_threads(search_share, threads)
     if refused:
         return None
     path = path[: int(evaluations.max())]

@@ -69,7 +69,8 @@ class Descent:
         evaluations: (B,) int, of the objective by each search.
         converged: (B,) bool, it stopped because nothing was gained, not because its budget ended.
         path: (T, B, P') the starts, then the best points after each step; None where these were not kept.
-        normal: (B, P', P') the negative Gauss-Newton Hessian at the points; None likewise.
+        normal: (B, P', P') the negative Gauss-Newton Hessian at the points; None likewise, and without
+            iterations, when starts are only compared.
     """
 
     points: torch.Tensor

@@ -1,6 +1,6 @@
 // The rasteriser: which face is nearest at each sample.
 //
-// As in `vig.renderer.raster`, 16 faces are set up side by side in vector registers and culled before one is
+// As in `vig_renderer.raster`, 16 faces are set up side by side in vector registers and culled before one is
 // drawn; here whole parts, and clusters of their faces, outside the frame are skipped first, faces that reach
 // behind the camera are clipped at the near plane, and depth and face lie in two buffers of 32 bits, so that
 // twice as many samples fit a register.

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import ctypes
+import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -49,7 +55,7 @@ class Steps:
 
     @contextmanager
     def valuation(self, photo: int, sigma: float, derivatives: bool = True) -> Iterator[Valuation | None]:
-        yield Valuation(self.point, self.value, self.gradient[None], self.normal[None], self.steps)
+        yield Valuation(self.point, self.value, self.gradient[None], self.normal[None], self.steps, {})
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
@@ -138,6 +144,82 @@ def test_what_native_code_does_not_take_goes_the_long_way(studio, teapot) -> Non
         search(objective, starts, zero + 7, 0.05, budget)
     with pytest.raises(ValueError, match="sigma must be positive"):
         search(objective, starts, zero, -0.05, budget)
+    for wrong, whose, why in (
+        (starts[:, :-4], zero, "points must be"),
+        (torch.cat([starts] * 200, 1), zero, "points must be"),
+        (starts, zero[:1], "photo and sigma must be"),
+        (starts, zero[:, None], "photo and sigma must be"),
+        (starts, zero + 0.5, "photo must be whole numbers"),
+    ):
+        with pytest.raises(ValueError, match=why):
+            search(objective, wrong, whose, 0.05, budget)
     starts[1, 4] = float("nan")
     with pytest.raises(ValueError, match="points must be finite; got nan in column 4 of point 1"):
         search(objective, starts, zero, 0.05, budget)
+
+
+def test_a_subclass_that_values_otherwise_is_asked(studio, teapot) -> None:
+    class Counting(Objective):
+        calls = 0
+
+        def __call__(self, *arguments: Any, **options: Any) -> Any:
+            self.calls += 1
+            return super().__call__(*arguments, **options)
+
+    class Other(Likelihood):
+        calls = 0
+
+        def at(self, *arguments: Any, **options: Any) -> Any:
+            self.calls += 1
+            return super().at(*arguments, **options)
+
+    rng = np.random.default_rng(4)
+    latents = studio.latents(rng, 1)
+    photos = Photos(studio.photo(rng, latents), torch.full((1, 150, 150, 3), -1.0, dtype=torch.float64))
+    likelihood, other = (kind(studio.geometry, studio.camera, photos) for kind in (Likelihood, Other))
+    photo, budget = torch.zeros(1, dtype=torch.int32), Budget(2, 0.0)
+    for objective in (Counting(likelihood, teapot), Objective(other, teapot)):
+        found = LevenbergMarquardt()(objective, points_of(latents), photo, 0.05, budget)
+        asked = objective.calls if isinstance(objective, Counting) else other.calls
+        assert asked == int(found.evaluations) > 1
+
+
+def test_a_valuation_outlasts_others_of_its_thread(studio, teapot) -> None:
+    """What is valued in between, also by another valuation, does not change what its launches write to."""
+    rng = np.random.default_rng(6)
+    latents = studio.latents(rng, 1)
+    photos = Photos(studio.photo(rng, latents), torch.full((1, 150, 150, 3), -1.0, dtype=torch.float64))
+    objective = Objective(Likelihood(studio.geometry, studio.camera, photos), teapot)
+    with objective.valuation(0, 0.05) as one:
+        assert one is not None
+        before = [[*bytes_of(launch)] for launch in one.launches.values()]
+        objective.of_one(points_of(latents), 0.05)
+        with objective.valuation(0, 0.05) as other:
+            assert other is not None and other.point.data_ptr() != one.point.data_ptr()
+        assert [[*bytes_of(launch)] for launch in one.launches.values()] == before
+
+
+def bytes_of(launch: Any) -> bytes:
+    """The arguments of a recorded launch."""
+    return ctypes.string_at(launch.addresses[2], ctypes.sizeof(launch.packed))
+
+
+@pytest.mark.slow
+def test_threads_of_a_new_process_load_no_kernels_at_once(tmp_path: Path) -> None:
+    """Loading them side by side ends the process."""
+    code = """
+import torch, vig
+from vig.inference import ExplainSettings, explain_one, resolve
+from vig.photo import as_photo
+from vig.recognition import Recognizer
+from vig_app.examples import example_photos
+torch.set_num_threads(4)
+teapot = vig.ObjectClass.load("teapot")
+pixels = torch.from_numpy(as_photo(example_photos()[1].photo))
+prediction = Recognizer.of_class(teapot)(pixels[None])
+print(explain_one(pixels, prediction, teapot, resolve(ExplainSettings(), teapot)).evaluations)
+"""
+    for number in range(2):
+        environment = os.environ | {"WARP_CACHE_PATH": str(tmp_path / str(number))}
+        done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+        assert done.returncode == 0 and int(done.stdout) > 20, done.stderr

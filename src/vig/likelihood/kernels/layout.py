@@ -9,6 +9,7 @@ import torch
 
 from vig.likelihood import densities
 from vig.scene import Block, LatentLayout, point_layout
+from vig.search.damped_step import LANES as LANES
 from vig_renderer.device import native_code, scalar_type
 
 BEHIND_EDGE = 0.002
@@ -19,9 +20,6 @@ BEFORE_EDGE = 0.04
 
 LEAST_SQUARE = 1e-12
 """Squared length in the image of an edge's normal below which its direction is lost in rounding."""
-
-LANES = 16
-"""Numbers in a padded vector, and pixels taken at a time: whole vector registers of a processor."""
 
 REST = LatentLayout(
     tuple(
