@@ -217,6 +217,8 @@ def _check_shape(name: str, tensor: torch.Tensor, shape: tuple[int | None, ...])
 wp.config.log_level = wp.LOG_ERROR
 wp.config.enable_backward = False
 wp.config.use_precompiled_headers = False  # making them takes longer than one module does
+if hasattr(wp.config, "cpu_compiler_flags"):  # of Warp's own products and sums, too, which are functions
+    wp.config.cpu_compiler_flags = f"{wp.config.cpu_compiler_flags or '-march=native'} -ffp-contract=fast"
 
 _NATIVE = {wp.float32: "float", wp.float64: "double"}
 _starting = threading.Lock()
