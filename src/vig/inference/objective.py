@@ -104,11 +104,11 @@ class Prior:
         point, results = valuation.point[None], (valuation.value, valuation.gradient, valuation.normal)
         return valuation.then(prior_kernel(point.dtype), *self._arguments(point, *results))
 
-    def _arguments(self, points: torch.Tensor, *found: torch.Tensor) -> tuple[Any, ...]:
-        """Of the kernel."""
+    def _arguments(self, points: torch.Tensor, *results: torch.Tensor) -> tuple[Any, ...]:
+        """Of `prior_kernel`, results being value, gradient and normal matrix."""
         gaussians = self.mean, self.precision, self.heading_mean, self.heading_precision, self.azimuths
         places = self.azimuth_precision, float(self.symmetry.fold), self.azimuth, self.light.start
-        return (points, *gaussians, *places, *found)
+        return (points, *gaussians, *places, *results)
 
 
 @dataclass(frozen=True)

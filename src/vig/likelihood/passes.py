@@ -89,7 +89,7 @@ class Pass:
         }
         self._arguments |= likelihood.camera_arguments | nothing
         self._launches: list[tuple[Prepared, dict[str, Any]]] = []
-        self.after: dict[Any, Prepared] = {}  # of those who go on from a `valuation`
+        self.further_launches: dict[Any, Prepared] = {}  # of those who add to a `valuation`
         self.look_at(likelihood)
         made = self._buffer
         points = made("points", k.real, 1 + self.layout.size)
@@ -208,20 +208,15 @@ class Pass:
 
         None on a GPU and where launches have no addresses.
         """
-        launches = [self._look, *self._program(2 if derivatives else 0, False)]
-        if derivatives:
-            launches.append(self._assemble)
+        launches = [self._look, self._assemble, *self._program(2 if derivatives else 0, False)]
         addresses = [launch.addresses for launch in launches]
         if not self._alone or None in addresses:
             return None
-        look, *others = [(LAUNCH, *each) for each in addresses if each is not None]
+        look, assemble, *between = [(LAUNCH, *address) for address in addresses if address is not None]
         positions, world = self.geometry.positions, self.world.view(self.count, -1)
         lines, across = positions.shape
 
-        def at(tensor: torch.Tensor) -> int:
-            return tensor.data_ptr()
-
-        on_world, rows = self.on_world, self.rows[0]
+        at, on_world, rows = torch.Tensor.data_ptr, self.on_world, self.rows[0]
         assert self.geometry.rows.width % LANES == 0, "native code multiplies by whole vectors"
         steps = [
             (COPY, at(self.albedo), at(self._blocks["albedo"]), 3),
@@ -229,16 +224,16 @@ class Pass:
             *((CLEAR, at(each), each[0].nbytes) for each in self._cleared),
             look,
             (COMBINE, at(world), at(self._with_one), at(positions), lines, across),
-            *others,
-        ]
-        products = [
-            (PROJECT, at(self.shape_gradient), at(on_world), at(positions[1:]), lines - 1, across),
-            (SQUARE, at(self.products), at(rows), at(self.row_counts), *rows.shape),
+            *between,
         ]
         if derivatives:
-            steps[-1:-1] = products
-        found = self.value[:1], self.gradient[:1], self.normal[:1]
-        return Valuation(self.points[0], *found, steps, self.after)
+            steps += [
+                (PROJECT, at(self.shape_gradient), at(on_world), at(positions[1:]), lines - 1, across),
+                (SQUARE, at(self.products), at(rows), at(self.row_counts), *rows.shape),
+                assemble,
+            ]
+        results = self.value[:1], self.gradient[:1], self.normal[:1]
+        return Valuation(self.points[0], *results, steps, self.further_launches)
 
     def _recorded(self, derivatives: int, images: bool) -> list[Prepared]:
         """The launches between placing the vertices in the world and the last matrix products."""

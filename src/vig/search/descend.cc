@@ -1,6 +1,6 @@
 // Levenberg-Marquardt searches one after the other: every `stride`-th start from the `first` on. A valuation is a list of
-// steps, `STEP_NUMBERS` numbers each, that value the point at a fixed address; see `Valuation`. Without iterations starts are only
-// valued, without derivatives.
+// steps, `STEP_NUMBERS` numbers each, that value the point at a fixed address; see `Valuation`. Without iterations
+// starts are only valued, without derivatives.
 #ifndef __CUDACC__  // searches on a GPU are batches
 typedef void (*Launch)(void*, void*);
 typedef real Lanes __attribute__((vector_size(LANES * sizeof(real)), aligned(sizeof(real))));

@@ -133,13 +133,9 @@ def descend(
     if str(problem.device) != "cpu" or starts.ndim != 2 or starts.shape[1:] != problem.lower.shape:
         return None
     count, size = starts.shape
-    if (
-        photo.shape != (count,)
-        or photo.dtype not in (torch.int32, torch.int64)
-        or not starts.isfinite().all()
-    ):
+    if photo.shape != (count,) or photo.dtype not in (torch.int32, torch.int64):
         return None
-    if len(photos := set(photo.tolist())) != 1:
+    if not starts.isfinite().all() or len(photos := set(photo.tolist())) != 1:
         return None
     (number,), starts = photos, starts.contiguous()
     path = starts.new_empty(budget.iterations + 1, count, size)
