@@ -23,15 +23,16 @@ def test_explanations_are_the_golden_ones() -> None:
 
 def test_a_wrong_view_is_reported_on_any_processor() -> None:
     right = {"azimuth_deg": 358.0, "elevation_deg": 20.0, "hidden_fraction": 0.2, "confidence": 0.9}
-    right["verdict"] = "trusted"
-    near = right | {"azimuth_deg": 2.5, "confidence": 0.87}
+    right |= {"verdict": "trusted", "deviation": {"azimuth_deg": 2.0, "elevation_deg": 1.0}}
+    near = right | {"azimuth_deg": 5.5, "elevation_deg": 24.5, "confidence": 0.85}  # 7.5 degrees: under 4 x 2
     assert list(results.view_differences({"pot": right}, {"pot": near})) == []
-    wrong = right | {"azimuth_deg": 6.0, "hidden_fraction": 0.3}
+    wrong = right | {"azimuth_deg": 7.0, "elevation_deg": 25.5, "hidden_fraction": 0.35}
     assert list(results.view_differences({"pot": right}, {"pot": wrong})) == [
-        "pot/azimuth_deg: expected 358.0; got 6.0", "pot/hidden_fraction: expected 0.2; got 0.3",
+        "pot/azimuth_deg: expected 358.0; got 7.0", "pot/elevation_deg: expected 20.0; got 25.5",
+        "pot/hidden_fraction: expected 0.2; got 0.35",
     ]  # fmt: skip
-    unsure = right | {"verdict": "ambiguous"}
-    assert list(results.view_differences({"pot": unsure}, {"pot": unsure | {"azimuth_deg": 5.5}})) == []
+    unsure = right | {"verdict": "ambiguous", "alternatives": [{"azimuth_deg": 180.0}]}
+    assert list(results.view_differences({"pot": unsure}, {"pot": unsure | {"azimuth_deg": 187.0}})) == []
     assert list(results.view_differences({"pot": right}, {})) == ["expected the photos ['pot']; got []"]
 
 

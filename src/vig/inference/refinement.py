@@ -28,7 +28,7 @@ class Selection:
     Attributes:
         point: (1, P') of the objective.
         path: (T, P') how it was reached, from its start on.
-        reverted: Whether it is the recognition model's guess, which no end had more evidence than.
+        reverted: Whether it is the recognition model's guess, as no end had `LEAST_GAIN_NATS` more evidence.
         start_evidence: Log posterior at that guess, nats.
         evaluations: Of the objective, by all starts together.
         gap: Nats by which the best end of another view lies behind; infinite when there is none.
@@ -74,7 +74,7 @@ def select(
     start = objective.point(guess)
     start_evidence = float(objective.of_one(start, sigma, derivatives=False).value)
     # By evidence alone: the view probability of the guess is the highest by its nature.
-    reverted = informed and float(ends.evidence[best]) <= start_evidence
+    reverted = informed and float(ends.evidence[best]) <= start_evidence + LEAST_GAIN_NATS
     point = start if reverted else ends.points[best : best + 1]
     azimuth, symmetry = objective.latents(ends.points).azimuth, objective.object_class.symmetry
     other_view = symmetry.difference(azimuth, azimuth[best]).abs() > DISTINCT_AZIMUTH
@@ -119,6 +119,9 @@ def select(
     )
 
 
+LEAST_GAIN_NATS = 0.1
+"""Gains of evidence below it are rounding, which differs between processors: log posteriors are sums of some
+10^4 nats in single precision."""
 LEAST_PEAK = 0.02
 """Peaks of azimuth with less probability are left out."""
 AZIMUTH_SPREAD = math.radians(8.0)
