@@ -11,7 +11,7 @@ import numpy as np
 import torch
 
 from vig.likelihood import ROBUST, Evaluation, Likelihood, Photos
-from vig.likelihood.kernels.geometry import Geometry
+from vig.likelihood.geometry import Geometry
 from vig.renderer import MeshObject, Pinhole, Scene, Topology, render, render_latents
 from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass, ShapeModel, latent_layout
 from vig_world.raster.rasterize import rasterize

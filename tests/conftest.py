@@ -13,7 +13,7 @@ import torch
 
 from tests.support import TEAPOT
 from vig.likelihood import Likelihood, Photos, PixelModel
-from vig.likelihood.kernels.geometry import Geometry
+from vig.likelihood.geometry import Geometry
 from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass
 from vig_world.dataset import Dataset, read_dataset
 from vig_world.generation.write import make_dataset

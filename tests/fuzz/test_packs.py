@@ -19,7 +19,7 @@ from tests.fuzz.mutations import damaged_json, damaged_tensors, outcomes
 from tests.support import SMALL
 from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration, calibration_of
 from vig.io.errors import UserError
-from vig.likelihood.kernels.geometry import Geometry
+from vig.likelihood.geometry import Geometry
 from vig.recognition import Recognizer
 from vig.recognition.network import RecognitionNetwork
 from vig.recognition.weights import FORMAT

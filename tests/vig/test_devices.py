@@ -20,7 +20,7 @@ from vig.inference import ExplainSettings, explain_one
 from vig.inference.posterior import geometry_of
 from vig.inference.prior_kernel import prior_kernel
 from vig.likelihood import Likelihood, Photos
-from vig.likelihood.kernels.geometry import Geometry
+from vig.likelihood.geometry import Geometry
 from vig.likelihood.kernels.load import likelihood_kernels
 from vig.photo import Window
 from vig.recognition import Recognizer

@@ -12,7 +12,7 @@ import warp as wp
 import vig
 from tests.support import points_of
 from vig.likelihood import Likelihood, Photos
-from vig.likelihood.kernels.geometry import Geometry
+from vig.likelihood.geometry import Geometry
 from vig.photo import Window
 from vig.renderer import MeshObject, Pinhole, Scene, Topology, render
 from vig_app.examples import example_photos

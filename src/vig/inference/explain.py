@@ -2,33 +2,20 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Iterator
 
 import torch
-import warp as wp
 
 from vig.inference.calibration import calibration_of
 from vig.inference.confidence import assess
 from vig.inference.hints import WindowHints
 from vig.inference.posterior import objectives_of
-from vig.inference.prior_kernel import load_search_kernels
 from vig.inference.refinement import ExpectedStart, refine, select
 from vig.inference.settings import ExplainSettings, Fit, FitSettings, resolve
 from vig.inference.shading_gain import with_shading_gain
-from vig.likelihood import load_kernels
-from vig.likelihood.image_kernels import image_kernels
 from vig.parallel.threads import map_on_threads, on_one_core
 from vig.recognition import Prediction, Recognizer
 from vig.scene import ObjectClass
-
-
-@functools.cache
-def load_fit_kernels(modes: int, device: str = "cpu", density: str = "gaussian") -> None:
-    """Compile or load all kernels of fits of so many shape components, once: threads must not do it."""
-    load_kernels(torch.float32, modes, device, density)
-    load_search_kernels(torch.float32, device)
-    wp.force_load("cpu", modules=[image_kernels()["minimum_cut"].module])  # whatever the device
 
 
 def explain(
@@ -42,18 +29,16 @@ def explain(
 ) -> Iterator[Fit]:
     """Explain photos (N, 150, 150, 3), linear RGB, in their order, as many at once as torch has threads.
 
-    Pixels outside `valid` (N, 150, 150) bool are padding and do not count; hints are of all photos. Searches
-    run on the recognizer's device; photos and fits are on the host. A start that is
+    Pixels outside `valid` (N, 150, 150) bool are padding and do not count; hints are of all photos. A start that is
     `expected` is of one photo.
     """
     chosen = resolve(settings or ExplainSettings(), object_class)
     prediction = recognizer(photos) if expected is None else expected.predict(photos)
-    load_fit_kernels(object_class.shape_model.modes, recognizer.device, chosen.likelihood.density)
 
     def one(index: int) -> Fit:
         here = None if valid is None else valid[index]
         of_one = photos[index], prediction[index : index + 1]
-        return explain_one(*of_one, object_class, chosen, here, recognizer.device, hints, expected=expected)
+        return explain_one(*of_one, object_class, chosen, here, hints, expected=expected)
 
     yield from map_on_threads(one, range(len(photos)))
 
@@ -64,7 +49,6 @@ def explain_one(
     object_class: ObjectClass,
     settings: ExplainSettings | FitSettings,
     valid: torch.Tensor | None = None,
-    device: str = "cpu",
     hints: WindowHints | None = None,
     judge: Prediction | None = None,
     expected: ExpectedStart | None = None,
@@ -82,7 +66,7 @@ def explain_one(
 
     def fit() -> Fit:
         scales = {stage.scale for stage in chosen.stages} | {1.0}
-        objectives = objectives_of(photo, prediction, object_class, chosen, scales, valid, device, hints)
+        objectives = objectives_of(photo, prediction, object_class, chosen, scales, valid, hints)
         ends = refine(objectives, prediction, chosen, expected)
         objective = objectives[1.0]
         selection = select(objective, ends, prediction.best(), chosen.likelihood.sigma, chosen.informed)

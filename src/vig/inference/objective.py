@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
-
 import torch
 
 from vig.inference.hints import PlaceTerm
-from vig.inference.prior_kernel import load_search_kernels, prior_kernel
 from vig.likelihood import Evaluation, Likelihood
-from vig.scene import LatentLayout, Latents, ObjectClass, latent_layout, rotate_z
+from vig.parallel.threads import thread_count
+from vig.scene import LatentLayout, Latents, ObjectClass, latent_layout
 from vig.scene.latents import FRAMING
-from vig.search.native_descent import Valuation
-from vig_renderer.device import launch
+from vig.search import Budget, Descent
+from vig_native import engine
 
 
 @dataclass(frozen=True)
@@ -49,7 +46,7 @@ class Prior:
         layout: LatentLayout,
         object_class: ObjectClass,
         recognition: RecognitionPrior | None,
-        place: dict[str, Any],
+        dtype: torch.dtype,
         weight: float = 1.0,
     ):
         mean = torch.zeros(layout.size, dtype=torch.float64)
@@ -58,12 +55,12 @@ class Prior:
             factor = weight if weighted else 1.0
             numbers = layout.indices(name)
             precision[numbers, numbers] = factor * torch.tensor(deviation, dtype=torch.float64) ** -2
-        self.azimuth, self.light, self.symmetry = layout.at("azimuth"), layout["light"], object_class.symmetry
-        mean[self.light] = torch.from_numpy(object_class.light_prior_mean)
+        light = layout["light"]
+        mean[light] = torch.from_numpy(object_class.light_prior_mean)
         covariance = torch.from_numpy(object_class.light_prior_covariance)
         # In the world; the network's Gaussian of the light is in the frame of the heading.
-        precision[self.light, self.light] = weight * torch.linalg.inv(covariance)
-        self.azimuth_precision = 0.0 if recognition is None else recognition.azimuth_precision
+        precision[light, light] = weight * torch.linalg.inv(covariance)
+        azimuth_precision = 0.0 if recognition is None else recognition.azimuth_precision
         heading_mean = heading_precision = azimuths = mean[:0]
         if recognition is not None:
             whole = latent_layout(layout.count("shape"))
@@ -76,39 +73,34 @@ class Prior:
             precision[here, here] = total
             heading_mean = recognition.mean[whole["light"]]
             heading_precision = weight * recognition.precision[whole["light"]]
-            azimuths = recognition.azimuths if self.azimuth_precision else azimuths
-        self.mean, self.precision = mean.to(**place), precision.to(**place)
-        self.heading_mean, self.heading_precision = heading_mean.to(**place), heading_precision.to(**place)
-        self.azimuths = azimuths.to(**place)
+            azimuths = recognition.azimuths if azimuth_precision else azimuths
+        self.dtype = dtype
+        gaussians = mean, precision, heading_mean, heading_precision, azimuths
+        self.native = engine.prior(
+            *(each.to(dtype).contiguous().numpy() for each in gaussians),
+            azimuth_precision,
+            float(object_class.symmetry.fold),
+            layout.at("azimuth"),
+            light.start,
+        )
+        """What native code takes of all these."""
 
     def value(self, points: torch.Tensor) -> torch.Tensor:
-        """log p(z): (B, P') to (B,) float64."""
-        off = self.mean - points
-        value = -0.5 * (off * (off @ self.precision)).sum(1)
-        if len(self.heading_mean):
-            heading = rotate_z(points[:, self.light], -points[:, self.azimuth])
-            value = value - 0.5 * ((self.heading_mean - heading) ** 2 * self.heading_precision).sum(1)
-        if len(self.azimuths):
-            off = self.symmetry.difference(self.azimuths, points[:, self.azimuth, None])
-            value = value - 0.5 * self.azimuth_precision * (off**2).amin(1)
-        return value.double()
+        """log p(z) of points (B, P'): (B,) float64."""
+        value = torch.zeros(len(points), dtype=torch.float64)
+        self.add_to(points, value)
+        return value
 
     def add_to(
-        self, points: torch.Tensor, value: torch.Tensor, gradient: torch.Tensor, normal: torch.Tensor
+        self,
+        points: torch.Tensor,
+        value: torch.Tensor,
+        gradient: torch.Tensor | None = None,
+        normal: torch.Tensor | None = None,
     ) -> None:
         """Add log p(z) to values (B,) float64, its gradient to (B, P'), -log p's matrix to (B, P', P')."""
-        launch(prior_kernel(points.dtype), len(points), *self._arguments(points, value, gradient, normal))
-
-    def after(self, valuation: Valuation) -> Valuation:
-        """A valuation to which log p(z) is added, as `add_to` does."""
-        point, results = valuation.point[None], (valuation.value, valuation.gradient, valuation.normal)
-        return valuation.then(prior_kernel(point.dtype), *self._arguments(point, *results))
-
-    def _arguments(self, points: torch.Tensor, *results: torch.Tensor) -> tuple[Any, ...]:
-        """Of `prior_kernel`, results being value, gradient and normal matrix."""
-        gaussians = self.mean, self.precision, self.heading_mean, self.heading_precision, self.azimuths
-        places = self.azimuth_precision, float(self.symmetry.fold), self.azimuth, self.light.start
-        return (points, *gaussians, *places, *results)
+        derivatives = (None if each is None else each.numpy() for each in (gradient, normal))
+        self.native.add_to(points.to(self.dtype).contiguous().numpy(), value.numpy(), *derivatives)
 
 
 @dataclass(frozen=True)
@@ -152,11 +144,9 @@ class Objective:
         self.layout = layout
         self._latents = layout.indices(*(block.name for block in latent_layout(layout.count("shape")).blocks))
         geometry = likelihood.geometry
-        self.dtype, self.device = geometry.dtype, geometry.device
-        load_search_kernels(self.dtype, self.device)
-        place: dict[str, Any] = {"dtype": self.dtype, "device": self.device}
-        self.prior = Prior(layout, object_class, recognition, place, prior_weight)
-        self.lower, self.upper = (torch.tensor(bound, **place) for bound in layout.bounds())
+        self.dtype = geometry.dtype
+        self.prior = Prior(layout, object_class, recognition, self.dtype, prior_weight)
+        self.lower, self.upper = (torch.tensor(bound, dtype=self.dtype) for bound in layout.bounds())
         for name, number in held.items():
             in_framing = layout["framing"].start + FRAMING.labels.index(name) if name == "roll" else None
             index = layout.at(name) if in_framing is None else in_framing
@@ -171,7 +161,7 @@ class Objective:
 
     def point(self, latents: Latents, framing: torch.Tensor | None = None) -> torch.Tensor:
         """Points (B, P') within the bounds from latents and framing (B, 4); all else is 0."""
-        vector = latents.to_vector().to(self.device, self.dtype)
+        vector = latents.to_vector().to(self.dtype)
         if not torch.isfinite(vector).all():
             raise ValueError("latents must be finite; got NaN or infinity")
         if vector.shape[1] != len(self._latents):
@@ -183,42 +173,57 @@ class Objective:
         return points.clamp(self.lower, self.upper)
 
     def latents(self, points: torch.Tensor) -> Latents:
-        """The latents of points (B, P'), on the host."""
-        return Latents.from_vector(points[:, self._latents].cpu())
+        """The latents of points (B, P')."""
+        return Latents.from_vector(points[:, self._latents])
 
     def framing(self, points: torch.Tensor) -> torch.Tensor:
-        """The framing (B, 4) of points (B, P'), on the host, 0 where the layout has none."""
+        """The framing (B, 4) of points (B, P'), 0 where the layout has none."""
         if "framing" not in self.layout:
             return torch.zeros(len(points), FRAMING.size, dtype=points.dtype)
-        return points[:, self.layout["framing"]].cpu()
+        return points[:, self.layout["framing"]]
 
     def of_one(self, point: torch.Tensor, sigma: float, derivatives: bool = True) -> ObjectiveValue:
         """Value one point (1, P') of the first photo."""
-        photo = torch.zeros(1, dtype=torch.int32, device=self.device)
-        return self(point, photo, torch.tensor([sigma], device=self.device), derivatives)
+        photo = torch.zeros(1, dtype=torch.int32)
+        return self(point, photo, torch.tensor([sigma]), derivatives)
 
-    @contextmanager
-    def valuation(self, photo: int, sigma: float, derivatives: bool = True) -> Iterator[Valuation | None]:
-        """See `NativeProblem`; None where there are terms of places, or a subclass values otherwise."""
-        likelihood, prior = getattr(type(self.likelihood), "at", None), type(self.prior).add_to
-        ours = type(self).__call__, likelihood, prior
-        if self.terms or ours != (Objective.__call__, Likelihood.at, Prior.add_to):
-            yield None
-            return
-        with self.likelihood.valuation(photo, sigma, derivatives) as valuation:
-            yield None if valuation is None else self.prior.after(valuation)
+    def search(
+        self, starts: torch.Tensor, sigma: float, budget: Budget, damping: float, give_up: float
+    ) -> Descent | None:
+        """Levenberg-Marquardt searches of the first photo by native code; None where there are terms of places
+        or another likelihood.
+
+        See `LevenbergMarquardt`. Starts (B, P') are shared out to threads; without iterations they are only valued.
+        """
+        if self.terms or not isinstance(self.likelihood, Likelihood):
+            return None
+        path, value, normal, evaluations, converged = engine.search(
+            self.likelihood.geometry.native,
+            self.likelihood.native,
+            self.prior.native,
+            0,
+            sigma,
+            *(each.contiguous().numpy() for each in (starts, self.lower, self.upper)),
+            budget.iterations,
+            budget.tolerance,
+            damping,
+            give_up,
+            thread_count(),
+        )
+        ends = (torch.from_numpy(each) for each in (value, evaluations, converged))
+        steps = torch.from_numpy(path[: int(evaluations.max(initial=1))])
+        return Descent(steps[-1].clone(), *ends, steps, torch.from_numpy(normal) if budget.iterations else None)
 
     def __call__(
         self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: bool = True
     ) -> ObjectiveValue:
         """Value points (B, P') of photos (B,) under noise sigma (B,); images come where no derivatives do."""
         evaluation = self.likelihood.at(points, photo, sigma, derivatives, images=not derivatives)
-        if evaluation.gradient is None or evaluation.normal is None:
-            value = evaluation.value + self.prior.value(points)
-            for term in self.terms:
-                value = value + term.value(points).to(value)
-            return ObjectiveValue(value, None, None, evaluation)
-        self.prior.add_to(points, evaluation.value, evaluation.gradient, evaluation.normal)
+        value, gradient, normal = evaluation.value, evaluation.gradient, evaluation.normal
+        self.prior.add_to(points, value, gradient, normal)
         for term in self.terms:
-            term.add_to(points, evaluation.value, evaluation.gradient, evaluation.normal)
-        return ObjectiveValue(evaluation.value, evaluation.gradient, evaluation.normal, evaluation)
+            if gradient is None or normal is None:
+                value += term.value(points).to(value)
+            else:
+                term.add_to(points, value, gradient, normal)
+        return ObjectiveValue(value, gradient, normal, evaluation)

@@ -13,21 +13,20 @@ from vig.inference.hints import WindowHints
 from vig.inference.objective import Objective, RecognitionPrior
 from vig.inference.refinement import AZIMUTH_SPREAD
 from vig.inference.settings import ExplainSettings, FitSettings, resolve
-from vig.likelihood import NEVER, Likelihood, Photos, log_colour_density
-from vig.likelihood.kernels.geometry import Geometry
+from vig.likelihood import NEVER, Geometry, Likelihood, Photos, log_colour_density
 from vig.recognition import Prediction
 from vig.scene import ObjectClass, latent_layout
 
 
 @functools.lru_cache(maxsize=8)
-def geometry_of(object_class: ObjectClass, self_shadow: bool = False, device: str = "cpu") -> Geometry:
+def geometry_of(object_class: ObjectClass, self_shadow: bool = False) -> Geometry:
     """The renderer's matrices of a class, made once; with self-shadow where the class has a table of it.
 
-    At unit scale, as fits see the class: what kernels take for small is for things of a teapot's size.
+    At unit scale, as fits see the class: what native code takes for small is for things of a teapot's size.
     """
     transfer = object_class.transfer if self_shadow else None
     model, reflectance = object_class.at_unit_scale.shape_model, object_class.reflectance
-    return Geometry(model, torch.float32, device, transfer, reflectance)
+    return Geometry(model, torch.float32, transfer, reflectance)
 
 
 def objective_of(
@@ -48,13 +47,11 @@ def objectives_of(
     settings: ExplainSettings | FitSettings,
     scales: Iterable[float],
     valid: torch.Tensor | None = None,
-    device: str = "cpu",
     hints: WindowHints | None = None,
 ) -> dict[float, Objective]:
     """The log posterior of one photo averaged over cells of 1 / scale pixels, for each scale.
 
-    With hints the prediction is the one that they corrected. It is valued on `device`; photo and prediction
-    are on the host, where its pixels' prior is made.
+    With hints the prediction is the one that they corrected.
     """
     settings = resolve(settings, object_class)
     object_class = object_class.at_unit_scale
@@ -65,7 +62,7 @@ def objectives_of(
         unknown = torch.tensor([NEVER, 0.0, 0.0], dtype=log_prior.dtype)
         log_prior = torch.where(valid[:, :, None], log_prior, unknown)
         decorated = decorated * valid
-    geometry = geometry_of(object_class, settings.self_shadow, device)
+    geometry = geometry_of(object_class, settings.self_shadow)
     predicted = prior_of(prediction, settings, object_class)
     objectives: dict[float, Objective] = {}
     for scale in scales:

@@ -86,13 +86,13 @@ def select(
     # The ends by score, then the points that were given up; the guess comes second, or first where no end is
     # near.
     order = ends.scores.argsort(descending=True, stable=True)
-    candidates = torch.cat([nearest, start, ends.points[order.to(objective.device)], ends.given_up])
+    candidates = torch.cat([nearest, start, ends.points[order], ends.given_up])
     unknown = ends.scores.new_full((1 + len(ends.given_up),), math.nan)
     gaps_behind = (ends.scores[best] - ends.scores[order]).clamp_min(0.0)
     behind = torch.cat([gaps[rival : rival + 1], unknown[:1], gaps_behind, unknown[1:]])
     if not informed:
         kept = torch.isfinite(behind)
-        candidates, behind = candidates[kept.to(objective.device)], behind[kept]
+        candidates, behind = candidates[kept], behind[kept]
     elif not close:
         swapped = [1, 0, *range(2, len(candidates))]
         candidates, behind = candidates[swapped], behind[swapped]
@@ -141,7 +141,7 @@ class RefinedStarts:
     """Where the descents of the last stage ended.
 
     Attributes:
-        points: (S, P') of the objective, on its device; the rest is on the host.
+        points: (S, P') of the objective.
         evidence: (S,) float64, log posterior in nats.
         scores: (S,) float64, evidence and weighted view log-probability, by which ends are compared.
         evaluations: Of the objective, in all stages.
@@ -196,18 +196,17 @@ def refine(
         azimuth = objective.latents(points).azimuth
         entering = survivors(azimuth, scores, stage.starts, symmetry, stage.one_per_view)
         order = scores.argsort(descending=True, stable=True)
-        left = order[~torch.isin(order, entering)].to(objective.device)
+        left = order[~torch.isin(order, entering)]
         given_up = torch.cat([points[left], given_up])
-        entering = entering.to(objective.device)
         points, paths = points[entering], paths[:, entering]
         descent = settings.optimizer(
             objectives[stage.scale],
             points,
-            torch.zeros(len(points), dtype=torch.int32, device=objective.device),
+            torch.zeros(len(points), dtype=torch.int32),
             settings.likelihood.sigma * stage.sigma,
             stage.budget,
         )
-        points, evidence = descent.points, descent.value.cpu()
+        points, evidence = descent.points, descent.value
         paths = torch.cat([paths, points[None] if descent.path is None else descent.path[1:]])
         view_log_probability = prediction.log_mass(objective.latents(points).azimuth)
         # A photo pooled to scale s has s^2 of the pixels, hence of the evidence's nats.

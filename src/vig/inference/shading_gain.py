@@ -50,7 +50,7 @@ def with_shading_gain(
     pixel_sigma = settings.likelihood.sigma
     noise, precision = FIRST_NOISE * pixel_sigma, settings.prior_weight / settings.gain_deviation**2
     point, path, evaluations, divided = selection.point, [selection.path], selection.evaluations, objective
-    of_photo, penalty = torch.zeros(1, dtype=torch.int32, device=objective.device), 0.0
+    of_photo, penalty = torch.zeros(1, dtype=torch.int32), 0.0
     for _ in range(ROUNDS):
         gain = _gain(objective, divided, point, noise, precision)
         if gain is None:
@@ -124,10 +124,10 @@ def _bumps(silhouette: torch.Tensor) -> torch.Tensor:
     """The bumps (H, W, `GRID`^2) over the square about a silhouette (H, W) bool, float64."""
     down, across = (torch.where(silhouette.any(axis))[0] for axis in (1, 0))
     side = float(max(down[-1] - down[0], across[-1] - across[0]) + 1)
-    knots = torch.linspace(-0.5, 0.5, GRID).to(silhouette.device, torch.float64)
+    knots = torch.linspace(-0.5, 0.5, GRID).double()
 
     def along(span: torch.Tensor, length: int) -> torch.Tensor:
-        place = torch.arange(length, device=silhouette.device)
+        place = torch.arange(length)
         off = (place - (span[0] + span[-1]) / 2) / side
         return torch.exp(-0.5 * ((off[:, None] - knots) * (GRID - 1)) ** 2)
 

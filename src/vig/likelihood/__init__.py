@@ -1,7 +1,7 @@
 """Pixel likelihoods: log-probability of a photo, its derivatives, and which pixels are visible."""
 
 from vig.likelihood.evaluate import Evaluation, Likelihood, Photos
-from vig.likelihood.kernels.load import load_kernels
+from vig.likelihood.geometry import Geometry
 from vig.likelihood.pixel import GAUSSIAN, ROBUST, SPATIAL, PixelModel, log_colour_density, mixture
 from vig.likelihood.spatial import NEVER, SpatialMask, spatial_posterior
 
@@ -15,11 +15,11 @@ __all__ = [
     "ROBUST",
     "SPATIAL",
     "Evaluation",
+    "Geometry",
     "Likelihood",
     "Photos",
     "PixelModel",
     "SpatialMask",
-    "load_kernels",
     "log_colour_density",
     "mixture",
     "spatial_posterior",

@@ -3,27 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import Any
 
 import torch
-import warp as wp
 
-from vig.likelihood.kernels.geometry import Geometry
-from vig.likelihood.kernels.load import likelihood_kernels, load_kernels
-from vig.likelihood.passes import Pass
-from vig.parallel.threads import on_one_core, run_on_threads, thread_count
+from vig.likelihood.densities import density_of
+from vig.likelihood.geometry import Geometry
+from vig.parallel.threads import thread_count
 from vig.scene import Camera, Latents, latent_layout
-from vig.search.native_descent import Valuation
-from vig_renderer import warp_array
+from vig_native import engine
 
 CURVATURE_LINES = 75
 """Lines of pixels that enter the normal matrix, unless a stride is given."""
-
-FREE_POINTS = 64
-"""Points of idle passes that a geometry keeps for reuse: 2.5 MB each at 150 pixels."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +80,7 @@ class Evaluation:
 
 
 class Likelihood:
-    """Eq. 4 for a set of photos, a class's geometry and a camera, on one device and in one precision.
+    """Eq. 4 for a set of photos, a class's geometry and a camera, in one precision.
 
     Args:
         geometry: The class's mesh and shape components.
@@ -124,28 +115,21 @@ class Likelihood:
         if size != (camera.height, camera.width):
             raise ValueError(f"photos of {size} do not fit a camera of {(camera.height, camera.width)}")
         self.geometry, self.camera, self.silhouette, self.stride = geometry, camera, silhouette, stride
-        self.layout = geometry.layout
-        count = len(photos.linear)
-        self.observed = photos.linear.to(geometry.device, geometry.dtype).reshape(count, -1, 3).contiguous()
-        self.log_prior = (
-            photos.log_prior.to(geometry.device, geometry.dtype).reshape(count, -1, 3).contiguous()
+        self.layout, self.density = geometry.layout, density
+        shape = len(photos.linear), camera.height * camera.width, 3
+        self.observed = photos.linear.to("cpu", geometry.dtype).reshape(shape).contiguous()
+        self.log_prior = photos.log_prior.to("cpu", geometry.dtype).reshape(shape).contiguous()
+        eye = camera.focal, camera.cx, camera.cy, camera.target_height, camera.distance
+        self.native = engine.photos(
+            (*eye, camera.width, camera.height),
+            self.observed.numpy(),
+            self.log_prior.numpy(),
+            stride,
+            silhouette == "exact",
+            engine.DENSITIES.index(density),
+            density_of(density).LOG_UNIT,
         )
-        self.background = self.log_prior[..., 2].double().sum(1)
-        load_kernels(geometry.dtype, geometry.rows.modes, geometry.device, density)
-        self.density = density
-        k = likelihood_kernels(geometry.dtype, geometry.rows.modes, density)
-        self.photo_arrays = {
-            "observed": warp_array(self.observed, k.vec3),
-            "log_prior": warp_array(self.log_prior, k.vec3),
-            "background": warp_array(self.background, wp.float64),
-        }
-        self.camera_arguments = {
-            "camera": k.vec3(camera.focal, camera.cx, camera.cy),
-            "target": k.vec3(0.0, 0.0, camera.target_height),
-            "distance": camera.distance,
-        }
-        self.kind = camera.width, camera.height, silhouette, self.stride, density
-        """What likelihoods must have in common for a pass to serve both."""
+        """What native code takes of all these."""
 
     def __call__(
         self,
@@ -181,56 +165,23 @@ class Likelihood:
 
         Without curvature there is a gradient but no normal matrix, for searches of first order.
 
-        On the CPU points are shared out to as many threads as torch has (`torch.set_num_threads`), each
-        taking one at a time, so that what it works on stays in its cache; on a GPU all go in one batch.
+        Points are shared out to as many threads as torch has (`torch.set_num_threads`).
         """
-        points = points.to(self.geometry.dtype)
+        points = points.detach().to("cpu", self.geometry.dtype).contiguous()
         self._check(points, photo, sigma)
-        count = len(points)
-        # On a processor each thread takes one point at a time, whose data stay in its cache.
-        group = 1 if self.geometry.device == "cpu" else max(count, 1)
-        threads = min(thread_count(), count) if self.geometry.device == "cpu" else min(count, 1)
-        size = self.layout.size
-        place: dict[str, Any] = {"dtype": self.geometry.dtype, "device": self.geometry.device}
-        value = torch.empty(count, dtype=torch.float64, device=self.geometry.device)
-        gradient = torch.empty(count, size, **place) if derivatives else None
-        normal = torch.empty(count, size, size, **place) if derivatives and curvature else None
-        order = int(derivatives) + int(derivatives and curvature)
-        pixels = self.camera.height * self.camera.width
-        shown = [torch.empty(count, pixels, **place) for _ in range(3)] if images else []
-        given = list(zip(*(each.split(group) for each in (points, photo, sigma)), strict=True))
-        wanted = [each for each in (value, gradient, normal, *shown) if each is not None]
-        outputs = list(zip(*(each.split(group) for each in wanted), strict=True))
-
-        def every(start: int) -> None:
-            with self._pass(group) as run:
-                results = [run.value, *(run.gradient, run.normal)[:order], *(run.images if images else ())]
-                for part in range(start, len(given), threads):
-                    point, number, noise = given[part]
-                    run(point, number, noise, order, images)
-                    for output, result in zip(outputs[part], results, strict=True):
-                        output.copy_(result)
-
-        on_one_core(lambda: run_on_threads(every, threads))
-        shape = count, self.camera.height, self.camera.width
-        posterior, coverage, irradiance = (image.view(shape) for image in shown) if images else [None] * 3
-        if coverage is not None:
-            coverage = coverage.clamp_(0.0, 1.0)
-        return Evaluation(value, gradient, normal, posterior, coverage, irradiance)
-
-    @contextmanager
-    def valuation(self, photo: int, sigma: float, derivatives: bool = True) -> Iterator[Valuation | None]:
-        """How native code values a point of a photo, with its derivatives or alone; None where it cannot.
-
-        For one thread: its memory is that of a pass, which is lent until the block ends.
-        """
-        if self.geometry.device != "cpu" or not (0 <= photo < len(self.observed) and 0 < sigma < math.inf):
-            yield None
-            return
-        with self._pass(1) as run:
-            run.photo.fill_(photo)
-            run.sigma.fill_(sigma)
-            yield run.valuation(derivatives)
+        value, *arrays = engine.evaluate(
+            self.geometry.native,
+            self.native,
+            points.numpy(),
+            photo.to("cpu", torch.int32).numpy(),
+            sigma.detach().to("cpu", torch.float64).numpy(),
+            int(derivatives) + int(derivatives and curvature),
+            images,
+            thread_count(),
+        )
+        wanted = derivatives, derivatives and curvature, images, images, images
+        results = (torch.from_numpy(a) if want else None for a, want in zip(arrays, wanted, strict=True))
+        return Evaluation(torch.from_numpy(value), *results)
 
     def _check(self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor) -> None:
         """Raise ValueError for input that kernels do not check: out-of-range indices, NaN."""
@@ -261,29 +212,3 @@ class Likelihood:
             raise ValueError(
                 f"sigma must be positive standard deviations in linear RGB; got {sigma.tolist()}"
             )
-
-    @contextmanager
-    def _pass(self, count: int) -> Iterator[Pass]:
-        """An idle pass over `count` points: one of these photos, one of others, or a new one.
-
-        Recording launches takes longer than running them all once, so passes outlive a likelihood.
-        """
-        free = self.geometry.kept.setdefault("passes", [])
-        fitting = [run for run in list(free) if run.kind == (count, *self.kind)]
-        borrowed = None
-        for run in sorted(fitting, key=lambda run: not run.looks_at(self)):
-            with suppress(ValueError):
-                free.remove(run)
-                borrowed = run
-                break
-        if borrowed is None:
-            borrowed = Pass(self, count)
-        elif not borrowed.looks_at(self):
-            borrowed.look_at(self)
-        try:
-            yield borrowed
-        finally:
-            free.append(borrowed)
-            with suppress(IndexError):
-                while len(free) > 1 and sum(run.count for run in list(free)) > FREE_POINTS:
-                    free.pop(0)

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import torch
 
 from vig.likelihood.densities import density_of
-from vig.likelihood.image_kernels import colour_density
 from vig.likelihood.spatial import NEVER, SpatialMask
+from vig_native import engine
 
 FLOOR = 0.05
 """Share of the uniform density, for colours that the photo does not show elsewhere."""
@@ -29,7 +29,9 @@ def log_colour_density(photo: torch.Tensor, weights: torch.Tensor) -> torch.Tens
     """
     flat = weights.reshape(-1, *photo.shape[:2]).double()
     shares = flat / flat.sum((1, 2), keepdim=True).clamp_min(1e-9)
-    return torch.log(FLOOR + (1 - FLOOR) * colour_density(photo, shares)).view(weights.shape)
+    colours = photo.double().contiguous().numpy()
+    density = torch.from_numpy(engine.colour_density(colours, shares.double().contiguous().numpy()))
+    return torch.log(FLOOR + (1 - FLOOR) * density).view(weights.shape)
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,8 @@ from dataclasses import dataclass
 
 import torch
 
-from vig.likelihood.image_kernels import minimum_cut
 from vig.scene import srgb_from_linear
+from vig_native import engine
 
 NEVER = -1e30
 """Stands for log 0 in a prior: finite, so that no infinity meets another."""
@@ -147,7 +147,7 @@ def graph_cut(log_odds: torch.Tensor, covered: torch.Tensor, weights: torch.Tens
         here, there = _ends(step, *alone.shape[1:])
         both = strengths[:, index][:, *here] * (covered[:, *here] & covered[:, *there])
         links[:, 2 * index][:, *here] = links[:, 2 * index + 1][:, *there] = both
-    return minimum_cut(covered, alone, links)
+    return torch.from_numpy(engine.minimum_cut(covered.contiguous().numpy(), alone.numpy(), links.numpy()))
 
 
 def _capacity(nats: torch.Tensor) -> torch.Tensor:

@@ -29,9 +29,9 @@ class Annealed:
     ) -> Descent:
         """Maximise from starts (B, P'); see `Optimizer`."""
         count, rounds = len(starts), len(self.sigmas)
-        noise = torch.full((count,), sigma, dtype=problem.dtype, device=problem.device)
+        noise = torch.full((count,), sigma, dtype=problem.dtype)
         first = problem(starts, photo, noise, derivatives=False).value
-        evaluations = torch.ones(count, dtype=torch.int64, device=problem.device)
+        evaluations = torch.ones(count, dtype=torch.int64)
         points = starts
         for number, multiple in enumerate(self.sigmas):
             share = budget.iterations * (number + 1) // rounds - budget.iterations * number // rounds

@@ -1,4 +1,4 @@
-"""Robust Gauss-Newton with Levenberg-Marquardt damping, batched: the default.
+"""Robust Gauss-Newton with Levenberg-Marquardt damping: the default. Searches are native code (vig_native/search.cc).
 
 The inlier posteriors weigh the normal matrix (iteratively reweighted least squares), the exact gradient
 drives it, bounds are met by an active set in the step itself. Damping follows Nielsen (1999).
@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 
-from vig.parallel.threads import on_one_core
-from vig.search.damped_step import Standing, damped_step
-from vig.search.native_descent import NativeProblem, descend
 from vig.search.optimizer import Budget, Descent, Problem
+from vig_native import engine
 
 
 @dataclass(frozen=True)
@@ -33,48 +32,38 @@ class LevenbergMarquardt:
         self, objective: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
     ) -> Descent:
         """Maximise from starts (B, P'); see `Optimizer`."""
-        return on_one_core(lambda: self._search(objective, starts, photo, sigma, budget))
+        native = getattr(objective, "search", None)
+        if native is not None and not photo.any() and torch.isfinite(starts).all():
+            descent: Descent | None = native(starts, sigma, budget, self.damping, self.give_up)
+            if descent is not None:
+                return descent
+        ends = [
+            self._search(objective, start[None], of_photo[None], sigma, budget)
+            for start, of_photo in zip(starts, photo, strict=True)
+        ]
+        path, value, normal, evaluations, converged = (
+            torch.cat([torch.from_numpy(end[field]) for end in ends], dim=int(field == 0)) for field in range(5)
+        )
+        path = path[: int(evaluations.max())]
+        return Descent(path[-1].clone(), value, evaluations, converged, path, normal if budget.iterations else None)
 
     def _search(
-        self, objective: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
-    ) -> Descent:
-        count = len(starts)
-        # What native code does not take, or takes wrong input for, goes on below.
-        if isinstance(objective, NativeProblem) and starts.dtype == objective.dtype:
-            native = descend(objective, starts, photo, sigma, budget, self.damping, self.give_up)
-            if native is not None:
-                return native
-        noise = torch.full((count,), sigma, dtype=objective.dtype, device=objective.device)
-        if not budget.iterations:
-            value = objective(starts, photo, noise, derivatives=False).value.double()
-            ones = torch.ones(count, dtype=torch.int64, device=objective.device)
-            return Descent(starts.clone(), value, ones, ones < 1, starts[None])
-        start = objective(starts, photo, noise)
-        assert start.gradient is not None and start.normal is not None
-        points, value, curvature = starts.clone(), start.value.double().clone(), start.normal.clone()
-        evaluations = torch.ones(count, dtype=torch.int64, device=objective.device)
-        converged = torch.isfinite(value) & torch.isfinite(start.gradient).all(1)
-        # The searches that go on, close together: which they are, and where each stands.
-        going = converged.nonzero()[:, 0]
-        photo, noise, path = photo[going], noise[going], [starts]
-        damping = torch.full((len(going),), self.damping, dtype=objective.dtype, device=objective.device)
-        gradient, normal = start.gradient[going].to(starts), start.normal[going].to(starts)
-        growth = torch.full_like(damping, 3.0)
-        here = Standing(points[going], value[going], gradient, normal, damping, growth)
-        for _ in range(budget.iterations):
-            if not len(going):
-                break
-            step, promised = damped_step(here.points, here.gradient, here.normal, here.damping, objective)
-            tried = objective(here.points + step, photo, noise)
-            done = here.accept(step, promised, tried, budget.tolerance, self.give_up)
-            evaluations[going] += 1
-            points[going] = here.points
-            path.append(points.clone())
-            if done.any():
-                value[going], curvature[going] = here.value, here.normal
-                on = ~done
-                going, photo, noise = going[on], photo[on], noise[on]
-                here = Standing(*(each[on] for each in vars(here).values()))
-        value[going], curvature[going] = here.value, here.normal
-        converged[going] = False
-        return Descent(points, value, evaluations, converged, torch.stack(path), curvature)
+        self, objective: Problem, start: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
+    ) -> tuple[np.ndarray, ...]:
+        """One search (1, P') of a problem that Python values: path, value, normal, evaluations, converged."""
+        noise = torch.full((1,), sigma, dtype=objective.dtype)
+
+        def value_point(point: np.ndarray, derivatives: bool) -> tuple[object, ...]:
+            valued = objective(torch.from_numpy(point)[None], photo, noise, derivatives=derivatives)
+            if not derivatives:
+                return float(valued.value), None, None
+            assert valued.gradient is not None and valued.normal is not None
+            parts = (each[0].to(start.dtype).contiguous().numpy() for each in (valued.gradient, valued.normal))
+            return float(valued.value), *parts
+
+        bounds = (each.to(start.dtype).contiguous().numpy() for each in (objective.lower, objective.upper))
+        settings = budget.iterations, budget.tolerance, self.damping, self.give_up
+        found: tuple[np.ndarray, ...] = engine.search_function(
+            value_point, start.contiguous().numpy(), *bounds, *settings
+        )
+        return found

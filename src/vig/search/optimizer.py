@@ -33,7 +33,6 @@ class Problem(Protocol):
     lower: torch.Tensor
     upper: torch.Tensor
     dtype: torch.dtype
-    device: str
 
     def __call__(
         self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: bool = True

@@ -165,9 +165,9 @@ class _Refit:
         hints = WindowHints(
             labels, False, torch.zeros(0, dtype=torch.long), torch.zeros(0, 2), None, None, {}
         )
-        photo, inside, device = torch.from_numpy(cut), torch.from_numpy(valid), explainer.recognizer.device
+        photo, inside = torch.from_numpy(cut), torch.from_numpy(valid)
         turned = _of_view(prediction, view)
-        fit = explain_one(photo, turned, alone.object_class, settings, inside, device, hints, prediction)
+        fit = explain_one(photo, turned, alone.object_class, settings, inside, hints, prediction)
         return replace(alone, fit=fit, camera_distance_ratio=distance_ratio)
 
     def _others(self) -> tuple[np.ndarray, np.ndarray]:

@@ -52,7 +52,7 @@ class _RecordedProblem:
         self.problem, self.best = problem, best
         self.highest = -torch.inf
         self.lower, self.upper = problem.lower, problem.upper
-        self.dtype, self.device = problem.dtype, problem.device
+        self.dtype = problem.dtype
 
     def __call__(
         self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: bool = True

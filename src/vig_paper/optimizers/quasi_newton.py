@@ -87,7 +87,7 @@ class _Search:
         self, problem: Problem, start: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
     ):
         self.problem, self.photo, self.budget = problem, photo, budget
-        self.noise = torch.full((1,), sigma, dtype=problem.dtype, device=problem.device)
+        self.noise = torch.full((1,), sigma, dtype=problem.dtype)
         self.point, self.value, self.evaluations, self.steps = start.clone(), -np.inf, 0, 0
         self.converged = False
         evaluation = self._evaluate(start)
@@ -166,9 +166,9 @@ def _search_each(
         searches.append(search)
     return Descent(
         torch.stack([search.point for search in searches]),
-        torch.tensor([search.value for search in searches], dtype=torch.float64, device=problem.device),
-        torch.tensor([search.evaluations for search in searches], device=problem.device),
-        torch.tensor([search.converged for search in searches], dtype=torch.bool, device=problem.device),
+        torch.tensor([search.value for search in searches], dtype=torch.float64),
+        torch.tensor([search.evaluations for search in searches]),
+        torch.tensor([search.converged for search in searches], dtype=torch.bool),
     )
 
 

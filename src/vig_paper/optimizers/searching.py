@@ -87,10 +87,10 @@ class Searches:
 
     def __init__(self, problem: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float):
         self.problem, self.photo, self.points = problem, photo, starts.clone()
-        self.noise = torch.full((len(starts),), sigma, dtype=problem.dtype, device=problem.device)
-        self.evaluations = torch.zeros(len(starts), dtype=torch.int64, device=problem.device)
-        self.converged = torch.zeros(len(starts), dtype=torch.bool, device=problem.device)
-        start = self.evaluate(torch.arange(len(starts), device=problem.device), starts)
+        self.noise = torch.full((len(starts),), sigma, dtype=problem.dtype)
+        self.evaluations = torch.zeros(len(starts), dtype=torch.int64)
+        self.converged = torch.zeros(len(starts), dtype=torch.bool)
+        start = self.evaluate(torch.arange(len(starts)), starts)
         self.value, self.gradient, self.normal = (part.clone() for part in start)
         self.active = torch.isfinite(self.value).nonzero()[:, 0]
 

@@ -20,7 +20,6 @@ from vig.inference import (
     FitSettings,
     calibration_of,
     explain_one,
-    load_fit_kernels,
 )
 from vig.io.checks import check_arrays, decode, parse_json, read_tensors
 from vig.io.errors import UserError
@@ -121,7 +120,6 @@ def fit_all(
     Raises:
         UserError: There is no such cluster, or too many of its processes died of one photo.
     """
-    load_fit_kernels(object_class.shape_model.modes)
     chunks = [
         range(start, min(start + CHUNK_PHOTOS, len(images))) for start in range(0, len(images), CHUNK_PHOTOS)
     ]
@@ -170,7 +168,6 @@ FitStream = Generator[tuple[int, Fits]]
 def _photo_fitter(shared: RunContext) -> Callable[[Photo], Fits]:
     """The function that fits one photo from its prediction, in any process."""
     object_class, settings = shared
-    load_fit_kernels(object_class.shape_model.modes)
 
     def fit_one(photo: Photo) -> Fits:
         return Fits.of([explain_one(*photo, object_class, settings)], settings.likelihood.alpha == 1)

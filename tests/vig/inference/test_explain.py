@@ -30,7 +30,7 @@ from vig.inference.refinement import AMBIGUOUS_NATS, RefinedStarts, select, surv
 from vig.inference.settings import PHOTO, PICTURE, Stage
 from vig.io.errors import UserError
 from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL, PixelModel, log_colour_density
-from vig.likelihood.kernels.geometry import Geometry
+from vig.likelihood.geometry import Geometry
 from vig.recognition import Prediction
 from vig.scene import Latents, ObjectClass, latent_layout
 from vig.search.optimizer import Budget, Descent
@@ -471,7 +471,7 @@ def test_a_photo_with_self_shadow_is_explained_with_self_shadow(
 ) -> None:
     """Of photos with and without, each has the greater evidence under its own renderer, by far."""
     assert teapot.transfer is not None
-    shadowed = Geometry(teapot.shape_model, torch.float64, "cpu", teapot.transfer)
+    shadowed = Geometry(teapot.shape_model, torch.float64, teapot.transfer)
     for shadow, photographer in ((False, studio), (True, replace(studio, geometry=shadowed))):
         _, coverage, colour = photographer.render(whole.truth)
         photo = torch.where(coverage[0, ..., None] > 0.5, colour[0], 0.5).float()

@@ -1,4 +1,4 @@
-"""Eq. 4 in plain torch, slowly: what the kernels are compared with, and a text to learn the objective from.
+"""Eq. 4 in plain torch, slowly: what native code is compared with, and a text to learn the objective from.
 
 `value` is the default objective of docs/objective.md without its prior p(z). Every step is differentiable.
 Which face each pixel shows, and between which pixels an edge passes, are constants of a brute-force search.
@@ -10,13 +10,21 @@ from dataclasses import dataclass
 
 import torch
 
-from vig.likelihood.kernels.geometry import Geometry
-from vig.likelihood.kernels.layout import BEFORE_EDGE, BEHIND_EDGE, LEAST_SQUARE
+from vig.likelihood import Geometry
 from vig.likelihood.pixel import mixture
 from vig.scene import Camera, Latents, camera_rotation, irradiance, latent_layout, sh_basis
 from vig.scene.light import COSINE_LOBE
 
 NO_FACE = -1
+BEHIND_EDGE, BEFORE_EDGE = 0.002, 0.04
+"""Metres by which a surface beyond an edge lies behind it, and its own may come forward within a pixel."""
+LEAST_SQUARE = 1e-12
+"""Squared length in the image of an edge's normal below which its direction is lost in rounding."""
+
+
+def faces_of(geometry: Geometry) -> torch.Tensor:
+    """(F, 3) int64."""
+    return torch.from_numpy(geometry.faces).long()
 
 
 @dataclass(frozen=True)
@@ -91,7 +99,7 @@ def shade(geometry: Geometry, camera: Camera, point: torch.Tensor) -> Shaded:
     own = latent_layout(geometry.layout.count("shape"))
     latents = Latents.from_vector(own.join({block.name: blocks[block.name] for block in own.blocks}))
     with_one = torch.cat([point.new_ones(1), latents.shape[0]])
-    world = (with_one @ geometry.positions).view(-1, 3)
+    world = torch.einsum("k,kvc->vc", with_one, torch.from_numpy(geometry.positions))
     cos, sin, zero, one = framing[3].cos(), framing[3].sin(), point.new_zeros(()), point.new_ones(())
     turn = torch.stack([cos, -sin, zero, sin, cos, zero, zero, zero, one]).view(3, 3)
     rotation = turn @ camera_rotation(latents.azimuth, latents.elevation)[0]
@@ -100,25 +108,24 @@ def shade(geometry: Geometry, camera: Camera, point: torch.Tensor) -> Shaded:
     focal = camera.focal * torch.exp(framing[2])
     centre = torch.stack([camera.cx + framing[0] * camera.width, camera.cy + framing[1] * camera.width])
     screen = torch.cat([seen[:, :2] / seen[:, 2:] * focal + centre, 1 / seen[:, 2:]], 1)
-    a, b, c = (world[geometry.faces[:, i].long()] for i in range(3))
+    a, b, c = world[faces_of(geometry)].unbind(1)
     across = torch.linalg.cross(b - a, c - a)
-    normals = torch.zeros_like(world).index_add(0, geometry.faces.long().T.reshape(-1), across.repeat(3, 1))
+    normals = torch.zeros_like(world).index_add(0, faces_of(geometry).T.reshape(-1), across.repeat(3, 1))
     normals = normals / normals.norm(dim=1, keepdim=True).clamp_min(1e-30)
-    if not geometry.shadowed:
+    if geometry.transfer is None:
         irradiances = irradiance(latents.light, normals)
     else:  # self-shadow and interreflection change the lobes of each vertex
-        by_shape = geometry.transfer_by_shape[:, :, : geometry.rows.modes]
-        change = geometry.transfer_mean + by_shape @ with_one[1:]
+        change = torch.einsum("k,kvl->vl", with_one, torch.from_numpy(geometry.transfer))
         lobes = torch.tensor(COSINE_LOBE, dtype=point.dtype) * sh_basis(normals)
         irradiances = ((lobes + change) @ latents.light[0]).clamp_min(0.0)
-    return Shaded(screen, normals, irradiances * geometry.reflectance, latents.albedo[0], rotation)
+    return Shaded(screen, normals, irradiances * torch.from_numpy(geometry.reflectance), latents.albedo[0], rotation)
 
 
 def surface_at(
     geometry: Geometry, shaded: Shaded, face: torch.Tensor, pixel: torch.Tensor
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """Perspective-correct irradiance and one over depth, (N,) each, of faces (N,) at image points (N, 2)."""
-    corners = geometry.faces[face.long()].long()
+    corners = faces_of(geometry)[face.long()]
     a, b, c = shaded.screen[corners].unbind(1)
     weights = _barycentric(a, b, c, pixel) * shaded.screen[corners][:, :, 2]
     q = weights.sum(1)
@@ -128,7 +135,7 @@ def surface_at(
 def faces_seen(geometry: Geometry, screen: torch.Tensor, camera: Camera) -> torch.Tensor:
     """The nearest face turned to the eye at each pixel's centre, -1 for none: (H, W) int64."""
     front = _facing(geometry, screen).nonzero()[:, 0]
-    corners = screen[geometry.faces[front].long()]
+    corners = screen[faces_of(geometry)[front]]
     x = torch.arange(camera.width).to(screen) + 0.5
     seen = torch.full((camera.height, camera.width), NO_FACE)
     for line in range(camera.height):
@@ -151,12 +158,12 @@ def occlusion_edges(geometry: Geometry, screen: torch.Tensor) -> tuple[torch.Ten
     lies in front. Near a silhouette such a fold lies between two edges that are both crossed; counted
     against them one crossing is left, and nothing jumps where a pair appears.
     """
-    facing, edges = _facing(geometry, screen), geometry.edges.long()
+    facing, edges = _facing(geometry, screen), torch.from_numpy(geometry.edges).long()
     here, beyond = edges[:, 2], edges[:, 3]
     turned = facing[here]
     edges = edges[turned != (facing[beyond] & (beyond >= 0))]
     turned = facing[edges[:, 2]]
-    apex = geometry.faces[edges[:, 2]].long().sum(1) - edges[:, 0] - edges[:, 1]
+    apex = faces_of(geometry)[edges[:, 2]].sum(1) - edges[:, 0] - edges[:, 1]
     apexes = torch.stack([apex, edges[:, 4]], 1)
     ends = torch.where(turned[:, None], edges[:, :2], edges[:, [1, 0]])
     apexes = torch.where(turned[:, None], apexes, apexes.flip(1))
@@ -235,7 +242,7 @@ def _crossings(
 
 def _facing(geometry: Geometry, screen: torch.Tensor) -> torch.Tensor:
     """(F,) bool: faces turned to the eye with no corner at or behind it; the screen's y points down."""
-    a, b, c = (screen[geometry.faces[:, i].long()] for i in range(3))
+    a, b, c = screen[faces_of(geometry)].unbind(1)
     return (_cross(b - a, c - a) < 0) & (a[:, 2] > 0) & (b[:, 2] > 0) & (c[:, 2] > 0)
 
 

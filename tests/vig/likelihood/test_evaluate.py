@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from vig.likelihood import GAUSSIAN, Likelihood, Photos, mixture
-from vig.likelihood.kernels.geometry import Geometry
-from vig.likelihood.passes import Pass
+from vig.likelihood import GAUSSIAN, Geometry, Likelihood, Photos, mixture
 from vig.recognition.network import latents_of, mirrored
 from vig.scene import EXPOSURE_L00, Latents
 from vig_train.training.targets import numbers_of
@@ -249,31 +247,3 @@ def test_photos_that_are_none_are_refused(
 ) -> None:
     with pytest.raises(ValueError, match=message):
         Photos(linear, log_prior)
-
-
-def test_one_evaluation_keeps_its_products_to_one_core(studio, monkeypatch) -> None:
-    """On two of torch's threads small products wait for each other: on busy cores 15 times as long."""
-    rng = np.random.default_rng(7)
-    latents = studio.latents(rng)
-    likelihood = studio.likelihood(studio.photo(rng, latents))
-    framing, before = torch.zeros(1, 4, dtype=torch.float64), torch.get_num_threads()
-    seen, evaluate = set(), Pass.__call__
-
-    def observed(run: Pass, *given: Any) -> None:
-        seen.add(torch.get_num_threads())
-        evaluate(run, *given)
-
-    def seconds(threads: int) -> float:
-        torch.set_num_threads(threads)
-        started = time.perf_counter()
-        likelihood(latents, framing, *studio.whose(1))
-        return time.perf_counter() - started
-
-    monkeypatch.setattr(Pass, "__call__", observed)
-    try:
-        taken = [(seconds(1), seconds(2)) for _ in range(30)]
-    finally:
-        torch.set_num_threads(before)
-    assert seen == {1}
-    one, two = (min(each) for each in zip(*taken, strict=True))
-    assert two < 3 * one, f"{1000 * two:.1f} ms on two threads, {1000 * one:.1f} on one"

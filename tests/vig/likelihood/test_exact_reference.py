@@ -10,7 +10,7 @@ import torch
 
 from tests.vig.likelihood.reference import BLOCKS, faces_seen, occlusion_edges, shade, value
 from vig.likelihood import Likelihood, Photos
-from vig.likelihood.kernels.geometry import Geometry
+from vig.likelihood.geometry import Geometry
 from vig.scene import EXPOSURE_L00, Camera, ObjectClass, ShapeModel
 
 MODES = 10

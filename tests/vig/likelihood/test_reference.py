@@ -1,4 +1,4 @@
-"""The kernels beside plain torch."""
+"""Native evaluations beside plain torch."""
 
 from __future__ import annotations
 
@@ -11,12 +11,9 @@ import torch
 from tests.support import LATENT_PLACES, POINT, points_of
 from tests.vig.likelihood import reference
 from tests.vig.likelihood.reference import shade, surface_at
-from vig.likelihood import Likelihood, Photos
-from vig.likelihood.kernels.geometry import Geometry
-from vig.likelihood.kernels.layout import REST
-from vig.likelihood.passes import Pass
+from vig.likelihood import Evaluation, Geometry, Likelihood, Photos
 from vig.scene import Camera, Latents
-from vig_renderer.raster import FACE_MASK, NOTHING
+from vig_native import engine
 from vig_world.raster.rasterize import rasterize
 
 SIGMA = 0.03
@@ -40,31 +37,34 @@ def case(studio, seed: int) -> Case:
     return Case(photo, torch.from_numpy(np.log(weights)), point)
 
 
-def evaluated(geometry: Geometry, camera: Camera, given: Case) -> Pass:
-    likelihood = Likelihood(geometry, camera, Photos(given.photo, given.log_prior), "paper", stride=1)
-    run = Pass(likelihood, 1)
-    sigma = torch.tensor([SIGMA], dtype=torch.float64)
-    run(given.point, torch.zeros(1, dtype=torch.int32), sigma, derivatives=2, images=True)
-    return run
+class Stages:
+    """What the stages of an evaluation leave, as tensors: face (H, W), screen, used, normals, irradiances, rows."""
 
+    LIGHT, IRRADIANCE = slice(6, 15), 15  # columns of `rest_rows`, see rows.h
 
-def faces_seen(run: Pass, camera: Camera) -> torch.Tensor:
-    """(H, W) int: -1 where nothing."""
-    keys = run.keys[0, : camera.height * camera.width]
-    return torch.where(keys == NOTHING, -1, keys & FACE_MASK).view(camera.height, camera.width)
+    def __init__(self, geometry: Geometry, camera: Camera, given: Case):
+        likelihood = Likelihood(geometry, camera, Photos(given.photo, given.log_prior), "paper", stride=1)
+        made = engine.stages(geometry.native, likelihood.native, given.point[0].numpy(), SIGMA)
+        self.face, self.screen, used, self.normals, self.irradiances, self.shape_rows, self.rest_rows = (
+            torch.from_numpy(array) for array in made.values()
+        )
+        self.used, self.face = used.bool(), self.face.long()
+        sigma = torch.tensor([SIGMA], dtype=torch.float64)
+        photo = torch.zeros(1, dtype=torch.int32)
+        self.evaluation: Evaluation = likelihood.at(given.point, photo, sigma, images=True)
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_vertices_are_placed_and_shaded_as_by_torch(studio, seed: int) -> None:
     given = case(studio, seed)
-    run = evaluated(studio.geometry, studio.camera, given)
+    run = Stages(studio.geometry, studio.camera, given)
     expected = shade(studio.geometry, studio.camera, given.point[0])
-    torch.testing.assert_close(run.screen[0], expected.screen, rtol=1e-12, atol=1e-10)
-    used, seen = run.used[0].bool(), faces_seen(run, studio.camera)
+    torch.testing.assert_close(run.screen, expected.screen, rtol=1e-12, atol=1e-10)
+    used, seen = run.used, run.face
     assert used.sum() > 500
-    assert torch.equal(used.nonzero()[:, 0], studio.geometry.faces[seen[seen >= 0].unique()].unique())
-    torch.testing.assert_close(run.normals[0, used], expected.normals[used], rtol=0, atol=1e-10)
-    torch.testing.assert_close(run.irradiances[0, used], expected.irradiances[used], rtol=0, atol=1e-10)
+    assert torch.equal(used.nonzero()[:, 0], reference.faces_of(studio.geometry)[seen[seen >= 0].unique()].unique())
+    torch.testing.assert_close(run.normals[used], expected.normals[used], rtol=0, atol=1e-10)
+    torch.testing.assert_close(run.irradiances[used], expected.irradiances[used], rtol=0, atol=1e-10)
 
 
 def test_no_vertex_is_lit_by_less_than_nothing(studio) -> None:
@@ -73,43 +73,43 @@ def test_no_vertex_is_lit_by_less_than_nothing(studio) -> None:
     light = torch.zeros(9, dtype=torch.float64)
     light[0], light[3] = 2.0, 4.0
     given.point[0, studio.geometry.layout["light"]] = light
-    run = evaluated(studio.geometry, studio.camera, given)
-    used = run.used[0].bool()
+    run = Stages(studio.geometry, studio.camera, given)
+    used = run.used
     expected = shade(studio.geometry, studio.camera, given.point[0]).irradiances[used]
     assert (expected == 0).sum() > 20 and (expected > 0).sum() > 20
-    torch.testing.assert_close(run.irradiances[0, used], expected, rtol=0, atol=1e-10)
+    torch.testing.assert_close(run.irradiances[used], expected, rtol=0, atol=1e-10)
 
 
 def test_rows_of_vertices_are_their_irradiances_derivatives(studio) -> None:
     given = case(studio, 5)
-    run = evaluated(studio.geometry, studio.camera, given)
-    used = (run.used[0].bool() & (run.irradiances[0] > 1e-3)).nonzero()[::40, 0]
+    run = Stages(studio.geometry, studio.camera, given)
+    used = (run.used & (run.irradiances > 1e-3)).nonzero()[::40, 0]
     jacobian = torch.autograd.functional.jacobian(
         lambda point: shade(studio.geometry, studio.camera, point).irradiances[used], given.point[0]
     )
-    modes = studio.geometry.rows.modes
-    torch.testing.assert_close(run.shape_rows[0, used][:, :modes], jacobian[:, :modes], rtol=1e-7, atol=1e-9)
-    assert not run.shape_rows[0, used][:, modes:].any()
+    modes = studio.geometry.model.modes
+    torch.testing.assert_close(run.shape_rows[used][:, :modes], jacobian[:, :modes], rtol=1e-7, atol=1e-9)
+    assert not run.shape_rows[used][:, modes:].any()
     torch.testing.assert_close(
-        run.rest_rows[0, used][:, REST["light"]], jacobian[:, studio.geometry.layout["light"]]
+        run.rest_rows[used][:, run.LIGHT], jacobian[:, studio.geometry.layout["light"]]
     )
-    torch.testing.assert_close(run.rest_rows[0, used][:, REST.at("irradiance")], run.irradiances[0, used])
+    torch.testing.assert_close(run.rest_rows[used][:, run.IRRADIANCE], run.irradiances[used])
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_with_the_mask_held_value_and_gradient_are_autograds(studio, seed: int) -> None:
     given = case(studio, 10 + seed)
-    run = evaluated(studio.geometry, studio.camera, given)
-    seen = faces_seen(run, studio.camera)
+    run = Stages(studio.geometry, studio.camera, given)
+    seen = run.face
     point = given.point[0].requires_grad_()
     value = reference.value(
         studio.geometry, studio.camera, point, given.photo[0], given.log_prior[0], SIGMA, seen
     )
     value.backward()
-    assert run.value.item() == pytest.approx(value.item(), rel=1e-11)
+    assert run.evaluation.value.item() == pytest.approx(value.item(), rel=1e-11)
     known = POINT.indices(*reference.BLOCKS)
     scale = float(point.grad.abs().max())
-    torch.testing.assert_close(run.gradient[0, known], point.grad[known], rtol=1e-8, atol=1e-8 * scale)
+    torch.testing.assert_close(run.evaluation.gradient[0, known], point.grad[known], rtol=1e-8, atol=1e-8 * scale)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -117,16 +117,16 @@ def test_the_faces_seen_are_those_of_the_rasteriser_and_their_irradiance_is_inte
     studio, seed: int
 ) -> None:
     given = case(studio, 20 + seed)
-    run = evaluated(studio.geometry, studio.camera, given)
-    seen = faces_seen(run, studio.camera)
+    run = Stages(studio.geometry, studio.camera, given)
+    seen = run.face
     y, x = (seen >= 0).nonzero().T
     shaded = shade(studio.geometry, studio.camera, given.point[0])
     lit = surface_at(studio.geometry, shaded, seen[y, x], torch.stack([x + 0.5, y + 0.5], 1).double())[0]
-    torch.testing.assert_close(run.images[2][0].view(seen.shape)[y, x], lit, rtol=1e-9, atol=1e-9)
+    torch.testing.assert_close(run.evaluation.irradiance[0][y, x], lit, rtol=1e-9, atol=1e-9)
     # The public rasteriser, in single precision and without framing, differs at a few edges only.
     latents = Latents.from_vector(given.point[:, LATENT_PLACES])
     still = Case(given.photo, given.log_prior, points_of(latents))
-    seen = faces_seen(evaluated(studio.geometry, studio.camera, still), studio.camera)
+    seen = Stages(studio.geometry, studio.camera, still).face
     pose = (part[0].numpy() for part in studio.camera.pose(latents.azimuth, latents.elevation))
     vertices = studio.geometry.model.vertices(latents.shape)[0].numpy()
     fragments = rasterize(vertices, studio.geometry.model.faces, *pose, studio.camera, cull=True)
@@ -197,27 +197,27 @@ def test_self_shadow_enters_value_and_gradient_as_in_torch(studio, teapot) -> No
     shadowed = Geometry(teapot.shape_model, torch.float64, transfer=table)
     for seed in range(3):
         given = case(studio, 50 + seed)
-        run = evaluated(shadowed, studio.camera, given)
-        seen = faces_seen(run, studio.camera)
+        run = Stages(shadowed, studio.camera, given)
+        seen = run.face
         point = given.point[0].requires_grad_()
         value = reference.value(
             shadowed, studio.camera, point, given.photo[0], given.log_prior[0], SIGMA, seen
         )
         value.backward()
-        assert run.value.item() == pytest.approx(value.item(), rel=1e-11)
+        assert run.evaluation.value.item() == pytest.approx(value.item(), rel=1e-11)
         scale = float(point.grad.abs().max())
         known = POINT.indices(*reference.BLOCKS)
-        torch.testing.assert_close(run.gradient[0, known], point.grad[known], rtol=1e-8, atol=1e-8 * scale)
-        used = (run.used[0].bool() & (run.irradiances[0] > 1e-3)).nonzero()[::60, 0]
+        torch.testing.assert_close(run.evaluation.gradient[0, known], point.grad[known], rtol=1e-8, atol=1e-8 * scale)
+        used = (run.used & (run.irradiances > 1e-3)).nonzero()[::60, 0]
         jacobian = torch.autograd.functional.jacobian(
             lambda p, used=used: shade(shadowed, studio.camera, p).irradiances[used], given.point[0].detach()
         )
-        modes = shadowed.rows.modes
+        modes = shadowed.model.modes
         torch.testing.assert_close(
-            run.shape_rows[0, used][:, :modes], jacobian[:, :modes], rtol=1e-7, atol=1e-9
+            run.shape_rows[used][:, :modes], jacobian[:, :modes], rtol=1e-7, atol=1e-9
         )
-        plain = evaluated(studio.geometry, studio.camera, given)
-        assert (run.irradiances - plain.irradiances)[0, used].abs().max() > 0.02
+        plain = Stages(studio.geometry, studio.camera, given)
+        assert (run.irradiances - plain.irradiances)[used].abs().max() > 0.02
 
 
 def test_a_transfer_table_of_another_model_is_refused(teapot) -> None:

@@ -12,7 +12,7 @@ import torch
 
 from vig.inference import Objective
 from vig.likelihood import Likelihood, Photos, PixelModel
-from vig.likelihood.kernels.geometry import Geometry
+from vig.likelihood.geometry import Geometry
 from vig.scene import Camera, Latents, ObjectClass
 from vig.search.optimizer import Problem
 
@@ -88,7 +88,7 @@ class Watched:
     def __init__(self, problem: Problem):
         self.problem = problem
         self.lower, self.upper = problem.lower, problem.upper
-        self.dtype, self.device = problem.dtype, problem.device
+        self.dtype = problem.dtype
         self.calls: list[torch.Tensor] = []
         self.best: dict[int, float] = {}
 
@@ -315,7 +315,7 @@ class _OnePhoto:
     def __init__(self, objective: Objective):
         self.objective = objective
         self.lower, self.upper = objective.lower, objective.upper
-        self.dtype, self.device = objective.dtype, objective.device
+        self.dtype = objective.dtype
 
     def __call__(
         self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: bool = True

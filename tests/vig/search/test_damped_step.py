@@ -3,21 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
-import torch
 
-from vig.inference.objective import ObjectiveValue
-from vig.search.damped_step import Standing, damped_step
-
-
-@dataclass(frozen=True)
-class _Bounded:
-    lower: torch.Tensor
-    upper: torch.Tensor
+from vig_native import engine
 
 
 def _plain_step(x: Any, slope: Any, curved: Any, damping: float, low: Any, high: Any) -> tuple[Any, float]:
@@ -49,40 +40,52 @@ def test_a_damped_step_is_that_of_plain_algebra(damping: float) -> None:
     points[:, 5], points[:, 6] = -1.0, 1.0
     roots, slopes = rng.normal(size=(count, size + 3, size)), 30 * rng.normal(size=(count, size))
     curved = roots.transpose(0, 2, 1) @ roots
-    tensors = (torch.from_numpy(each) for each in (points, slopes, curved))
-    problem: Any = _Bounded(torch.from_numpy(low), torch.from_numpy(high))
-    step, gain = damped_step(*tensors, torch.full((count,), damping, dtype=torch.float64), problem)
+    step, gain = engine.damped_steps(points, slopes, curved, np.full(count, damping), low, high)
     for index in range(count):
         plain, promised = _plain_step(points[index], slopes[index], curved[index], damping, low, high)
         np.testing.assert_allclose(step[index], plain, atol=1e-9)
         assert float(gain[index]) == pytest.approx(promised, rel=1e-9)
-    reached = points + step.numpy()
+    reached = points + step
     assert ((reached > low + 1e-12) & (reached < high - 1e-12)).any() and ((reached == high).any())
 
 
 def test_a_step_is_short_where_the_matrix_is_not_positive() -> None:
-    problem: Any = _Bounded(torch.full((2,), -9.0), torch.full((2,), 9.0))
-    normal = torch.tensor([[[4.0, 9.0], [9.0, 4.0]]])
-    step, _ = damped_step(torch.zeros(1, 2), torch.tensor([[4.0, 8.0]]), normal, torch.zeros(1), problem)
-    torch.testing.assert_close(step, torch.tensor([[0.1, 0.2]]))
+    normal, bound = np.array([[[4.0, 9.0], [9.0, 4.0]]]), np.full(2, 9.0)
+    step, _ = engine.damped_steps(np.zeros((1, 2)), np.array([[4.0, 8.0]]), normal, np.zeros(1), -bound, bound)
+    np.testing.assert_allclose(step, [[0.1, 0.2]], rtol=1e-5)
 
 
-@pytest.mark.parametrize("gain", [-3.0, 0.05, 2.0, 20.0, math.nan])
-def test_a_step_that_gains_is_taken_and_damping_is_nielsens(gain: float) -> None:
-    """Two searches: of the second the gradient that was tried is not finite, so that it never gains."""
-    points, step = torch.tensor([[1.0, 2.0], [3.0, 4.0]]), torch.tensor([[0.5, -0.5], [0.25, 0.0]])
-    normal = torch.eye(2).repeat(2, 1, 1)
-    gradient, value, damping = torch.ones(2, 2), torch.zeros(2, dtype=torch.float64), torch.full((2,), 8.0)
-    here = Standing(points.clone(), value, gradient, normal, damping, torch.full((2,), 3.0))
-    slopes = torch.tensor([[7.0, 7.0], [7.0, math.nan]])
-    tried = ObjectiveValue(torch.full((2,), gain, dtype=torch.float64), slopes, 2 * normal, cast("Any", None))
-    done = here.accept(step, torch.full((2,), 4.0, dtype=torch.float64), tried, 0.1, 20.0)
-    taken = gain > 0
-    shrink = min(max(1 - (2 * gain / 4 - 1) ** 3, 1 / 3), 2) if taken else 3.0
-    assert here.damping.tolist() == pytest.approx([8 * shrink, 24])
-    assert here.growth.tolist() == [3.0 if taken else 6.0, 6.0]
-    assert done.tolist() == [0 < gain < 0.1 or 8 * shrink > 20, True]
-    assert torch.equal(here.points, torch.stack([(points + step)[0] if taken else points[0], points[1]]))
-    assert here.value.tolist() == [gain if taken else 0.0, 0.0]
-    assert here.gradient[0, 0] == (7 if taken else 1) and here.normal[0, 0, 0] == (2 if taken else 1)
-    assert here.gradient[1, 0] == 1 and here.normal[1, 0, 0] == 1
+@pytest.mark.parametrize("gain", [-3.0, 0.2, 2.0, 20.0, math.nan])
+@pytest.mark.parametrize("finite", [True, False])
+def test_a_step_that_gains_is_taken_and_damping_is_nielsens(gain: float, finite: bool) -> None:
+    """One number, slope and curvature 1: a step from damping d is 1 / (1 + d), which the second one tells.
+
+    A trial whose gradient is not finite never gains.
+    """
+    calls: list[float] = []
+
+    def value_point(point: np.ndarray, derivatives: bool) -> tuple[float, np.ndarray, np.ndarray]:
+        calls.append(float(point[0]))
+        slope = math.nan if len(calls) == 2 and not finite else 1.0
+        return (0.0, gain, -9.0)[len(calls) - 1], np.array([slope]), np.ones((1, 1))
+
+    starts, bound, damping = np.zeros((1, 1)), np.full(1, 9.0), 0.5
+    path, value, *_ = engine.search_function(value_point, starts, -bound, bound, 2, 0.01, damping, 1e4)
+    step = 1 / (1 + damping)
+    promised, taken = step - step**2 / 2, gain > 0 and finite
+    shrink = min(max(1 - (2 * gain / promised - 1) ** 3, 1 / 3), 2) if taken else 3.0
+    assert calls[1] == pytest.approx(step, rel=1e-5)
+    assert calls[2] == pytest.approx(step * taken + 1 / (1 + damping * shrink), rel=1e-5)
+    assert path[1, 0, 0] == (calls[1] if taken else 0) and value[0] == (gain if taken else 0)
+
+
+def test_a_search_ends_where_a_step_gains_little_or_nothing_is_promised() -> None:
+    def value_point(point: np.ndarray, derivatives: bool) -> tuple[float, np.ndarray, np.ndarray]:
+        return float(-50 * (point[0] - 1) ** 2), -100 * (point - 1), np.full((1, 1), 100.0)
+
+    starts, bound = np.array([[0.0], [1.0]]), np.full(1, 9.0)
+    path, value, _, evaluations, converged = engine.search_function(
+        value_point, starts, -bound, bound, 30, 0.1, 0.1, 1e4
+    )
+    assert converged.all() and evaluations[0] < 8 and value == pytest.approx([0, 0], abs=0.05)
+    assert path[-1, :, 0] == pytest.approx([1, 1], abs=0.05)

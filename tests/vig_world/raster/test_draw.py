@@ -9,7 +9,7 @@ import torch
 
 from tests.support import TEAPOT
 from tests.vig.likelihood.reference import shade
-from vig.likelihood.kernels.geometry import Geometry
+from vig.likelihood.geometry import Geometry
 from vig.scene import EXPOSURE_L00, Camera, ObjectClass, irradiance, srgb8_from_linear
 from vig.scene.light import Y00, linear_from_srgb
 from vig_world.assets.props import FAMILIES

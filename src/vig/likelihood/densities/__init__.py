@@ -1,24 +1,24 @@
-"""Densities of the noise at a visible pixel, a file each, beside the snippet of C++ that kernels include.
+"""Densities of the noise at a visible pixel, a file each, beside the header of native code.
 
 A density is p(error) = exp(log_density(s)) / normaliser, with s = |error|^2 / (2 sigma^2) over the three
 channels of linear RGB. NAME.py has
 
     LOG_UNIT          log of the normaliser for sigma = 1; for another sigma 3 log sigma is added
-    log_density(s)    as above, a function of tensors: the reference of what the kernels compute
+    log_density(s)    as above, a function of tensors: the reference of native code
 
-and NAME.cc two macros, `LOG_DENSITY(s)` and `PULL(s)`, which is - d log_density / d s: 1 for a Gaussian, less
-for what forgives large errors. It weighs a pixel in the gradient and in the Gauss-Newton matrix (iteratively
+and vig_native/densities/NAME.h a struct of that name with `log_density(s)` and `pull(s)`, which is
+- d log_density / d s: 1 for a Gaussian, less for what forgives large errors. It weighs a pixel in the gradient and in the Gauss-Newton matrix (iteratively
 reweighted least squares).
 """
 
 from __future__ import annotations
 
 from importlib import import_module
-from pathlib import Path
 from types import ModuleType
 
-FOLDER = Path(__file__).parent
-NAMES = tuple(sorted(path.stem for path in FOLDER.glob("*.cc")))
+from vig_native import engine
+
+NAMES = tuple(engine.DENSITIES)
 """Of all densities: `PixelModel.density`."""
 
 

@@ -1,80 +1,62 @@
-"""A shape model made ready for the renderer: matrices, faces, edges, rings."""
+"""A shape model made ready for evaluation: components, faces, edges, rings."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import torch
-import warp as wp
 
-from vig.likelihood.kernels.layout import RowLayout
-from vig.likelihood.kernels.load import likelihood_kernels
 from vig.scene import ShapeModel, point_layout
 from vig.scene.light import L_COUNT
-from vig_renderer.device import warp_array
+from vig_native import engine
 
 
 class Geometry:
-    """A shape model on one device, in one precision.
+    """A shape model in one precision.
 
     Attributes:
         layout: Blocks of a point: latents, then framing.
-        rows: Columns of a row of derivatives.
-        positions: (K + 1, V * 3) mean and components: (1, coefficients) @ positions are the vertices.
-        faces, edges, ring_start, ring: (F, 3), (E, 5), (V + 1,), (R, 3) int32, see `edges_of`, `rings_of`.
-        basis: (V, 3, padded K) the components again, one row per vertex and axis.
-        shadowed: Whether there is a transfer: what self-shadowing and interreflection add to the lobes
-            A_l Y_lm of each vertex, see `ObjectClass.transfer`.
-        transfer_mean, transfer_by_shape: (V, 9) of the mean shape and (V, 9, padded K) per component.
+        native: The same for the native library.
+        positions: (K + 1, V, 3) mean and components: the sum of (1, coefficients) times these are the vertices.
+        faces, edges: (F, 3), (E, 5) int32, see `edges_of`.
+        transfer: (K + 1, V, 9) what self-shadowing and interreflection add to the lobes A_l Y_lm of each vertex, of
+            the mean shape and per component, see `ObjectClass.transfer`; None for none.
         reflectance: (V,) by which irradiance is multiplied, see `ObjectClass.reflectance`.
-        kept: Passes and the like that may be used again for as long as the geometry lives.
     """
 
     def __init__(
         self,
         model: ShapeModel,
         dtype: torch.dtype = torch.float32,
-        device: str = "cpu",
         transfer: np.ndarray | None = None,
         reflectance: np.ndarray | None = None,
     ):
         if model.modes < 1:
             raise ValueError("the renderer needs a shape model with one component or more; got none")
-        self.model, self.dtype, self.device = model, dtype, device
-        self.layout, self.rows = point_layout(model.modes), RowLayout(model.modes)
-        stack = np.concatenate([model.mean[None], model.basis]).astype(np.float64)
-        self.positions = torch.from_numpy(stack.reshape(len(stack), -1)).to(device, dtype).contiguous()
-        padded = np.zeros((len(model.mean), 3, self.rows.shape))
-        padded[:, :, : model.modes] = model.basis.transpose(1, 2, 0)
-        self.basis = torch.from_numpy(padded).to(device, dtype)
-        self.shadowed = transfer is not None
-        if transfer is None:
-            transfer = np.zeros((model.modes + 1, 1, L_COUNT))  # read by nobody
-        elif transfer.shape != (expected := (model.modes + 1, len(model.mean), L_COUNT)):
+        if dtype not in (torch.float32, torch.float64):
+            raise ValueError(f"the renderer works in float32 or float64; got {dtype}")
+        self.model, self.dtype, self.layout = model, dtype, point_layout(model.modes)
+        real = np.float32 if dtype == torch.float32 else np.float64
+        count = len(model.mean)
+        if transfer is not None and transfer.shape != (expected := (model.modes + 1, count, L_COUNT)):
             raise ValueError(f"transfer must be {expected} like the shape model; got {transfer.shape}")
-        by_shape = np.zeros((*transfer.shape[1:], self.rows.shape))
-        by_shape[:, :, : model.modes] = transfer[1:].transpose(1, 2, 0)
-        self.transfer_mean = torch.from_numpy(transfer[0]).to(device, dtype).contiguous()
-        self.transfer_by_shape = torch.from_numpy(by_shape).to(device, dtype)
-        faces = np.ascontiguousarray(model.faces, np.int32)
-        start, ring = rings_of(faces, len(model.mean))
-        self.faces, self.edges, self.ring_start, self.ring = (
-            torch.from_numpy(table).to(device) for table in (faces, edges_of(faces), start, ring)
+        reflectance = np.ones(count) if reflectance is None else reflectance
+        if reflectance.shape != (count,):
+            raise ValueError(f"reflectance must be ({count},); got {reflectance.shape}")
+        self.positions = np.concatenate([model.mean[None], model.basis]).astype(real)
+        self.transfer = None if transfer is None else np.ascontiguousarray(transfer, real)
+        self.reflectance = np.ascontiguousarray(reflectance, real)
+        self.faces = np.ascontiguousarray(model.faces, np.int32)
+        self.edges = edges_of(self.faces)
+        blocks = [self.layout.at(name) for name in ("azimuth", "elevation", "albedo", "light", "framing")]
+        self.native = engine.geometry(
+            [self.layout.size, self.layout.at("shape"), model.modes, *blocks],
+            self.positions,
+            self.faces,
+            self.edges,
+            *rings_of(self.faces, count),
+            self.reflectance,
+            self.transfer,
         )
-        known = np.ones(len(model.mean)) if reflectance is None else reflectance
-        if known.shape != (len(model.mean),):
-            raise ValueError(f"reflectance must be ({len(model.mean)},); got {known.shape}")
-        self.reflectance = torch.from_numpy(known).to(device, dtype).contiguous()
-        self.reflectance_wp = warp_array(self.reflectance, wp.dtype_from_torch(dtype))
-        types = likelihood_kernels(dtype, model.modes, "gaussian")
-        self.basis_wp = warp_array(self.basis, types.shape_row)
-        self.transfer_mean_wp = warp_array(self.transfer_mean, types.lobe_vector)
-        self.transfer_by_shape_wp = warp_array(self.transfer_by_shape, types.shape_row)
-        self.faces_wp, self.edges_wp = warp_array(self.faces, wp.int32), warp_array(self.edges, wp.int32)
-        self.ring_start_wp = warp_array(self.ring_start, wp.int32)
-        self.ring_wp = warp_array(self.ring, wp.int32)
-        self.kept: dict[str, list[Any]] = {}
 
     @property
     def vertex_count(self) -> int:

@@ -5,7 +5,7 @@ import pytest
 import torch
 import trimesh
 
-from vig.likelihood.kernels.geometry import edges_of, rings_of
+from vig.likelihood.geometry import edges_of, rings_of
 from vig_world.mesh import vertex_normals
 
 

@@ -1,2 +1,0 @@
-#define LOG_DENSITY(s) (-(s))
-#define PULL(s) real(1)

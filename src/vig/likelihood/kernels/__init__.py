@@ -1,1 +1,0 @@
-"""Warp kernels of one evaluation of the objective."""

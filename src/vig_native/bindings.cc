@@ -1,0 +1,451 @@
+// The Python module: arrays in, arrays out. Shapes are checked here, before anything reads them; types by nanobind.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/function.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include <initializer_list>
+#include <mutex>
+#include <stdexcept>
+#include <string>
+
+#include "images.h"
+#include "likelihood.h"
+#include "search.h"
+#include "threads.h"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace vig {
+namespace {
+
+template <class T> using Input = nb::ndarray<const T, nb::c_contig, nb::device::cpu>;
+template <class T> using Output = nb::ndarray<nb::numpy, T>;
+
+std::string text(const std::vector<int64_t>& shape) {
+    std::string out = "(";
+    for (const int64_t size : shape)
+        out += (size < 0 ? "any" : std::to_string(size)) + ", ";
+    return out.substr(0, out.size() - (shape.empty() ? 0 : 2)) + ")";
+}
+
+// Throw unless an array has a shape, -1 standing for any size.
+template <class A> void check_shape(const char* name, const A& array, std::vector<int64_t> wanted) {
+    std::vector<int64_t> shape;
+    bool fits = array.ndim() == wanted.size();
+    for (size_t i = 0; i < array.ndim(); ++i) {
+        shape.push_back(array.shape(i));
+        fits = fits && (wanted[i] < 0 || wanted[i] == shape.back());
+    }
+    if (!fits)
+        throw std::invalid_argument(std::string(name) + " must be " + text(wanted) + "; got " + text(shape));
+}
+
+template <class A> auto copy(const A& array) {
+    return std::vector<std::remove_const_t<typename A::Scalar>>(array.data(), array.data() + array.size());
+}
+
+// Throw unless all numbers of a table are from `least` to `count` - 1.
+void check_table(const char* name, const std::vector<int32_t>& table, int least, int count) {
+    for (const int32_t number : table)
+        if (number < least || number >= count)
+            throw std::invalid_argument(std::string(name) + " must hold numbers from " + std::to_string(least) + " to "
+                                        + std::to_string(count - 1) + "; got " + std::to_string(number));
+}
+
+template <class T> Output<T> make(std::initializer_list<size_t> shape, T*& data) {
+    size_t size = 1;
+    for (const size_t length : shape)
+        size *= length;
+    data = new T[std::max<size_t>(size, 1)];
+    nb::capsule owner(data, [](void* p) noexcept { delete[] (T*)p; });
+    return Output<T>(data, shape, owner);
+}
+
+// Workspaces that are lent out and kept for the next.
+template <class R> class WorkspacePool {
+  public:
+    std::unique_ptr<Workspace<R>> take() {
+        const std::lock_guard<std::mutex> held(lock_);
+        if (free_.empty())
+            return std::make_unique<Workspace<R>>();
+        auto taken = std::move(free_.back());
+        free_.pop_back();
+        return taken;
+    }
+    void give(std::unique_ptr<Workspace<R>> workspace) {
+        const std::lock_guard<std::mutex> held(lock_);
+        if (free_.size() < 8)
+            free_.push_back(std::move(workspace));
+    }
+
+  private:
+    std::mutex lock_;
+    std::vector<std::unique_ptr<Workspace<R>>> free_;
+};
+
+template <class R> WorkspacePool<R>& pool() {
+    static WorkspacePool<R> one;
+    return one;
+}
+
+template <class R> struct Lent {
+    std::unique_ptr<Workspace<R>> workspace = pool<R>().take();
+    ~Lent() { pool<R>().give(std::move(workspace)); }
+};
+
+// Columns of a point in the order of `PointLayout`.
+PointLayout layout_of(const std::vector<int>& numbers) {
+    if (numbers.size() != 8)
+        throw std::invalid_argument("layout must be 8 numbers; got " + std::to_string(numbers.size()));
+    const PointLayout layout{numbers[0], numbers[1], numbers[2], numbers[3],
+                             numbers[4], numbers[5], numbers[6], numbers[7]};
+    const auto fits = [&](int from, int count) { return from >= 0 && from + count <= layout.size; };
+    if (layout.modes < 1 || !fits(layout.shape, layout.modes) || !fits(layout.azimuth, 1) || !fits(layout.elevation, 1)
+        || !fits(layout.albedo, 3) || !fits(layout.light, LOBES) || !fits(layout.framing, 4))
+        throw std::invalid_argument("layout has blocks beyond its size");
+    return layout;
+}
+
+template <class R>
+Geometry<R> make_geometry(std::vector<int> layout, Input<R> positions, Input<int32_t> corners, Input<int32_t> edges,
+                          Input<int32_t> ring_start, Input<int32_t> ring, Input<R> reflectance,
+                          std::optional<Input<R>> transfer) {
+    Geometry<R> g;
+    g.layout = layout_of(layout);
+    g.modes = g.layout.modes;
+    g.width = (g.modes + LANES - 1) / LANES * LANES;
+    check_shape("positions", positions, {g.modes + 1, -1, 3});
+    const size_t vertices = positions.shape(1);
+    g.vertices = (int)vertices;
+    check_shape("faces", corners, {-1, 3});
+    check_shape("edges", edges, {-1, 5});
+    check_shape("ring_start", ring_start, {g.vertices + 1});
+    check_shape("ring", ring, {-1, 3});
+    check_shape("reflectance", reflectance, {g.vertices});
+    g.faces = (int)corners.shape(0);
+    g.edges = (int)edges.shape(0);
+    g.positions = copy(positions);
+    g.corners = copy(corners);
+    g.edge_table = copy(edges);
+    g.ring_start = copy(ring_start);
+    g.ring = copy(ring);
+    g.reflectance = copy(reflectance);
+    check_table("faces", g.corners, 0, g.vertices);
+    check_table("ring", g.ring, 0, g.vertices);
+    check_table("ring_start", g.ring_start, 0, (int)ring.shape(0) + 1);
+    for (int edge = 0; edge < g.edges; ++edge) {
+        const int32_t* const row = &g.edge_table[5 * (size_t)edge];
+        const bool beyond = row[3] >= 0;
+        if (std::min(row[0], row[1]) < 0 || std::max(row[0], row[1]) >= g.vertices || row[2] < 0 || row[2] >= g.faces
+            || row[3] >= g.faces || (beyond && (row[4] < 0 || row[4] >= g.vertices)))
+            throw std::invalid_argument("edges has numbers out of range in row " + std::to_string(edge));
+    }
+    const auto by_mode = [&](const R* of, size_t rows, size_t columns, std::vector<R>& to) {
+        to.assign(rows * columns * g.width, 0);
+        for (int mode = 0; mode < g.modes; ++mode)
+            for (size_t at = 0; at < rows * columns; ++at)
+                to[at * g.width + mode] = of[(size_t)(1 + mode) * rows * columns + at];
+    };
+    by_mode(g.positions.data(), vertices, 3, g.basis);
+    g.shadowed = transfer.has_value();
+    if (g.shadowed) {
+        check_shape("transfer", *transfer, {g.modes + 1, g.vertices, LOBES});
+        g.transfer_mean.assign(transfer->data(), transfer->data() + vertices * LOBES);
+        by_mode(transfer->data(), vertices, LOBES, g.transfer_by_shape);
+    }
+    return g;
+}
+
+template <class R>
+Photos<R> make_photos(std::tuple<double, double, double, double, double, int, int> camera, Input<R> observed,
+                      Input<R> log_prior, int stride, bool exact, int density, double log_unit) {
+    Photos<R> p;
+    const auto [focal, cx, cy, target_height, distance, width, height] = camera;
+    p.camera = {focal, cx, cy, target_height, distance, width, height};
+    if (width < 1 || height < 1 || stride < 1)
+        throw std::invalid_argument("width, height and stride must be 1 or more");
+    check_shape("observed", observed, {-1, height * width, 3});
+    check_shape("log_prior", log_prior, {(int64_t)observed.shape(0), height * width, 3});
+    p.count = (int)observed.shape(0);
+    p.stride = stride;
+    p.exact = exact;
+    p.density = density;
+    p.log_unit = log_unit;
+    p.observed = copy(observed);
+    p.log_prior = copy(log_prior);
+    for (int n = 0; n < p.count; ++n) {
+        double sum = 0;
+        for (int at = 0; at < p.pixels(); ++at)
+            sum += p.log_prior[((size_t)n * p.pixels() + at) * 3 + 2];
+        p.background.push_back(sum);
+    }
+    return p;
+}
+
+template <class R>
+nb::tuple evaluate_points(const Geometry<R>& geometry, const Photos<R>& photos, Input<R> points, Input<int32_t> photo,
+                          Input<double> sigma, int order, bool images, int threads) {
+    const size_t size = geometry.layout.size, pixels = photos.pixels();
+    check_shape("points", points, {-1, (int64_t)size});
+    const size_t count = points.shape(0);
+    check_shape("photo", photo, {(int64_t)count});
+    check_shape("sigma", sigma, {(int64_t)count});
+    check_table("photo", copy(photo), 0, photos.count);
+    double* value;
+    R *gradient, *normal, *posterior, *coverage, *irradiance;
+    const size_t derived = order ? count : 0, curved = order > 1 ? count : 0, shown = images ? count : 0;
+    auto values = make<double>({count}, value);
+    auto gradients = make<R>({derived, size}, gradient);
+    auto normals = make<R>({curved, size, size}, normal);
+    const size_t height = photos.camera.height, width = photos.camera.width;
+    auto posteriors = make<R>({shown, height, width}, posterior);
+    auto coverages = make<R>({shown, height, width}, coverage);
+    auto irradiances = make<R>({shown, height, width}, irradiance);
+    {
+        const nb::gil_scoped_release released;
+        threads = (int)std::clamp<size_t>(count, 1, std::max(threads, 1));
+        run_threads(threads, [&](int thread) {
+            Lent<R> lent;
+            Workspace<R>& work = *lent.workspace;
+            for (size_t n = thread; n < count; n += threads) {
+                value[n] = evaluate(geometry, photos, work, points.data() + n * size, photo.data()[n], sigma.data()[n],
+                                    order, images, order ? gradient + n * size : nullptr,
+                                    order > 1 ? normal + n * size * size : nullptr);
+                if (images) {
+                    std::copy(work.posterior.begin(), work.posterior.end(), posterior + n * pixels);
+                    std::copy(work.irradiance.begin(), work.irradiance.end(), irradiance + n * pixels);
+                    for (size_t at = 0; at < pixels; ++at)
+                        coverage[n * pixels + at] = std::clamp(work.coverage[at], R(0), R(1));
+                }
+            }
+        });
+    }
+    return nb::make_tuple(values, gradients, normals, posteriors, coverages, irradiances);
+}
+
+// What the stages of one evaluation of a point (P',) leave in the workspace, for tests beside their references.
+template <class R>
+nb::dict stages(const Geometry<R>& geometry, const Photos<R>& photos, Input<R> point, double sigma) {
+    const size_t vertices = geometry.vertices, width = geometry.width;
+    check_shape("point", point, {geometry.layout.size});
+    Workspace<R> work;
+    std::vector<R> gradient(point.size()), normal(point.size() * point.size());
+    evaluate(geometry, photos, work, point.data(), 0, sigma, 2, true, gradient.data(), normal.data());
+    nb::dict out;
+    const auto add = [&](const char* name, const auto& numbers, std::initializer_list<size_t> shape) {
+        std::remove_const_t<std::remove_reference_t<decltype(numbers[0])>>* data;
+        auto array = make(shape, data);
+        std::copy_n(numbers.data(), array.size(), data);
+        out[name] = array;
+    };
+    add("face", work.visible.face, {(size_t)photos.camera.height, (size_t)photos.camera.width});
+    add("screen", work.screen, {vertices, 3});
+    add("used", work.used, {vertices});
+    add("normals", work.normals, {vertices, 3});
+    add("irradiances", work.irradiances, {vertices});
+    add("shape_rows", work.shape_rows, {vertices, width});
+    add("rest_rows", work.rest_rows, {vertices, (size_t)REST});
+    return out;
+}
+
+template <class R>
+Prior<R> make_prior(Input<R> mean, Input<R> precision, Input<R> heading_mean, Input<R> heading_precision,
+                    Input<R> azimuths, double azimuth_precision, double fold, int azimuth, int light) {
+    Prior<R> p;
+    const int64_t size = mean.size();
+    check_shape("mean", mean, {-1});
+    check_shape("precision", precision, {size, size});
+    check_shape("heading_mean", heading_mean, {heading_mean.size() ? LOBES : 0});
+    check_shape("heading_precision", heading_precision, {(int64_t)heading_mean.size()});
+    check_shape("azimuths", azimuths, {-1});
+    if (azimuth < 0 || azimuth >= size || light < 0 || light + LOBES > size)
+        throw std::invalid_argument("azimuth and light must be places in a point");
+    p.size = (int)size;
+    p.mean = copy(mean);
+    p.precision = copy(precision);
+    p.heading_mean = copy(heading_mean);
+    p.heading_precision = copy(heading_precision);
+    p.azimuths = copy(azimuths);
+    p.azimuth_precision = R(azimuth_precision);
+    p.fold = R(fold);
+    p.azimuth = azimuth;
+    p.light = light;
+    return p;
+}
+
+// Search from starts (S, n): path (T + 1, S, n), values (S,), normals (S, n, n), evaluations (S,), converged (S,).
+// function_of(thread) makes what a thread calls.
+template <class R, class F>
+nb::tuple search_all(Input<R> starts, Input<R> lower, Input<R> upper, const SearchSettings& settings, int threads,
+                     F&& function_of) {
+    check_shape("starts", starts, {-1, -1});
+    const size_t count = starts.shape(0), n = starts.shape(1), steps = settings.iterations + 1;
+    check_shape("lower", lower, {(int64_t)n});
+    check_shape("upper", upper, {(int64_t)n});
+    R *path, *normal;
+    double* value;
+    int64_t* evaluations;
+    bool* converged;
+    auto paths = make<R>({steps, count, n}, path);
+    auto values = make<double>({count}, value);
+    auto normals = make<R>({settings.iterations ? count : 0, n, n}, normal);
+    auto all_evaluations = make<int64_t>({count}, evaluations);
+    auto all_converged = make<bool>({count}, converged);
+    {
+        const nb::gil_scoped_release released;
+        threads = (int)std::clamp<size_t>(count, 1, std::max(threads, 1));
+        run_threads(threads, [&](int thread) {
+            Lent<R> lent;
+            const Function<R> function = function_of(*lent.workspace);
+            for (size_t s = thread; s < count; s += threads) {
+                const SearchEnd end = search((int)n, function, starts.data() + s * n, lower.data(), upper.data(), settings,
+                                             path + s * n, count * n, settings.iterations ? normal + s * n * n : nullptr);
+                value[s] = end.value;
+                evaluations[s] = end.evaluations;
+                converged[s] = end.converged;
+            }
+        });
+    }
+    return nb::make_tuple(paths, values, normals, all_evaluations, all_converged);
+}
+
+template <class R>
+nb::tuple search_photo(const Geometry<R>& geometry, const Photos<R>& photos, const Prior<R>& prior, int photo,
+                       double sigma, Input<R> starts, Input<R> lower, Input<R> upper, int iterations, double tolerance,
+                       double damping, double give_up, int threads) {
+    check_shape("starts", starts, {-1, geometry.layout.size});
+    if (photo < 0 || photo >= photos.count || prior.size != geometry.layout.size)
+        throw std::invalid_argument("photo or prior does not fit");
+    return search_all<R>(starts, lower, upper, {iterations, tolerance, damping, give_up}, threads,
+                         [&](Workspace<R>& work) {
+                             return [&](const R* point, R* gradient, R* normal) {
+                                 const double value = evaluate(geometry, photos, work, point, photo, sigma,
+                                                               gradient ? 2 : 0, false, gradient, normal);
+                                 return value + prior.add_to(point, gradient, normal);
+                             };
+                         });
+}
+
+// The same of any function in Python, called with a point (n,): value, gradient (n,) and normal matrix (n, n).
+template <class R>
+nb::tuple search_function(nb::callable function, Input<R> starts, Input<R> lower, Input<R> upper, int iterations,
+                          double tolerance, double damping, double give_up) {
+    const auto call = [&](const R* point, R* gradient, R* normal) {
+        const nb::gil_scoped_acquire held;
+        const size_t n = lower.size();
+        R* data;
+        auto array = make<R>({n}, data);
+        std::copy(point, point + n, data);
+        const auto [value, slope, curved] =
+            nb::cast<std::tuple<double, std::optional<Input<R>>, std::optional<Input<R>>>>(
+                function(array, gradient != nullptr));
+        if (gradient) {
+            if (!slope || !curved)
+                throw std::invalid_argument("the function must return a gradient and a normal matrix");
+            check_shape("gradient", *slope, {(int64_t)n});
+            check_shape("normal", *curved, {(int64_t)n, (int64_t)n});
+            std::copy(slope->data(), slope->data() + n, gradient);
+            std::copy(curved->data(), curved->data() + n * n, normal);
+        }
+        return value;
+    };
+    return search_all<R>(starts, lower, upper, {iterations, tolerance, damping, give_up}, 1,
+                         [&](Workspace<R>&) { return call; });
+}
+
+template <class R>
+nb::tuple damped_steps(Input<R> points, Input<R> gradient, Input<R> normal, Input<R> damping, Input<R> lower,
+                       Input<R> upper) {
+    check_shape("points", points, {-1, -1});
+    const size_t count = points.shape(0), n = points.shape(1);
+    check_shape("gradient", gradient, {(int64_t)count, (int64_t)n});
+    check_shape("normal", normal, {(int64_t)count, (int64_t)n, (int64_t)n});
+    check_shape("damping", damping, {(int64_t)count});
+    check_shape("lower", lower, {(int64_t)n});
+    check_shape("upper", upper, {(int64_t)n});
+    R* step;
+    double* promised;
+    auto steps = make<R>({count, n}, step);
+    auto gains = make<double>({count}, promised);
+    for (size_t s = 0; s < count; ++s)
+        promised[s] = damped_step((int)n, points.data() + s * n, gradient.data() + s * n, normal.data() + s * n * n,
+                                  damping.data()[s], lower.data(), upper.data(), step + s * n);
+    return nb::make_tuple(steps, gains);
+}
+
+template <class R> void bind(nb::module_& m, const char* geometry, const char* photos, const char* prior) {
+    nb::class_<Geometry<R>>(m, geometry);
+    nb::class_<Photos<R>>(m, photos);
+    nb::class_<Prior<R>>(m, prior).def(
+        "add_to", [](const Prior<R>& self, Input<R> points, nb::ndarray<double, nb::c_contig, nb::device::cpu> value,
+                     std::optional<nb::ndarray<R, nb::c_contig, nb::device::cpu>> gradient,
+                     std::optional<nb::ndarray<R, nb::c_contig, nb::device::cpu>> normal) {
+            const int64_t count = points.shape(0), n = self.size;
+            check_shape("points", points, {count, n});
+            check_shape("value", value, {count});
+            if (gradient)
+                check_shape("gradient", *gradient, {count, n});
+            if (normal)
+                check_shape("normal", *normal, {count, n, n});
+            for (int64_t b = 0; b < count; ++b)
+                value.data()[b] += self.add_to(points.data() + b * n, gradient ? gradient->data() + b * n : nullptr,
+                                               normal ? normal->data() + b * n * n : nullptr);
+        },
+        "points"_a, "value"_a, "gradient"_a.none(), "normal"_a.none());
+    m.def("geometry", &make_geometry<R>, "layout"_a, "positions"_a, "faces"_a, "edges"_a, "ring_start"_a, "ring"_a,
+          "reflectance"_a, "transfer"_a.none());
+    m.def("photos", &make_photos<R>, "camera"_a, "observed"_a, "log_prior"_a, "stride"_a, "exact"_a, "density"_a,
+          "log_unit"_a);
+    m.def("prior", &make_prior<R>);
+    m.def("evaluate", &evaluate_points<R>, "geometry"_a, "photos"_a, "points"_a, "photo"_a, "sigma"_a, "order"_a,
+          "images"_a, "threads"_a);
+    m.def("stages", &stages<R>);
+    m.def("search", &search_photo<R>, "geometry"_a, "photos"_a, "prior"_a, "photo"_a, "sigma"_a, "starts"_a, "lower"_a,
+          "upper"_a, "iterations"_a, "tolerance"_a, "damping"_a, "give_up"_a, "threads"_a);
+    m.def("search_function", &search_function<R>, "function"_a, "starts"_a, "lower"_a, "upper"_a, "iterations"_a,
+          "tolerance"_a, "damping"_a, "give_up"_a);
+    m.def("damped_steps", &damped_steps<R>);
+}
+
+}  // namespace
+
+NB_MODULE(VIG_MODULE, m) {
+    bind<float>(m, "Geometry32", "Photos32", "Prior32");
+    bind<double>(m, "Geometry64", "Photos64", "Prior64");
+    std::vector<std::string> names;
+#define VIG_NAME(NAME) names.push_back(#NAME);
+    VIG_DENSITIES(VIG_NAME)
+#undef VIG_NAME
+    m.attr("DENSITIES") = nb::cast(names);
+    m.def("minimum_cut", [](Input<bool> free, Input<int32_t> alone, nb::ndarray<int32_t, nb::c_contig, nb::device::cpu> links) {
+        check_shape("free", free, {-1, -1, -1});
+        const size_t count = free.shape(0), height = free.shape(1), width = free.shape(2), size = height * width;
+        check_shape("alone", alone, {(int64_t)count, (int64_t)height, (int64_t)width});
+        check_shape("links", links, {(int64_t)count, 8, (int64_t)height, (int64_t)width});
+        bool* visible;
+        auto out = make<bool>({count, height, width}, visible);
+        const nb::gil_scoped_release released;
+        for (size_t n = 0; n < count; ++n)
+            minimum_cut((int)height, (int)width, (const uint8_t*)free.data() + n * size, alone.data() + n * size,
+                        links.data() + n * 8 * size, (uint8_t*)visible + n * size);
+        return out;
+    });
+    m.def("colour_density", [](Input<double> photo, Input<double> shares) {
+        check_shape("shares", shares, {-1, -1, -1});
+        const size_t count = shares.shape(0), height = shares.shape(1), width = shares.shape(2), size = height * width;
+        check_shape("photo", photo, {(int64_t)height, (int64_t)width, 3});
+        double* density;
+        auto out = make<double>({count, height, width}, density);
+        const nb::gil_scoped_release released;
+        for (size_t n = 0; n < count; ++n)
+            colour_density((int)size, photo.data(), shares.data() + n * size, density + n * size);
+        return out;
+    });
+}
+
+}  // namespace vig

@@ -1,0 +1,239 @@
+#include "likelihood.h"
+
+#include <algorithm>
+
+namespace vig {
+
+template <class R> Eye<R> eye_of(const R* point, const PointLayout& layout, const Camera& camera) {
+    const double azimuth = point[layout.azimuth], elevation = point[layout.elevation];
+    const R* const framing = point + layout.framing;
+    const R sa = R(std::sin(azimuth)), ca = R(std::cos(azimuth)), se = R(std::sin(elevation)), ce = R(std::cos(elevation));
+    const R sr = R(std::sin(double(framing[3]))), cr = R(std::cos(double(framing[3])));
+    const Vec3<R> right = {ca, sa, 0}, down = {se * sa, -se * ca, -ce}, forward = {-ce * sa, ce * ca, -se};
+    Eye<R> eye;
+    // Roll about the optical axis, after the upright camera of azimuth and elevation.
+    eye.rotation = {{right * cr - down * sr, right * sr + down * cr, forward}};
+    eye.level = {cr, sr};
+    eye.focal = R(camera.focal * std::exp(double(framing[2])));
+    eye.cx = R(camera.cx) + framing[0] * camera.width;
+    eye.cy = R(camera.cy) + framing[1] * camera.width;
+    eye.distance = R(camera.distance);
+    eye.target_height = R(camera.target_height);
+    eye.width = camera.width;
+    eye.height = camera.height;
+    return eye;
+}
+
+template <class R> void Workspace<R>::fit(const Geometry<R>& geometry, const Photos<R>& photos) {
+    const size_t vertices = geometry.vertices, width = geometry.width, pixels = photos.pixels();
+    world.resize(3 * vertices);
+    screen.resize(3 * vertices);
+    normals.resize(3 * vertices);
+    inverse_lengths.resize(vertices);
+    irradiances.resize(vertices);
+    shape_rows.resize(vertices * width);
+    rest_rows.resize(vertices * REST);
+    if (geometry.shadowed) {
+        lobe_changes.resize(vertices * LOBES);
+        shadow_rates.resize(vertices * width);
+    }
+    visible.clear((int)pixels);
+    facing.resize(geometry.faces);
+    used.assign(vertices, 0);
+    products.resize((width + REST) * (width + REST));
+    posterior.resize(pixels);
+    coefficients.assign(width, 0);
+    row_count = 0;
+}
+
+template <class R> R* Workspace<R>::add_row(int row_width) {
+    const size_t from = row_count++ * row_width;
+    if (rows.size() < from + row_width)
+        rows.resize(std::max<size_t>(2 * rows.size(), from + 1024 * row_width));
+    std::fill_n(rows.begin() + from, row_width, R(0));
+    return rows.data() + from;
+}
+
+namespace {
+
+// World places of all vertices, Eq. 1: (1, coefficients) times (mean, components), four rows at a time.
+template <class R> void place_in_world(const Geometry<R>& geometry, const R* coefficients, R* world) {
+    const int across = 3 * geometry.vertices;
+    const R* const mean = geometry.positions.data();
+    std::copy(mean, mean + across, world);
+    for (int k = 0; k < geometry.modes; k += 4) {
+        const R* row[4];
+        R weight[4];
+        for (int j = 0; j < 4; ++j) {
+            row[j] = mean + (size_t)(1 + std::min(k + j, geometry.modes - 1)) * across;
+            weight[j] = k + j < geometry.modes ? coefficients[k + j] : 0;
+        }
+        for (int i = 0; i < across; ++i)
+            world[i] += weight[0] * row[0][i] + weight[1] * row[1][i] + weight[2] * row[2][i] + weight[3] * row[3][i];
+    }
+}
+
+// And back: a cotangent on a place is one on each coefficient by its component.
+template <class R> R component_gradient(const Geometry<R>& geometry, int mode, const R* on_world) {
+    typedef Lanes<R> Row;
+    const int across = 3 * geometry.vertices, whole = across - across % (4 * LANES);
+    const R* const row = geometry.positions.data() + (size_t)(1 + mode) * across;
+    Row sums[4] = {};
+    for (int i = 0; i < whole; i += 4 * LANES)
+        for (int j = 0; j < 4; ++j)
+            sums[j] += lanes_at(row + i + j * LANES) * lanes_at(on_world + i + j * LANES);
+    R sum = sum_lanes<R>((sums[0] + sums[1]) + (sums[2] + sums[3]));
+    for (int i = whole; i < across; ++i)
+        sum += row[i] * on_world[i];
+    return sum;
+}
+
+// products (W, W) = rows^T rows; W is a multiple of LANES. Blocks above the diagonal, then mirrored.
+template <class R> void square_rows(const R* rows, size_t count, int width, R* products) {
+    typedef Lanes<R> Row;
+    constexpr int TILE = 8;  // vectors that are summed at once; for 16 there are too few registers
+    for (int column = 0; column < width; column += LANES)
+        for (int i = 0; i < column + LANES; i += TILE) {
+            Row sums[TILE] = {};
+            for (size_t line = 0; line < count; ++line) {
+                const R* const row = rows + line * width;
+                const Row lanes = lanes_at(row + column);
+                for (int j = 0; j < TILE; ++j)
+                    sums[j] += row[i + j] * lanes;
+            }
+            for (int j = 0; j < TILE; ++j)
+                lanes_at(products + (size_t)(i + j) * width + column) = sums[j];
+        }
+    for (int i = 0; i < width; ++i)
+        for (int j = 0; j < i; ++j)
+            products[(size_t)i * width + j] = products[(size_t)j * width + i];
+}
+
+template <class R> void project(Task<R>& task) {
+    const Eye<R>& eye = task.eye;
+    const R near = R(0.01);  // metres; a triangle with a corner nearer than this is not drawn
+    for (int vertex = 0; vertex < task.geometry.vertices; ++vertex) {
+        const R* const at = &task.work.world[3 * (size_t)vertex];
+        const Vec3<R> point = eye.rotation * Vec3<R>{at[0], at[1], at[2] - eye.target_height};
+        // The camera's frame has its origin `distance` metres before the target.
+        const R depth = point.z + eye.distance, q = depth > near ? 1 / depth : 0, scale = eye.focal * q;
+        store3(&task.work.screen[3 * (size_t)vertex], Vec3<R>{point.x * scale + eye.cx, point.y * scale + eye.cy, q});
+    }
+}
+
+// The vertices of the faces that are seen are used, beside those of occlusion edges; the list of all.
+template <class R> void list_seen_vertices(Task<R>& task) {
+    Workspace<R>& work = task.work;
+    const int pixels = task.photos.pixels();
+    for (int pixel = 0; pixel < pixels; ++pixel)
+        if (work.visible.face[pixel] != NO_FACE) {
+            const int32_t* const corners = &task.geometry.corners[3 * (size_t)work.visible.face[pixel]];
+            work.used[corners[0]] = work.used[corners[1]] = work.used[corners[2]] = 2;
+        }
+    work.seen_vertices.clear();
+    for (int vertex = 0; vertex < task.geometry.vertices; ++vertex)
+        if (work.used[vertex])
+            work.seen_vertices.push_back(vertex);
+}
+
+// Gradient (P',) and normal matrix (P', P') from their parts. A colour channel's row is albedo times the shared row, and
+// irradiance in that channel's albedo place; summed over the channels only |albedo|^2, albedo and 1 are left of them.
+template <class R>
+void assemble(const Task<R>& task, const R* shape, const R* rest, const double* on_albedo, R* gradient, R* normal) {
+    const PointLayout& layout = task.geometry.layout;
+    const int width = task.geometry.width, row_width = width + REST;
+    // The column of a row for each of a point's numbers, -1 for those that nothing depends on.
+    std::vector<int> column(layout.size, -1);
+    for (int mode = 0; mode < layout.modes; ++mode)
+        column[layout.shape + mode] = mode;
+    column[layout.azimuth] = width + AZIMUTH;
+    column[layout.elevation] = width + ELEVATION;
+    for (int channel = 0; channel < 3; ++channel)
+        column[layout.albedo + channel] = width + IRRADIANCE;
+    for (int lobe = 0; lobe < LOBES; ++lobe)
+        column[layout.light + lobe] = width + LIGHT + lobe;
+    for (int n = 0; n < 4; ++n)
+        column[layout.framing + n] = width + FRAMING + n;
+    const Vec3<R> colour = task.albedo;
+    for (int i = 0; i < layout.size; ++i) {
+        const int channel = i - layout.albedo, at = column[i];
+        const bool painted = channel >= 0 && channel < 3;
+        gradient[i] = painted ? R(on_albedo[channel]) : at < 0 ? 0 : at < width ? shape[at] : rest[at - width];
+        for (int j = 0; normal && j < layout.size; ++j) {
+            const int other = j - layout.albedo;
+            const bool other_painted = other >= 0 && other < 3;
+            // Sum over the channels of d colour / d one times d colour / d other, irradiance taken out.
+            R factor = dot(colour, colour);
+            if (painted)
+                factor = other_painted ? R(channel == other) : colour[channel];
+            else if (other_painted)
+                factor = colour[other];
+            const bool depends = at >= 0 && column[j] >= 0;
+            normal[(size_t)i * layout.size + j] =
+                depends ? factor * task.work.products[(size_t)at * row_width + column[j]] : 0;
+        }
+    }
+}
+
+}  // namespace
+
+template <class R>
+double evaluate(const Geometry<R>& geometry, const Photos<R>& photos, Workspace<R>& work, const R* point, int which,
+                double sigma, int order, bool images, R* gradient, R* normal) {
+    const PointLayout& layout = geometry.layout;
+    const size_t first = (size_t)which * photos.pixels() * 3, vertices = geometry.vertices;
+    work.fit(geometry, photos);
+    if (order) {
+        work.on_corner.assign(4 * vertices, 0);
+        work.on_normal.assign(3 * vertices, 0);
+        work.on_world.assign(3 * vertices, 0);
+    }
+    if (images) {
+        for (std::vector<R>* image : {&work.posterior, &work.coverage, &work.irradiance})
+            image->assign(photos.pixels(), 0);
+    }
+    Task<R> task{geometry, photos, work, eye_of(point, layout, photos.camera), Noise<R>(sigma, photos.log_unit),
+                 load3(point + layout.albedo), point + layout.light, photos.observed.data() + first,
+                 photos.log_prior.data() + first, order, images};
+    std::copy_n(point + layout.shape, layout.modes, work.coefficients.begin());
+    place_in_world(geometry, work.coefficients.data(), work.world.data());
+    project(task);
+    draw_faces(work.screen.data(), geometry.corners.data(), geometry.faces, photos.camera.width, photos.camera.height,
+               true, work.visible, work.facing.data());
+    std::vector<int32_t> edges;
+    if (photos.exact)
+        find_occlusion_edges(task, edges);
+    list_seen_vertices(task);
+    shade(task);
+    Gain<R> gain = explain_interior(task);
+    if (order > 1)
+        add_interior_rows(task);
+    if (photos.exact) {
+        const Gain<R> more = blend_silhouette(task, edges);
+        gain.value += more.value;
+        for (int channel = 0; channel < 3; ++channel)
+            gain.albedo[channel] += more.albedo[channel];
+    }
+    if (order) {
+        std::vector<R> shape(geometry.width, 0);
+        R rest[REST] = {};
+        unshade(task, shape.data(), rest);
+        for (int mode = 0; mode < geometry.modes; ++mode)
+            shape[mode] += component_gradient(geometry, mode, work.on_world.data());
+        if (order > 1)
+            square_rows(work.rows.data(), work.row_count, geometry.width + REST, work.products.data());
+        assemble(task, shape.data(), rest, gain.albedo, gradient, order > 1 ? normal : nullptr);
+    }
+    return photos.background[which] + gain.value;
+}
+
+template Eye<float> eye_of(const float*, const PointLayout&, const Camera&);
+template Eye<double> eye_of(const double*, const PointLayout&, const Camera&);
+template struct Workspace<float>;
+template struct Workspace<double>;
+template double evaluate(const Geometry<float>&, const Photos<float>&, Workspace<float>&, const float*, int, double, int,
+                         bool, float*, float*);
+template double evaluate(const Geometry<double>&, const Photos<double>&, Workspace<double>&, const double*, int, double,
+                         int, bool, double*, double*);
+
+}  // namespace vig

@@ -1,0 +1,85 @@
+// Eq. 4 of one point, a guess of latents and framing: value, exact gradient and Gauss-Newton matrix.
+#pragma once
+#include <memory>
+
+#include "density.h"
+#include "mesh.h"
+#include "rows.h"
+#include "visibility.h"
+
+namespace vig {
+
+// N photos of one size and the prior of their pixels, and how they are explained.
+template <class R> struct Photos {
+    Camera camera;
+    int count, stride, density;
+    bool exact;                      // silhouettes move the objective; else the mask is constant within an evaluation
+    double log_unit;                 // log normaliser of the density for sigma = 1
+    std::vector<R> observed;         // (N, H * W, 3) linear RGB
+    std::vector<R> log_prior;        // (N, H * W, 3) visible, hidden, background
+    std::vector<double> background;  // (N,) log-likelihood of all pixels as background
+    int pixels() const { return camera.width * camera.height; }
+};
+
+// What one evaluation works on, kept from one to the next. Sizes as in `Geometry`; H, W of the photos.
+template <class R> struct Workspace {
+    std::vector<R> world, screen;                      // (V, 3) metres; (x, y, q)
+    std::vector<uint8_t> used;                         // (V,) 2: of a face that is seen, 1: of an occlusion edge alone
+    std::vector<R> normals, inverse_lengths;           // (V, 3) unit, world; (V,) one over the length before
+    std::vector<R> irradiances;                        // (V,)
+    std::vector<R> shape_rows, rest_rows;              // (V, W), (V, REST) derivatives of the irradiances
+    std::vector<R> lobe_changes, shadow_rates;         // (V, LOBES), (V, W), see `shadow`
+    VisibilityBuffer<R> visible;                       // of (H * W)
+    std::vector<uint8_t> facing;                       // (F,)
+    std::vector<int32_t> seen_vertices;                // vertices in use, in their order
+    std::vector<R> on_corner, on_normal, on_world;     // (V, 4) by (x, y, q, irradiance); (V, 3) camera; (V, 3) world
+    std::vector<R> rows;                               // rows of the normal matrix, (., W + REST)
+    std::vector<R> products;                           // (W + REST, W + REST)
+    std::vector<R> posterior, coverage, irradiance;    // (H * W) images
+    std::vector<R> coefficients;                       // (W,)
+    size_t row_count;
+    void fit(const Geometry<R>& geometry, const Photos<R>& photos);
+    // The next row of the normal matrix, zeroed.
+    R* add_row(int row_width);
+};
+
+// A point as it is evaluated.
+template <class R> struct Task {
+    const Geometry<R>& geometry;
+    const Photos<R>& photos;
+    Workspace<R>& work;
+    Eye<R> eye;
+    Noise<R> noise;
+    Vec3<R> albedo;
+    const R* light;      // (LOBES,)
+    const R* observed;   // (H * W, 3) of the point's photo
+    const R* log_prior;
+    int order;           // 0: the value alone, 1: with gradient, 2: with normal matrix
+    bool images;
+};
+
+// Log-likelihood gained over background, and its derivative by albedo.
+template <class R> struct Gain {
+    double value = 0;
+    double albedo[3] = {};
+};
+
+// shading.cc: normals, irradiances and their rows of the vertices in use; and the way back of all cotangents: those on
+// the screen, irradiance and normals become those on world places, and on pose, light and framing (rest, REST) and on
+// shape through the transfer (shape, W).
+template <class R> void shade(Task<R>& task);
+template <class R> void unshade(Task<R>& task, R* shape, R* rest);
+// interior.cc: covered pixels; rows of the normal matrix, a row for every stride-th pixel of every stride-th line.
+template <class R> Gain<R> explain_interior(Task<R>& task);
+template <class R> void add_interior_rows(Task<R>& task);
+// silhouette.cc: marks the ends of occlusion edges as used; blends across these edges.
+template <class R> void find_occlusion_edges(Task<R>& task, std::vector<int32_t>& edges);
+template <class R> Gain<R> blend_silhouette(Task<R>& task, const std::vector<int32_t>& edges);
+
+// Evaluate a point (P',) of photo `which` under noise sigma. gradient (P',) and normal (P', P') are written where the
+// order asks for them; images stay in the workspace.
+template <class R>
+double evaluate(const Geometry<R>& geometry, const Photos<R>& photos, Workspace<R>& work, const R* point, int which,
+                double sigma, int order, bool images, R* gradient, R* normal);
+
+}  // namespace vig
