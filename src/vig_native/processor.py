@@ -1,17 +1,25 @@
-"""Which instruction sets this processor has."""
+"""Which instruction sets this processor has; run as a program, the widest."""
 
 from __future__ import annotations
 
-import platform
+from pathlib import Path
+
+NEEDED = {
+    "avx512": ("avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl", "avx2", "fma"),
+    "avx2": ("avx2", "fma"),
+}
+"""Flags of the processor that each set but "plain" takes, the widest first."""
 
 
-def instruction_sets() -> list[str]:
+def instruction_sets(cpuinfo: Path = Path("/proc/cpuinfo")) -> list[str]:
     """Those that the native library is built for, the widest first; "plain" runs anywhere."""
-    if platform.machine().lower() not in ("x86_64", "amd64"):
-        return ["plain"]
     try:
-        from numpy._core._multiarray_umath import __cpu_features__ as has
-    except ImportError:  # numpy 1.26
-        from numpy.core._multiarray_umath import __cpu_features__ as has
-    needed = {"avx512": ("AVX512_SKX", "AVX2", "FMA3"), "avx2": ("AVX2", "FMA3")}
-    return [name for name, features in needed.items() if all(has.get(each) for each in features)] + ["plain"]
+        lines = cpuinfo.read_text().splitlines()
+    except OSError:
+        lines = []
+    flags = next((line.split() for line in lines if line.startswith("flags")), [])
+    return [name for name, needed in NEEDED.items() if set(needed) <= set(flags)] + ["plain"]
+
+
+if __name__ == "__main__":
+    print(instruction_sets()[0])

@@ -1,10 +1,10 @@
 """From a prediction to a fit: objective, starts, refinement, selection, confidence."""
 
 from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration, calibration_of
+from vig.inference.explain import explain, explain_one
 from vig.inference.families import family_of
 from vig.inference.hints import PixelLabel, PlaceTerm, WindowHints
 from vig.inference.objective import Objective, ObjectiveValue, RecognitionPrior
-from vig.inference.explain import explain, explain_one
 from vig.inference.posterior import geometry_of, objective_of
 from vig.inference.refinement import ExpectedStart, starts
 from vig.inference.settings import (

@@ -6,6 +6,7 @@ import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
+
 import torch
 
 from vig.inference.hints import PlaceTerm
@@ -210,9 +211,15 @@ class Objective:
             give_up,
             thread_count(),
         )
-        ends = (torch.from_numpy(each) for each in (value, evaluations, converged))
         steps = torch.from_numpy(path[: int(evaluations.max(initial=1))])
-        return Descent(steps[-1].clone(), *ends, steps, torch.from_numpy(normal) if budget.iterations else None)
+        return Descent(
+            steps[-1].clone(),
+            torch.from_numpy(value),
+            torch.from_numpy(evaluations),
+            torch.from_numpy(converged),
+            steps,
+            torch.from_numpy(normal) if budget.iterations else None,
+        )
 
     def __call__(
         self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: bool = True

@@ -42,10 +42,13 @@ class LevenbergMarquardt:
             for start, of_photo in zip(starts, photo, strict=True)
         ]
         path, value, normal, evaluations, converged = (
-            torch.cat([torch.from_numpy(end[field]) for end in ends], dim=int(field == 0)) for field in range(5)
+            torch.cat([torch.from_numpy(end[field]) for end in ends], dim=int(field == 0))
+            for field in range(5)
         )
         path = path[: int(evaluations.max())]
-        return Descent(path[-1].clone(), value, evaluations, converged, path, normal if budget.iterations else None)
+        return Descent(
+            path[-1].clone(), value, evaluations, converged, path, normal if budget.iterations else None
+        )
 
     def _search(
         self, objective: Problem, start: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
@@ -58,7 +61,9 @@ class LevenbergMarquardt:
             if not derivatives:
                 return float(valued.value), None, None
             assert valued.gradient is not None and valued.normal is not None
-            parts = (each[0].to(start.dtype).contiguous().numpy() for each in (valued.gradient, valued.normal))
+            parts = (
+                each[0].to(start.dtype).contiguous().numpy() for each in (valued.gradient, valued.normal)
+            )
             return float(valued.value), *parts
 
         bounds = (each.to(start.dtype).contiguous().numpy() for each in (objective.lower, objective.upper))

@@ -37,7 +37,6 @@ from vig_app.cli.common import FitCommand
 from vig_app.cli.hints import hints_of, mask_of
 from vig_app.cli.live import fit_live
 from vig_app.cli.naming import listed
-from vig_app.cli.speed import compilations
 from vig_app.corrections import CORRECTIONS, Correction, corrected_in
 from vig_app.exports import RUN_FORMATS, export_run, run_files
 from vig_app.report.folder import FILES, check_files
@@ -99,9 +98,6 @@ def fit(settings: FitCommand) -> int:
             )
     if settings.mesh is not None and not settings.quiet:
         note(_of_mesh(settings.mesh, ObjectClass.load(object_class)))
-    if not settings.quiet and settings.device == "cpu" and settings.cluster is None:
-        for line in compilations((object_class, *further_classes), LIKELIHOODS[settings.likelihood].density):
-            note(line)
     hints = hints_of(settings, photos)
     mask = mask_of(settings, photos)
     cameras = cameras_of(settings, photos)

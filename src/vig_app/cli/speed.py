@@ -11,8 +11,6 @@ from typing import Any
 
 WORKER_MEMORY = 740 << 20
 """Bytes of a process of `vig fit`; docs/many.md."""
-COMPILATION = "some 15 seconds, up to a minute on a busy machine"
-"""How long the kernels of a class take."""
 CGROUPS = (
     ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory.current"),
     ("/sys/fs/cgroup/memory/memory.limit_in_bytes", "/sys/fs/cgroup/memory/memory.usage_in_bytes"),
@@ -57,7 +55,7 @@ EXTRAS = {
 
 def findings(cpus: int) -> list[Finding]:
     """What determines how fast vig is here, with so many processors that it may use, as it stands now."""
-    return [threads(cpus), load(cpus), kernels(), memory(cpus)]
+    return [threads(cpus), load(cpus), memory(cpus)]
 
 
 def threads(cpus: int) -> Finding:
@@ -83,66 +81,6 @@ def load(cpus: int) -> Finding:
         return Finding("load", "unknown on this system")
     state = f"{running:.1f} processes on {cpus} processors in the last minute"
     return Finding("load", state, "vig waits for them: end them, or wait" if running > cpus else "")
-
-
-def kernels() -> Finding:
-    """Of which packaged classes the kernels are compiled."""
-    try:
-        folder, compiled = compiled_kernels()
-    except Exception as error:  # of a Warp that does not say it; `check_kernels` has whether it works
-        return Finding("kernel cache", f"unknown: {type(error).__name__}: {error}".splitlines()[0])
-    cold = [name for name, done in compiled.items() if not done]
-    if not cold:
-        return Finding("kernel cache", f"warm: {folder}")
-    state = f"cold for {', '.join(cold)}: {folder}"
-    first = f"the first fit of each compiles, {COMPILATION}; vig demo does it for teapot and mug"
-    if not os.access(nearest_folder(folder), os.W_OK):
-        first = "every start compiles, as it cannot be written: set WARP_CACHE_PATH to a folder that can"
-    return Finding("kernel cache", state, first)
-
-
-def compiled_kernels() -> tuple[Path, dict[str, bool]]:
-    """The folder of compiled kernels, and of each packaged class whether those of its fits lie in it."""
-    from vig.scene import ObjectClass
-    from vig.scene.object_class import PACKAGED
-
-    compiled = {}
-    for path in sorted(PACKAGED.glob("*/class.json")):
-        folder, compiled[path.parent.name] = kernels_of(ObjectClass.load(path.parent).shape_model.modes)
-    return folder, compiled
-
-
-def kernels_of(modes: int, density: str = "gaussian") -> tuple[Path, bool]:
-    """The folder of compiled kernels, and whether those of fits with so many shape components lie in it.
-
-    density: Of the pixels, see `vig.likelihood.densities`.
-    """
-    import torch
-    import warp
-
-    from vig.likelihood.kernels.load import likelihood_kernels
-
-    module = likelihood_kernels(torch.float32, modes, density).place.module
-    folder = Path(str(warp.config.kernel_cache_dir))
-    compiled = folder / module.get_module_identifier(1)  # on a processor blocks have one thread
-    return folder, compiled.is_dir()
-
-
-def compilations(classes: Sequence[str], density: str) -> list[str]:
-    """A line for each class, by name or folder, whose first fit has yet to compile."""
-    from vig.scene import ObjectClass
-
-    loaded = [ObjectClass.load(name) for name in classes]
-    return [
-        f"fits of '{each.name}' are compiled, once on this machine: {COMPILATION}"
-        for each in loaded
-        if not kernels_of(each.shape_model.modes, density)[1]
-    ]
-
-
-def nearest_folder(path: Path) -> Path:
-    """The path itself, or the nearest folder above it that is there."""
-    return next(each for each in (path, *path.parents) if each.exists())
 
 
 def memory(cpus: int) -> Finding:

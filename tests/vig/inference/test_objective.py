@@ -176,7 +176,9 @@ def test_a_recognition_priors_derivatives_are_exact_and_its_matrix_is_that_of_it
     assert torch.linalg.eigvalsh(normal).min() > -1e-9
     # Where the residual of the light is zero the Gauss-Newton matrix is the Hessian.
     fitting = points[:1].clone()
-    fitting[:, POINT["light"]] = rotate_z(recognition.mean[POINT["light"]][None], fitting[:, POINT.at("azimuth")])
+    fitting[:, POINT["light"]] = rotate_z(
+        recognition.mean[POINT["light"]][None], fitting[:, POINT.at("azimuth")]
+    )
     curvature = differences(lambda p: -derivatives_of(prior, p)[1], fitting)
     torch.testing.assert_close(derivatives_of(prior, fitting)[2], curvature, atol=1e-6, rtol=1e-6)
 

@@ -118,7 +118,9 @@ def shade(geometry: Geometry, camera: Camera, point: torch.Tensor) -> Shaded:
         change = torch.einsum("k,kvl->vl", with_one, torch.from_numpy(geometry.transfer))
         lobes = torch.tensor(COSINE_LOBE, dtype=point.dtype) * sh_basis(normals)
         irradiances = ((lobes + change) @ latents.light[0]).clamp_min(0.0)
-    return Shaded(screen, normals, irradiances * torch.from_numpy(geometry.reflectance), latents.albedo[0], rotation)
+    return Shaded(
+        screen, normals, irradiances * torch.from_numpy(geometry.reflectance), latents.albedo[0], rotation
+    )
 
 
 def surface_at(

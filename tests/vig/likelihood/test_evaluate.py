@@ -1,8 +1,6 @@
 from __future__ import annotations
 
 import math
-import time
-from typing import Any
 
 import numpy as np
 import pytest

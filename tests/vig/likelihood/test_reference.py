@@ -62,7 +62,9 @@ def test_vertices_are_placed_and_shaded_as_by_torch(studio, seed: int) -> None:
     torch.testing.assert_close(run.screen, expected.screen, rtol=1e-12, atol=1e-10)
     used, seen = run.used, run.face
     assert used.sum() > 500
-    assert torch.equal(used.nonzero()[:, 0], reference.faces_of(studio.geometry)[seen[seen >= 0].unique()].unique())
+    assert torch.equal(
+        used.nonzero()[:, 0], reference.faces_of(studio.geometry)[seen[seen >= 0].unique()].unique()
+    )
     torch.testing.assert_close(run.normals[used], expected.normals[used], rtol=0, atol=1e-10)
     torch.testing.assert_close(run.irradiances[used], expected.irradiances[used], rtol=0, atol=1e-10)
 
@@ -109,7 +111,9 @@ def test_with_the_mask_held_value_and_gradient_are_autograds(studio, seed: int) 
     assert run.evaluation.value.item() == pytest.approx(value.item(), rel=1e-11)
     known = POINT.indices(*reference.BLOCKS)
     scale = float(point.grad.abs().max())
-    torch.testing.assert_close(run.evaluation.gradient[0, known], point.grad[known], rtol=1e-8, atol=1e-8 * scale)
+    torch.testing.assert_close(
+        run.evaluation.gradient[0, known], point.grad[known], rtol=1e-8, atol=1e-8 * scale
+    )
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -207,15 +211,15 @@ def test_self_shadow_enters_value_and_gradient_as_in_torch(studio, teapot) -> No
         assert run.evaluation.value.item() == pytest.approx(value.item(), rel=1e-11)
         scale = float(point.grad.abs().max())
         known = POINT.indices(*reference.BLOCKS)
-        torch.testing.assert_close(run.evaluation.gradient[0, known], point.grad[known], rtol=1e-8, atol=1e-8 * scale)
+        torch.testing.assert_close(
+            run.evaluation.gradient[0, known], point.grad[known], rtol=1e-8, atol=1e-8 * scale
+        )
         used = (run.used & (run.irradiances > 1e-3)).nonzero()[::60, 0]
         jacobian = torch.autograd.functional.jacobian(
             lambda p, used=used: shade(shadowed, studio.camera, p).irradiances[used], given.point[0].detach()
         )
         modes = shadowed.model.modes
-        torch.testing.assert_close(
-            run.shape_rows[used][:, :modes], jacobian[:, :modes], rtol=1e-7, atol=1e-9
-        )
+        torch.testing.assert_close(run.shape_rows[used][:, :modes], jacobian[:, :modes], rtol=1e-7, atol=1e-9)
         plain = Stages(studio.geometry, studio.camera, given)
         assert (run.irradiances - plain.irradiances)[used].abs().max() > 0.02
 

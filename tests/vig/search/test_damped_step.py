@@ -51,7 +51,9 @@ def test_a_damped_step_is_that_of_plain_algebra(damping: float) -> None:
 
 def test_a_step_is_short_where_the_matrix_is_not_positive() -> None:
     normal, bound = np.array([[[4.0, 9.0], [9.0, 4.0]]]), np.full(2, 9.0)
-    step, _ = engine.damped_steps(np.zeros((1, 2)), np.array([[4.0, 8.0]]), normal, np.zeros(1), -bound, bound)
+    step, _ = engine.damped_steps(
+        np.zeros((1, 2)), np.array([[4.0, 8.0]]), normal, np.zeros(1), -bound, bound
+    )
     np.testing.assert_allclose(step, [[0.1, 0.2]], rtol=1e-5)
 
 

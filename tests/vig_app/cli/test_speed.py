@@ -9,23 +9,18 @@ from pathlib import Path
 
 import pytest
 import torch
-import warp
 
 from vig_app.cli import speed
 from vig_app.cli.speed import (
     EXTRAS,
     Extra,
-    compilations,
-    compiled_kernels,
     extras,
     free_memory,
-    kernels,
     load,
     memory,
     rows,
     threads,
 )
-from vig_renderer.device import initialise
 
 ROOT = Path(__file__).parents[3]
 
@@ -51,36 +46,6 @@ def test_threads(two_threads: None, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_load(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "getloadavg", lambda: (3.2, 0.0, 0.0))
     assert load(4).do == "" and "wait" in load(2).do and load(2).state.startswith("3.2 processes")
-
-
-def test_kernels_that_are_not_compiled_are_cold_until_they_are(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    initialise()
-    monkeypatch.setattr(warp.config, "kernel_cache_dir", str(tmp_path))
-    _, compiled = compiled_kernels()
-    assert compiled == {"car": False, "mug": False, "teapot": False}
-    assert "cold for car, mug, teapot" in kernels().state and "vig demo" in kernels().do
-    assert [line.split("'")[1] for line in compilations(["mug"], "gaussian")] == ["mug"]
-    monkeypatch.setattr(os, "access", lambda path, mode: False)
-    assert "WARP_CACHE_PATH" in kernels().do
-
-
-def test_kernels_are_warm_after_they_were_loaded() -> None:
-    from vig.likelihood import load_kernels
-    from vig.scene import ObjectClass
-
-    load_kernels(torch.float32, ObjectClass.load("teapot").shape_model.modes)
-    _, compiled = compiled_kernels()
-    assert compiled["teapot"] and compilations(["teapot"], "gaussian") == []
-
-
-def test_an_unknown_state_is_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken() -> None:
-        raise AttributeError("no such\nmethod")
-
-    monkeypatch.setattr(speed, "compiled_kernels", broken)
-    assert kernels().state == "unknown: AttributeError: no such" and kernels().do == ""
 
 
 @pytest.mark.parametrize(
