@@ -81,6 +81,8 @@ def fit(settings: FitCommand) -> int:
     check_files(settings.files or ())
     if settings.live is not None:
         return fit_live(settings)
+    if settings.timeout != FitCommand.timeout:
+        raise UserError("expected --timeout with --live; got it without. Leave it out.")
     if settings.track:
         _check_track(settings)
     with ledger_of(settings.out) if any(map(is_video, settings.images)) else nullcontext():
