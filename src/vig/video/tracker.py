@@ -17,12 +17,12 @@ from vig.hints import Hints
 from vig.inference.settings import UNIFORM_TURN
 from vig.io.errors import UserError
 from vig.photo.images import coded_photo
-from vig.photo.pinhole import pose_covariance, sight_axes, turned_pose
+from vig.photo.pinhole import pose_covariance, sight_axes
 from vig.scene import Camera, ObjectClass
 from vig.scene.camera import FOCAL_OVER_WIDTH
 from vig.video.following import Follower, Sighting
 from vig.video.smoothing import LikeliestPath
-from vig.video.trajectory import FAR, FramePose, Trajectory, azimuth_off, view_evidence
+from vig.video.trajectory import FAR, FramePose, Trajectory, azimuth_off, camera_before, view_evidence
 
 MEMORY = 24
 """Frames whose numbers are smoothed for the pose in the last one."""
@@ -219,21 +219,15 @@ class Tracker:
 
         numbers: (6,) azimuth, elevation, middle, scale and roll, see `Trajectory`; deviations: (6,) of these.
         """
-        matrix, (width, height) = self._matrix, self._size
-        focal, target_height = math.sqrt(matrix[0, 0] * matrix[1, 1]), explanation.camera.target_height
+        matrix, focal = self._matrix, math.sqrt(self._matrix[0, 0] * self._matrix[1, 1])
         units = np.array([1.0, 1.0, focal, focal, 1.0, 1.0])
 
-        def posed(numbers: np.ndarray) -> tuple[Camera, np.ndarray, np.ndarray]:
-            azimuth, elevation, cx, cy, scale, roll = (units * numbers).tolist()
-            camera = Camera(width, height, focal, cx, cy, focal / math.exp(scale), target_height, roll)
-            before = camera.camera_from_world(azimuth, elevation)
-            return camera, before, turned_pose(camera, before, matrix)
+        def posed(numbers: np.ndarray) -> tuple[Camera, np.ndarray]:
+            return camera_before(matrix, self._size, explanation.camera.target_height, units * numbers)
 
-        camera, before, here = posed(numbers / units)
-        covariance = pose_covariance(lambda at: posed(at)[2], numbers / units, deviations / units)
+        camera, here = posed(numbers / units)
+        covariance = pose_covariance(lambda at: posed(at)[1], numbers / units, deviations / units)
         axes, spread = sight_axes(here), explanation.fit.position_deviation.double().numpy().copy()
         spread[2] = spread[2] if self._distance_known else UNKNOWN_DISTANCE
         covariance[:3, :3] += (axes * (spread * explanation.position_units) ** 2) @ axes.T
-        mount = tuple(map(tuple, (here @ np.linalg.inv(before)).tolist()))
-        fx, fy, (cx, cy) = float(matrix[0, 0]), float(matrix[1, 1]), matrix[:2, 2].tolist()
-        return replace(camera, focal=fx, focal_y=fy, cx=cx, cy=cy, mount=mount), covariance
+        return camera, covariance

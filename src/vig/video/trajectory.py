@@ -16,6 +16,7 @@ from vig.hints import Hints
 from vig.inference.settings import UNIFORM_TURN
 from vig.io.errors import UserError
 from vig.photo import Window
+from vig.photo.pinhole import turned_pose
 from vig.scene import Camera
 from vig.video.following import Follower, Sighting, window_at
 from vig.video.smoothing import BINS, LikeliestPath, smoothed
@@ -204,6 +205,7 @@ def track(
     focal: float | None = None,
     hints: Hints | None = None,
     on_frame: Callable[[int, Explanation], None] | None = None,
+    camera: Any = None,
 ) -> Track:
     """Explain the frames of a video as one object that moves and turns smoothly.
 
@@ -219,13 +221,15 @@ def track(
         focal: Focal length in pixels of all frames; see `Explainer.explain`.
         hints: What is known in all frames.
         on_frame: Is called with the number and the explanation of each frame, and of those fitted again.
+        camera: Intrinsics of all frames in place of a focal length, see `Explainer.explain`; poses are then
+            in the frame of this camera.
 
     Raises:
         UserError: There are fewer than two frames, one cannot be read or is of another size, the object is
             seen in none, or as `Explainer.explain`.
     """
     frames = _listed(frames)
-    follower = Follower(explainer, focal, hints)
+    follower = Follower(explainer, focal, hints, camera)
     alone: list[Sighting] = []
     for number, frame in enumerate(frames):
         explanation, sighting = follower.explain(frame, box if number == 0 else None)
@@ -240,25 +244,52 @@ def track(
         alone.append(sighting)
         if on_frame is not None:
             on_frame(number, explanation)
-    if all(sighting.lost for sighting in alone):
-        name = explainer.object_class.name
-        raise UserError(f"expected a {name} in the frames; found none. Give its box in the first frame.")
+    _check_seen(alone, explainer, box)
     fold = max(explainer.object_class.symmetry.fold, 1)
     path = views_of(alone, fold)
     trajectory, again = Trajectory.of(alone, path, fold), list(alone)
     for number, sighting in enumerate(alone):
         if trajectory.contradicts(number, sighting, fold):
             window, frame_hints = trajectory.expected(number, hints)
-            explanation = explainer.explain_followed(frames[number], window, focal, frame_hints)
+            explanation = explainer.explain_followed(frames[number], window, focal, frame_hints, camera)
             again[number] = Sighting.of(explanation)
             if on_frame is not None:
                 on_frame(number, explanation)
+    _check_seen(again, explainer, box)
     weight = [0.0 if each.lost else each.visible_share**2 * each.probabilities[0] for each in alone]
     shape, albedo = (
         np.average([getattr(each, name) for each in alone], axis=0, weights=np.array(weight) + 1e-9)
         for name in ("shape", "albedo")
     )
-    return Track(tuple(_frames(alone, again, Trajectory.of(again, path, fold), fold)), shape, albedo)
+    lens = alone[0].window.lens  # None but where a camera is given
+    smooth, matrix = Trajectory.of(again, path, fold), None if lens is None else lens.K
+    return Track(tuple(_frames(alone, again, smooth, fold, matrix)), shape, albedo)
+
+
+def _check_seen(sightings: Sequence[Sighting], explainer: Explainer, box: Box | None) -> None:
+    """UserError where the object is lost in all frames."""
+    if all(sighting.lost for sighting in sightings):
+        given = "Give its box" if box is None else f"Check that the box {tuple(box)} is round it"
+        raise UserError(
+            f"expected a {explainer.object_class.name} in the frames; found none. {given} in the first frame."
+        )
+
+
+def camera_before(
+    matrix: np.ndarray, size: tuple[int, int], target_height: float, numbers: np.ndarray
+) -> tuple[Camera, np.ndarray]:
+    """Return the camera with intrinsics (3, 3) that took a frame, and the pose (4, 4) before it.
+
+    size: width, height; numbers: (6,) the first of `Trajectory`, for this matrix's focal length.
+    """
+    focal = math.sqrt(matrix[0, 0] * matrix[1, 1])
+    azimuth, elevation, cx, cy, scale, roll = numbers.tolist()
+    straight = Camera(*size, focal, cx, cy, focal / math.exp(scale), target_height, roll)
+    level = straight.camera_from_world(azimuth, elevation)
+    pose = turned_pose(straight, level, matrix)
+    mount = tuple(map(tuple, (pose @ np.linalg.inv(level)).tolist()))
+    fx, fy, (cx, cy) = float(matrix[0, 0]), float(matrix[1, 1]), matrix[:2, 2].tolist()
+    return replace(straight, focal=fx, focal_y=fy, cx=cx, cy=cy, mount=mount), pose
 
 
 def views_of(sightings: Sequence[Sighting], fold: int = 1) -> np.ndarray:
@@ -291,11 +322,30 @@ def view_evidence(sighting: Sighting, fold: int = 1) -> np.ndarray:
 
 
 def _frames(
-    alone: Sequence[Sighting], again: Sequence[Sighting], trajectory: Trajectory, fold: int
+    alone: Sequence[Sighting],
+    again: Sequence[Sighting],
+    trajectory: Trajectory,
+    fold: int,
+    matrix: np.ndarray | None,
 ) -> list[TrackedFrame]:
+    """What is said of each frame; matrix: (3, 3) of the camera that took them, where it is known."""
     focal = float(np.median([each.camera.focal for each in again if not each.lost]))
     azimuth, elevation = np.degrees(trajectory.azimuth), np.degrees(trajectory.elevation)
     cx, cy, scale, roll = trajectory.numbers[0, 2:6].tolist()
+
+    def camera_of(number: int, straight: Camera) -> Camera:
+        if matrix is not None:
+            size, height = (straight.width, straight.height), straight.target_height
+            return camera_before(matrix, size, height, trajectory.numbers[0, :6, number])[0]
+        return replace(
+            straight,
+            focal=focal,
+            cx=cx[number],
+            cy=cy[number],
+            distance=focal / math.exp(scale[number]),
+            roll=roll[number],
+        )
+
     return [
         TrackedFrame(
             number=number,
@@ -307,16 +357,9 @@ def _frames(
             elevation_deviation_deg=ALIKE[1] * float(elevation[1, number]),
             alone_azimuth_deg=math.degrees(first.azimuths[0]),
             alone_elevation_deg=math.degrees(first.elevation),
-            camera=replace(
-                second.camera,
-                focal=focal,
-                cx=cx[number],
-                cy=cy[number],
-                distance=focal / math.exp(scale[number]),
-                roll=roll[number],
-            ),
+            camera=camera_of(number, second.camera),
             hidden_fraction=second.hidden,
-            lost=first.lost,
+            lost=first.lost or second.lost,
             refitted=second is not first,
         )
         for number, (first, second) in enumerate(zip(alone, again, strict=True))
