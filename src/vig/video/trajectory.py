@@ -18,7 +18,7 @@ from vig.io.errors import UserError
 from vig.photo import Window
 from vig.photo.pinhole import turned_pose
 from vig.scene import Camera
-from vig.video.following import Follower, Sighting, window_at
+from vig.video.following import SLOWING, Follower, Sighting, window_at
 from vig.video.smoothing import BINS, LikeliestPath, smoothed
 
 UNKNOWN = 0.05
@@ -44,6 +44,8 @@ SHIFT = 0.003
 """Likewise of place, in sides of the box, and log size."""
 TILT_SPEED = math.radians(0.1)
 """Standard deviation of the speed of elevation and roll in the first frame: cameras are held still."""
+PLACES = [2, 3, 4, 6, 7, 8]
+"""Of `Trajectory.numbers`: those that are neither angles nor roll."""
 PLACE_NOISE = (0.02, 0.3)
 """Deviations of one frame's place and log size when all is seen, and what is added when all is hidden."""
 ANGLE_NOISE = (math.radians(3.0), math.radians(30.0))
@@ -166,7 +168,10 @@ class Trajectory:
             (places[:, 2], noise, SHIFT, math.inf),
         ]
         values, noises, change, speed = map(np.array, zip(*rows, strict=True))
-        return Trajectory(smoothed(values, np.where(lost, math.inf, noises), change, speed))
+        numbers = smoothed(values, np.where(lost, math.inf, noises), change, speed)
+        if (gone := int(lost[::-1].argmin())) > 0:  # frames since the object was last seen
+            numbers[:, PLACES, -gone:] = _slowed(numbers[:, PLACES, -gone - 1 :])
+        return Trajectory(numbers)
 
     def contradicts(self, number: int, sighting: Sighting, fold: int) -> bool:
         """Whether a frame sees the object from another side or elsewhere than its neighbours."""
@@ -273,6 +278,17 @@ def _check_seen(sightings: Sequence[Sighting], explainer: Explainer, box: Box | 
         raise UserError(
             f"expected a {explainer.object_class.name} in the frames; found none. {given} in the first frame."
         )
+
+
+def _slowed(numbers: np.ndarray) -> np.ndarray:
+    """Slow down numbers (2, N, 1 + G), seen in the first frame and extrapolated in the others; (2, N, G).
+
+    The object may go on as fast as before, or stand: the way that it would go is added to the deviations.
+    """
+    count = np.arange(1, numbers.shape[-1])
+    way = numbers[0, :, 1:] - numbers[0, :, :1]
+    share = SLOWING * (1 - SLOWING**count) / (1 - SLOWING) / count
+    return np.stack([numbers[0, :, :1] + share * way, np.hypot(numbers[1, :, 1:], way)])
 
 
 def camera_before(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -68,6 +69,16 @@ def test_lost_frames_and_outliers_do_not_move_the_place() -> None:
     place = Trajectory.of(seen, views_of(seen)).place
     assert np.abs(place[:, 0] - (50 + 2 * np.arange(20))).max() < 2
     assert np.abs(place[:, 2] - 4.6).max() < 0.01
+
+
+@pytest.mark.parametrize("goes_on", [False, True])
+def test_a_lost_object_that_goes_on_or_stands_is_within_two_deviations(goes_on: bool) -> None:
+    """It came nearer for ten frames."""
+    near = 0.03 * np.arange(10)
+    seen = [sighting(0, camera=replace(Camera.standard(), distance=math.exp(-each))) for each in near]
+    numbers = Trajectory.of([*seen, *[sighting(0, lost=True)] * 20], np.zeros(30)).numbers[:, 4]
+    truth = math.log(Camera.standard().focal) + 0.03 * (np.arange(10, 30) if goes_on else np.full(20, 9.0))
+    assert (np.abs(numbers[0, 10:] - truth) < 2 * numbers[1, 10:]).all()
 
 
 def test_views_that_look_the_same_are_one() -> None:
