@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -242,9 +243,10 @@ def track(
             (each.camera.width, each.camera.height) for each in (sighting, alone[0] if alone else sighting)
         )
         if size != first:
+            name = f"{number}, '{frame}'" if isinstance(frame, str | Path) else str(number)
             raise UserError(
                 f"expected frames of one size, {first[0]} x {first[1]}; got {size[0]} x {size[1]} in frame"
-                f" {number}. Track one video at a time."
+                f" {name}. Track one video at a time."
             )
         alone.append(sighting)
         if on_frame is not None:
