@@ -29,6 +29,8 @@ class FitCommand:
     live: str | None = None
     """With --track, in place of photos: a camera by its number, the address of a stream, a file played at its
     own speed, or - for standard input, until its end or Ctrl-C; writes track.csv, overlay.mp4, track.png."""
+    timeout: float = 10.0
+    """With --live: seconds without a frame after which the source is given up."""
     box: str | None = None
     """x,y,w,h in pixels: a box round the whole object, hidden parts included; with several photos, the same
     for each. Without it the object is sought in the photo."""
@@ -197,6 +199,8 @@ class ExitCode(IntEnum):
     FAULT = 3
     """Vig's own, with a traceback."""
     INTERRUPTED = 130
+    TERMINATED = 143
+    """By SIGTERM, as by Ctrl-C (130)."""
 
 
 GROUP = "vig.verbs"

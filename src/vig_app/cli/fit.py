@@ -36,7 +36,7 @@ from vig_app.cli.cameras import cameras_of
 from vig_app.cli.common import FitCommand
 from vig_app.cli.hints import hints_of, mask_of
 from vig_app.cli.live import fit_live
-from vig_app.cli.naming import listed
+from vig_app.cli.naming import in_order, listed, note_order
 from vig_app.cli.speed import compilations
 from vig_app.corrections import CORRECTIONS, Correction, corrected_in
 from vig_app.exports import RUN_FORMATS, export_run, run_files
@@ -61,7 +61,7 @@ HINTS = (
 FRAMINGS = {"auto": None, "fixed": False, "free": True}
 """Of `--framing`, as `ExplainSettings.free_framing`."""
 WITHOUT_TRACK = (
-    "boxes", "objects", "cluster", "mask", "marks", "points", "azimuth", "pose", "cameras", "intrinsics",
+    "boxes", "objects", "cluster", "mask", "marks", "points", "azimuth", "pose",
 )  # fmt: skip
 """Options that do not go with `--track`."""
 
@@ -81,10 +81,14 @@ def fit(settings: FitCommand) -> int:
     check_files(settings.files or ())
     if settings.live is not None:
         return fit_live(settings)
+    if settings.timeout != FitCommand.timeout:
+        raise UserError("expected --timeout with --live; got it without. Leave it out.")
     if settings.track:
         _check_track(settings)
     with ledger_of(settings.out) if any(map(is_video, settings.images)) else nullcontext():
         photos = photos_of(settings.images, settings.out)
+    if settings.track:
+        note_order(photos)
     folders = result_folders(photos, settings.out)
     boxes = boxes_of(settings, photos)
     check_place(settings, folders)
@@ -105,6 +109,8 @@ def fit(settings: FitCommand) -> int:
     hints = hints_of(settings, photos)
     mask = mask_of(settings, photos)
     cameras = cameras_of(settings, photos)
+    if settings.track and any(repr(camera) != repr(cameras[0]) for camera in cameras):
+        raise UserError(f"expected one camera for all frames; got several in '{settings.cameras}'. Name one.")
     explain_settings = ExplainSettings(
         LIKELIHOODS[settings.likelihood],
         self_shadow=not settings.no_self_shadow,
@@ -285,8 +291,7 @@ def _check_track(settings: FitCommand) -> None:
         )
     for name in WITHOUT_TRACK:
         if getattr(settings, name) not in (None, ()):
-            flag = "K" if name == "intrinsics" else name
-            raise UserError(f"expected --track without --{flag}; got both. Leave one out.")
+            raise UserError(f"expected --track without --{name}; got both. Leave one out.")
     if settings.workers > 1:
         raise UserError(
             "expected --track with one worker, as frames follow from each other. Leave out --workers."
@@ -319,7 +324,7 @@ def _photos_in(folder: Path) -> list[Path]:
     Hidden files are passed over, such as those that macOS puts beside others (._photo.jpg).
     """
     extensions, photos, others = Image.registered_extensions(), list[Path](), list[Path]()
-    for path in sorted(folder.iterdir()):
+    for path in in_order(folder.iterdir()):
         if path.name.startswith(".") or path.name in SYSTEM_FILES:
             continue
         suffix = path.suffix.lower()
@@ -353,8 +358,8 @@ def _expanded(path: Path) -> list[Path]:
     pattern = str(path)
     if os.path.lexists(path) or not glob.has_magic(pattern):
         return [path]
-    if matches := sorted(glob.glob(pattern, recursive=True)):
-        return [Path(match) for match in matches]
+    if matches := in_order(map(Path, glob.glob(pattern, recursive=True))):
+        return matches
     raise UserError(f"expected photos that match '{pattern}'; got none. Check the folder and the pattern.")
 
 

@@ -65,8 +65,9 @@ def main(arguments: list[str] | None = None) -> None:
     except BrokenPipeError:  # the reader of the output has exited, as `| head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(ExitCode.INCOMPLETE)
-    except KeyboardInterrupt:
-        code, line = ExitCode.INTERRUPTED, "interrupted; what is finished stays"
+    except KeyboardInterrupt as stop:  # by Ctrl-C, or the signal that it names
+        code = ExitCode(128 + stop.args[0]) if stop.args else ExitCode.INTERRUPTED
+        line = "interrupted; what is finished stays"
     except Exception as error:
         traceback.print_exc()
         reason = " ".join(f"{type(error).__name__}: {error}".split())

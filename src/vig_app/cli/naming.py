@@ -2,16 +2,39 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
+from decimal import Decimal
 from pathlib import Path, PurePath
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from vig.io.errors import UserError
 from vig.io.printing import note
 
 Value = TypeVar("Value")
+NUMBERS = re.compile(r"(\d{9,}\.\d+|\d+)")
+"""In names: whole ones, and Unix times, whose fractions have any number of digits."""
 LISTED = 3
 """Names that a line lists at most."""
+
+
+def in_order(paths: Iterable[Path]) -> list[Path]:
+    """Sort files as people count: frame-9.png before frame-10.png."""
+
+    def key(path: Path) -> tuple[list[Any], str]:
+        parts = NUMBERS.split(str(path.with_suffix("")).casefold())  # text, number, text ...
+        return [Decimal(part) if n % 2 else part for n, part in enumerate(parts)], str(path)
+
+    return sorted(paths, key=key)
+
+
+def note_order(frames: Sequence[Path]) -> None:
+    """Print a line where names of frames may not give their order: several forms, a number twice."""
+    forms = dict.fromkeys(NUMBERS.sub("#", frame.stem.casefold()) for frame in frames)
+    numbers = {tuple(map(Decimal, NUMBERS.findall(frame.stem))) for frame in frames}
+    if len(forms) > 1 or len(numbers) < len(frames):
+        why = f"are of {len(forms)} forms ({listed(forms)})" if len(forms) > 1 else "have a number twice"
+        note(f"frames taken in the order {listed(frame.name for frame in frames)}; their names {why}")
 
 
 def by_photo(

@@ -12,7 +12,42 @@ from vig.io.errors import UserError
 from vig_app.cli.common import FitCommand
 from vig_app.cli.fit import photos_of
 from vig_app.cli.hints import mask_of
-from vig_app.cli.naming import by_photo
+from vig_app.cli.naming import by_photo, in_order, note_order
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        "1.png 2.png 9.png 10.png 12.png",
+        "frame-2.png frame-10.png frame-100.png",
+        "frame_9.jpg frame_10.jpg",
+        "2024-1-9_8.png 2024-1-10_7.png 2024-10-1_0.png",
+        "1700000000.25.png 1700000000.5.png 1700000001.125.png",  # Unix times
+        "Cam1_9.png cam1_10.png cam2_1.png",
+    ],
+)
+def test_frames_are_in_the_order_in_which_people_count(
+    names: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    paths = list(map(Path, names.split()))
+    assert in_order(sorted(paths)) == in_order(paths[::-1]) == paths
+    note_order(paths)
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        ("01.png 1.png 2.png", "order 01.png, 1.png, 2.png; their names have a number twice"),
+        ("1.png 1_mask.png 2.png 2_mask.png", "1.png, 1_mask.png, 2.png, ...; their names are of 2 forms"),
+        ("a.png b.png", "are of 2 forms (a, b)"),
+    ],
+)
+def test_names_that_may_not_give_the_order_are_named(
+    names: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    note_order(in_order(map(Path, names.split())))
+    assert words in capsys.readouterr().err
 
 
 def test_entries_are_of_photos_by_name_or_by_the_end_of_their_path(
