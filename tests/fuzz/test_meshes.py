@@ -91,7 +91,7 @@ def test_files_outside_the_folder_are_not_read(tmp_path: Path) -> None:
         path = tmp_path / "in" / "a.obj"
         path.write_text(f"mtllib {name}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n")
         held = load(tmp_path / "in", path)
-        assert list(held.files) == ["a.obj"] and held.missing
+        assert list(held.files) == ["a.obj"] and held.notes
 
 
 def test_strange_settings(tmp_path: Path) -> None:

@@ -9,27 +9,29 @@ from __future__ import annotations
 import base64
 import json
 import struct
-from collections.abc import Callable
 from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
 
 from vig.io.checks import parse_json
+from vig_world.assets.own.siblings import Siblings
+from vig_world.assets.own.surfaces import GREY, Surface, linear_picture
 
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 SIZES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 POINTS_AND_LINES = (0, 1, 2, 3)
 TRIANGLES, STRIP, FAN = 4, 5, 6
 DRACO, TRANSFORM = "KHR_draco_mesh_compression", "KHR_texture_transform"
+GLOSSINESS, WEBP = "KHR_materials_pbrSpecularGlossiness", "EXT_texture_webp"
 INSTANCING = "EXT_mesh_gpu_instancing"
 HONOURED = {
     DRACO,
     TRANSFORM,
     "KHR_mesh_quantization",
     "KHR_materials_unlit",
-    "KHR_materials_pbrSpecularGlossiness",
-    "EXT_texture_webp",
+    GLOSSINESS,
+    WEBP,
 }
 """Extensions that may be required: they are decoded, or say nothing of shape and colour that is dropped."""
 REMEDIES = {
@@ -42,17 +44,18 @@ WITHIN = 0.01
 """Of a mesh's extent, by which its positions may lie beyond the bounds that its accessors state: of Draco."""
 
 
-def plain_gltf(data: bytes, read: Callable[[str], bytes]) -> bytes:
-    """A GLB file that any reader reads alike, from a `.gltf` or `.glb` file.
+def plain_gltf(data: bytes, siblings: Siblings) -> tuple[bytes, list[Surface]]:
+    """Return a GLB file that any reader reads alike, and its materials, which it names by their numbers.
 
     Args:
-        data: Of the file.
-        read: Gives the bytes of another file by the name that this one has for it.
+        data: Of the `.gltf` or `.glb` file.
+        siblings: Reads the other files that it names.
 
     Raises:
         ValueError: It is damaged, its positions lie elsewhere than it states, or it needs what is not read.
     """
-    return _Plain(*_opened(data), read).written()
+    plain = _Plain(*_opened(data), siblings)
+    return plain.written(), plain.surfaces
 
 
 def _opened(data: bytes) -> tuple[dict[str, Any], bytes]:
@@ -76,11 +79,14 @@ def _opened(data: bytes) -> tuple[dict[str, Any], bytes]:
 class _Plain:
     """One file being made plain: its tree is changed in place, new arrays go behind its buffers."""
 
-    def __init__(self, tree: dict[str, Any], chunk: bytes, read: Callable[[str], bytes]):
-        self.tree, self.chunk, self.read = tree, chunk, read
+    def __init__(self, tree: dict[str, Any], chunk: bytes, siblings: Siblings):
+        self.tree, self.chunk, self.siblings = tree, chunk, siblings
         self.added: list[bytes] = []
         self._check_extensions()
         self.buffers = [self._buffer(buffer) for buffer in tree.get("buffers", [])]
+        for material in tree.get("materials", []):
+            _use_diffuse(material)
+        self.surfaces = [self._surface(material) for material in tree.get("materials", [])]
 
     def written(self) -> bytes:
         done: set[int] = set()
@@ -117,17 +123,39 @@ class _Plain:
             )
 
     def _buffer(self, buffer: dict[str, Any]) -> bytes:
-        uri = buffer.get("uri")
-        if uri is None:
-            content = self.chunk
-        elif uri.startswith("data:"):
-            head, _, body = uri.partition(",")
-            content = base64.b64decode(body) if head.endswith(";base64") else unquote(body).encode("latin-1")
-        else:
-            content = self.read(uri)
+        content = self.chunk if buffer.get("uri") is None else self._resource(buffer["uri"])
         if len(content) < int(buffer["byteLength"]):
             raise ValueError(f"a buffer of {len(content)} bytes where it states {buffer['byteLength']}")
         return content
+
+    def _resource(self, uri: str) -> bytes:
+        if not uri.startswith("data:"):
+            return self.siblings.get(uri.encode("utf-8", "replace"))
+        head, _, body = uri.partition(",")
+        return base64.b64decode(body) if head.endswith(";base64") else unquote(body).encode("latin-1")
+
+    def _surface(self, material: dict[str, Any]) -> Surface:
+        """Return a base colour, with opacity where it blends; grey in place of an unreadable picture."""
+        stated = material.get("pbrMetallicRoughness", {})
+        factor = [*np.clip(np.array(stated.get("baseColorFactor", []), float), 0, 1), 1.0, 1.0, 1.0, 1.0]
+        colour, opacity = np.array(factor[:3]), factor[3] if material.get("alphaMode") == "BLEND" else 1.0
+        if (texture := stated.get("baseColorTexture")) is None:
+            return Surface(colour, None, opacity)
+        source = self.tree["textures"][texture["index"]]
+        number = source.get("extensions", {}).get(WEBP, source).get("source")
+        image = {} if number is None else self.tree["images"][number]
+        name = str(image.get("uri", image.get("name", f"picture {number}")))
+        name = "a picture within the file" if name.startswith("data:") else name
+        try:
+            data = self._resource(image["uri"]) if "uri" in image else self._view(image["bufferView"])[0]
+        except (KeyError, ValueError) as error:
+            is_file = "uri" in image and isinstance(error, ValueError)
+            self.siblings.note(error if is_file else f"{name} is missing or unreadable")
+            return Surface(GREY * colour, None, opacity)
+        picture = self.siblings.decode(data, name)
+        if picture is None:
+            return Surface(GREY * colour, None, opacity)
+        return Surface(colour, linear_picture(picture), opacity)
 
     def _view(self, number: int) -> tuple[bytes, dict[str, Any]]:
         view = self.tree["bufferViews"][number]
@@ -295,16 +323,22 @@ class _Plain:
         for view in self.tree.get("bufferViews", []):
             view["byteOffset"] = int(view.get("byteOffset", 0)) + starts[view["buffer"]]
             view["buffer"] = 0
-        for material in self.tree.get("materials", []):
-            texture = material.get("pbrMetallicRoughness", {}).get("baseColorTexture", {})
-            texture.pop("texCoord", None)
-            texture.pop("extensions", None)
+        self.tree["materials"] = [{"name": str(number)} for number in range(len(self.surfaces))]
+        for key in ("images", "textures"):
+            self.tree.pop(key, None)
         self.tree["buffers"] = [{"byteLength": len(whole)}]
         text = json.dumps(self.tree).encode()
         text += b" " * (-len(text) % 4)
         chunks = (text, b"JSON"), (whole, b"BIN\0")
         body = b"".join(struct.pack("<I4s", len(each), kind) + each for each, kind in chunks)
         return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
+
+
+def _use_diffuse(material: dict[str, Any]) -> None:
+    """Replace a material's base colour by that of specular and glossiness, where it has these."""
+    if gloss := material.get("extensions", {}).get(GLOSSINESS):
+        names = {"diffuseFactor": "baseColorFactor", "diffuseTexture": "baseColorTexture"}
+        material["pbrMetallicRoughness"] = {new: gloss[old] for old, new in names.items() if old in gloss}
 
 
 def _strided(
