@@ -21,16 +21,17 @@ _GB2312 = re.compile(rb"([\x00-\x7f]|[\xa1-\xf7][\xa1-\xfe])*")
 
 
 def readings(name: bytes) -> list[str]:
-    """Return what a name may say: as UTF-8, or else in every encoding that allows it, the likeliest first."""
+    """Return what a name may say: as UTF-8 and in every other encoding that allows it, the likeliest first.
+
+    Some words in GBK are valid UTF-8, and names may have been decoded wrongly before.
+    """
     texts = []
     for codec in ("utf-8", *(_CODECS if _GB2312.fullmatch(name) else _CODECS[::-1])):
         try:
             texts.append(name.decode(codec))
         except UnicodeDecodeError:
             continue
-        if codec == "utf-8":
-            break
-    return texts
+    return list(dict.fromkeys(texts))
 
 
 def shown(name: bytes) -> str:

@@ -149,7 +149,7 @@ class _Plain:
         try:
             data = self._resource(image["uri"]) if "uri" in image else self._view(image["bufferView"])[0]
         except (KeyError, ValueError) as error:
-            is_file = "uri" in image and isinstance(error, ValueError)
+            is_file = not str(image.get("uri", "data:")).startswith("data:")
             self.siblings.note(error if is_file else f"{name} is missing or unreadable")
             return Surface(GREY * colour, None, opacity)
         picture = self.siblings.decode(data, name)

@@ -141,10 +141,10 @@ def _find_material(name: bytes, stated: dict[bytes, Statements]) -> Statements |
     """Return a material by its name in the OBJ file; in a library of one also for faces without a name."""
     if not name and len(stated) == 1:
         return next(iter(stated.values()))
-    for trial in (name, name.split(b" #")[0].strip(), name.strip(b"\"'")):
+    for trial in (name, name.strip(b"\"'")):
         if trial in stated:
             return stated[trial]
-    keys = name_keys(name)
+    keys = name_keys(name) | name_keys(name.split(b"#")[0].strip())
     return next((material for other, material in stated.items() if keys & name_keys(other)), None)
 
 
