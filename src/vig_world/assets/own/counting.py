@@ -75,7 +75,7 @@ def _ply(path: Path) -> int:
         header = file.read(_HEADER).split(b"end_header")[0].split()
     counts = [int(header[i + 2]) // share for i, word in enumerate(header) if word == b"element"
               for share in [3 if header[i + 1] == b"vertex" else 1]]  # fmt: skip
-    return max(counts)
+    return max(counts, default=0)
 
 
 def _off(path: Path) -> int:
