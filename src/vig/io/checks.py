@@ -84,8 +84,9 @@ def name_stand_in(data: bytes) -> str | None:
         return "a Git LFS pointer; run git lfs pull"
     if start.startswith((b"/annex/objects/", b"../.git/annex/", b".git/annex/")):
         return "a git-annex pointer; run git annex get"
-    if start.startswith(b"<") and b"html" in start:
-        return "a web page; download the file itself (GitHub: Raw)"
+    if start.startswith(b"<"):  # as no mesh and no picture does but SVG
+        kind = "a web page" if b"html" in start else "an XML document"
+        return f"{kind}; download the file itself (GitHub: Raw)"
     return None
 
 

@@ -88,9 +88,10 @@ def _off(path: Path) -> int:
 
 def _glb_json(path: Path) -> bytes:
     with path.open("rb") as file:
-        magic, _, _, length, _ = struct.unpack("<5I", file.read(20))
-        if magic != 0x46546C67:
+        header = file.read(20)
+        if len(header) < 20 or header[:4] != b"glTF":
             raise ValueError("no GLB header")
+        (length,) = struct.unpack_from("<I", header, 12)
         return file.read(length)
 
 

@@ -100,6 +100,11 @@ class Siblings:
         self.read[shown(name).strip().replace("\\", "/")] = data
         return data
 
+    def look_beside(self, name: bytes) -> None:
+        """Seek further names also beside this file, as those that an MTL library gives."""
+        if place := self.find(name):
+            self._homes.append(os.path.dirname(place))
+
     def note(self, problem: object, instead: str | None = None) -> None:
         self.notes.append(f"{problem}; {instead or self.instead} instead")
 

@@ -130,6 +130,7 @@ def test_options_move_a_picture(tmp_path: Path) -> None:
         ('mtllib "m.mtl"\nusemtl skin\n', RED, ""),
         ("mtllib my own.mtl\nusemtl skin\n", RED, ""), ("mtllib m.mtl\nusemtl SKIN # \n", RED, ""),
         ("mtllib gone.mtl\nusemtl skin\n", TEAL, "gone.mtl is missing or unreadable; a.mtl instead"),
+        ("mtllib sub/m.mtl\nusemtl skin\n", RED, ""), ("mtllib m.mtl\nusemtl 'skin'\n", RED, ""),
         ("usemtl skin\n", TEAL, "no library of them (mtllib); a.mtl instead"),
         ("mtllib m.mtl\nusemtl hide\n", GREY, "material 'hide' is in no library; grey instead"),
         ("mtllib other.mtl two.mtl\n", GREY, "faces without material (usemtl); grey instead"),
@@ -141,6 +142,8 @@ def test_libraries_and_materials_as_objs_name_them(
     head: str, colour: list[float], words: str, tmp_path: Path
 ) -> None:
     picture(tmp_path / PNG)
+    picture(tmp_path / "sub" / "beside.png")
+    (tmp_path / "sub" / "m.mtl").write_text(MTL.replace(PNG, "beside.png"))
     path = obj(tmp_path, MTL, head)
     for name in ("other", "two"):
         (tmp_path / f"{name}.mtl").write_text(f"newmtl {name}\nKd 1 1 1\n")
@@ -357,9 +360,10 @@ def test_a_folder_that_is_a_link(tmp_path: Path) -> None:
     [
         ("version https://git-lfs.github.com/spec/v1\noid", "a Git LFS pointer; run git lfs pull"),
         ("\ufeff\n<!DOCTYPE HTML>\n<html><head>", "a web page; download the file itself"),
+        ("<?xml version='1.0'?><Error/>", "an XML document; download the file itself"),
         ("/annex/objects/SHA256E-s9--aa.obj\n", "a git-annex pointer; run git annex get"),
     ],
-    ids=["lfs", "web", "annex"],
+    ids=["lfs", "web", "xml", "annex"],
 )  # fmt: skip
 def test_what_stands_for_a_mesh_is_named(suffix: str, content: str, words: str, tmp_path: Path) -> None:
     path = tmp_path / f"a.{suffix}"

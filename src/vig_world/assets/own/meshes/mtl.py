@@ -91,6 +91,7 @@ def _library_data(libraries: list[bytes], siblings: Siblings) -> list[bytes]:
         for name in [whole] if siblings.find(whole) or not several else several:
             try:
                 contents.append(siblings.get(name))
+                siblings.look_beside(name)
             except ValueError as error:
                 problems.append(str(error))
     instead = None
@@ -114,7 +115,7 @@ def _parse_library(data: bytes) -> dict[bytes, Statements]:
         keyword, *rest = line.split(None, 1) or [b""]
         keyword, value = keyword.lower(), rest[0].strip() if rest else b""
         if keyword == b"newmtl":
-            current = materials[value] = {}
+            current = materials[value.strip(b"\"'")] = {}
         elif value and not keyword.startswith(b"#"):
             current.setdefault(keyword, []).insert(0, value)
     _settle_opacity(materials)
