@@ -1,16 +1,11 @@
 """Loads mesh files as triangles with textures; every failure is a UserError.
 
-Each format is first made plain, or read, by a file of `meshes`, as trimesh drops in silence what it does not
-know; the scenes of glTF are then trimesh's.
+Each format is read by a file of `meshes`, as libraries drop in silence what they do not know.
 """
 
 from __future__ import annotations
 
-import io
-import logging
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,9 +15,9 @@ import numpy as np
 from vig.io.checks import read_bytes
 from vig.io.errors import UserError
 from vig_world.assets.own.counting import refuse_huge
-from vig_world.assets.own.meshes import plain_gltf, read_obj, read_off, read_ply, read_stl
+from vig_world.assets.own.meshes import read_gltf, read_obj, read_off, read_ply, read_stl
 from vig_world.assets.own.siblings import MOST_BYTES, Siblings
-from vig_world.assets.own.surfaces import Surface, SurfaceMesh, paint
+from vig_world.assets.own.surfaces import SurfaceMesh, paint
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".off", ".stl")
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".gif")
@@ -70,7 +65,8 @@ def load(root: Path, path: Path, nodes: tuple[str, ...] = ()) -> Loaded:
         refuse_huge(path)
         data = read_bytes(path, MOST_BYTES)
         siblings = Siblings(root, path)
-        with _quiet():
+        with warnings.catch_warnings(), np.errstate(all="ignore"):  # problems are reported by the caller
+            warnings.simplefilter("ignore")
             meshes = _read_meshes(path, data, siblings, nodes)
             pieces = _join_pieces(path, meshes)
     except UserError:
@@ -92,68 +88,14 @@ def load(root: Path, path: Path, nodes: tuple[str, ...] = ()) -> Loaded:
 
 def _read_meshes(path: Path, data: bytes, siblings: Siblings, nodes: tuple[str, ...]) -> list[SurfaceMesh]:
     suffix = path.suffix.lower()
-    if suffix in (".glb", ".gltf"):
-        return _scene_meshes(path, *plain_gltf(data, siblings), nodes)
-    if suffix in (".obj", ".ply"):
-        meshes = (read_obj if suffix == ".obj" else read_ply)(data, siblings)
-    else:
+    if suffix in (".stl", ".off"):
         meshes = [SurfaceMesh(*(read_stl if suffix == ".stl" else read_off)(data))]
-    _check_nodes(path, nodes, {mesh.name for mesh in meshes})
-    return [mesh for mesh in meshes if not nodes or mesh.name in nodes]
-
-
-def _check_nodes(path: Path, nodes: tuple[str, ...], names: set[str]) -> None:
-    if unknown := sorted(set(nodes) - names):
-        have = " ".join(sorted(names))[:300]
-        raise UserError(f"{path}: expected nodes among {have}; got {' '.join(unknown)}.")
-
-
-def _scene_meshes(
-    path: Path, data: bytes, surfaces: list[Surface], nodes: tuple[str, ...]
-) -> list[SurfaceMesh]:
-    """Return the triangles of a GLB file in its scene's frame; its materials are named by their numbers."""
-    import trimesh  # takes half a second, so only when custom meshes are read
-
-    scene: Any = trimesh.load_scene(io.BytesIO(data), file_type="glb", process=False)
-    names = sorted(scene.graph.nodes_geometry)
-    _check_nodes(path, tuple(set(nodes) - set(scene.graph.nodes)), set(names))
-    meshes = []
-    for node in names:
-        transform, geometry_name = scene.graph[node]
-        if nodes and not any(node in (name, *scene.graph.transforms.successors(name)) for name in nodes):
-            continue
-        geometry = scene.geometry[geometry_name]
-        if not hasattr(geometry, "faces") or not len(geometry.faces):
-            continue
-        visual, faces = geometry.visual, np.asarray(geometry.faces, np.int64)
-        points = np.asarray(geometry.vertices, np.float64)
-        points = points @ transform[:3, :3].T + transform[:3, 3]
-        surface, uv, colours = None, None, None
-        if getattr(visual, "material", None) is not None:
-            name, uv = str(visual.material.name), visual.uv
-            surface = surfaces[int(name)] if name.isdecimal() else None
-            if (tints := visual.vertex_attributes.get("color")) is not None:
-                bytes_of_faces = 255 * np.asarray(tints, np.float64)[faces][..., :3].mean(1)
-                colours = np.clip(np.rint(bytes_of_faces), 0, 255).astype(np.uint8)
-        elif visual.kind in ("vertex", "face"):
-            colours = np.asarray(visual.face_colors)[:, :3]
-        if np.linalg.det(transform[:3, :3]) < 0:
-            faces = faces[:, ::-1]
-        meshes.append(SurfaceMesh(points, faces, uv, surface, colours, linear=True))
-    return meshes
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Silence log lines and warnings of trimesh and pillow: problems are reported by the caller."""
-    logger = logging.getLogger("trimesh")
-    was_disabled, logger.disabled = logger.disabled, True
-    try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
-            yield
-    finally:
-        logger.disabled = was_disabled
+    else:
+        meshes = {".obj": read_obj, ".ply": read_ply}.get(suffix, read_gltf)(data, siblings)
+    if unknown := sorted(set(nodes) - {name for mesh in meshes for name in mesh.names}):
+        names = " ".join(sorted({mesh.names[-1] for mesh in meshes if mesh.names}))
+        raise UserError(f"{path}: expected nodes among {names[:300]}; got {' '.join(unknown)}.")
+    return [mesh for mesh in meshes if not nodes or set(nodes) & set(mesh.names)]
 
 
 def _join_pieces(path: Path, meshes: list[SurfaceMesh]) -> list[MeshPiece]:

@@ -50,7 +50,7 @@ class SurfaceMesh:
         surface: The material; None where the file has none.
         colours: (F, 3) uint8 of the faces, or None; a factor of the surface.
         linear: Whether the colours are linear light, not sRGB.
-        name: Node of a scene, or material of an OBJ file.
+        names: Node of a scene behind those that it is below, or material of an OBJ file.
     """
 
     vertices: np.ndarray
@@ -59,7 +59,7 @@ class SurfaceMesh:
     surface: Surface | None = None
     colours: np.ndarray | None = None
     linear: bool = False
-    name: str = ""
+    names: tuple[str, ...] = ()
 
 
 Painted = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]

@@ -51,7 +51,7 @@ def read_obj(data: bytes, siblings: Siblings) -> list[SurfaceMesh]:
         if colours is not None and (surface is None or surface.picture is None):
             surface = Surface(np.ones(3), None, 1.0 if surface is None else surface.opacity)
             tints = colour_faces(colours[indices[:, 0]], faces)
-        meshes.append(SurfaceMesh(points[indices[:, 0]], faces, uv, surface, tints, name=shown(name)))
+        meshes.append(SurfaceMesh(points[indices[:, 0]], faces, uv, surface, tints, names=(shown(name),)))
     return meshes
 
 
