@@ -81,8 +81,8 @@ def source_meshes(shapes: ClassShapes, say: Callable[[str], None]) -> list[Sourc
     meshes: list[SourceMesh] = []
     for number in shapes.registered.qualities:
         scan = shapes.registered.meshes[number].scan
-        if scan.missing:
-            say(f"{scan.name}: {', '.join(scan.missing)} missing or unreadable; grey instead")
+        for note in scan.notes:
+            say(f"{scan.name}: {note}")
         if not scan.pieces or len(scan.pieces) == 1 and scan.pieces[0].texture.size == 3:
             continue  # of one colour, as of a format without any
         design = shapes.numbers.index(number) if number in shapes.numbers else -1

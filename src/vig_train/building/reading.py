@@ -30,7 +30,7 @@ class Scan:
         faces: (F, 3), each with an area.
         content_hash: Of the file's content.
         pieces: What has a material each, of few enough faces for training; none where materials do not count.
-        missing: Names of pictures that were not found or cannot be read.
+        notes: What of its materials was not read, and what was taken instead.
     """
 
     name: str
@@ -38,7 +38,7 @@ class Scan:
     faces: np.ndarray
     content_hash: str
     pieces: tuple[MeshPiece, ...] = ()
-    missing: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def read_scans(
@@ -72,7 +72,7 @@ def read_scans(
                 faces = np.concatenate([p.faces + s for p, s in zip(loaded.pieces, starts, strict=False)])
                 pieces = tuple(simplified(loaded.pieces, MOST_FACES)) if materials else ()
                 welded, content = _weld(vertices, faces), fingerprint(loaded.files)
-                scans.append(Scan(name, *welded, content, pieces, tuple(loaded.missing)))
+                scans.append(Scan(name, *welded, content, pieces, tuple(loaded.notes)))
             except UserError as error:
                 refused[name] = str(error).removeprefix(f"{path}: ")
             meter.advance(1)
