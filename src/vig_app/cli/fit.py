@@ -7,11 +7,13 @@ import json
 import os
 import shlex
 import sys
-from collections.abc import Iterable, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, nullcontext
 from datetime import datetime
 from functools import partial
 from importlib.util import find_spec
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +25,7 @@ from vig import __version__
 from vig.inference import ExplainSettings
 from vig.io.checks import read_json
 from vig.io.errors import UserError
+from vig.io.files import composed
 from vig.io.printing import end, in_one_line, note
 from vig.io.progress import Meter
 from vig.likelihood import LIKELIHOODS
@@ -51,6 +54,8 @@ FRAMES = "frames"
 TAKEN = {"report.html", sheet_name(0), LEDGER, FRAMES, *TABLES, *run_files()}
 """Names within a run's folder that no photo's folder may have."""
 HEIC_SUFFIXES = (".heic", ".heif", ".hif")
+MOST_NAME_BYTES = 200
+"""Of the name of a photo's folder: file systems take 255, with a number and what marks it unfinished."""
 SYSTEM_FILES = {"Thumbs.db", "desktop.ini", "__MACOSX"}
 """What systems put into folders of photos."""
 HINTS = (
@@ -381,13 +386,18 @@ def _line(row: dict[str, Any]) -> str:
 
 
 def result_folders(images: Sequence[Path], out: Path) -> list[Path]:
-    """A folder for each photo, named after it; a number is added where two photos share a name."""
-    used = set(TAKEN)
+    """A folder for each photo, named after it, cut where files' names could not be so long; a number is added
+    where two photos share a name.
+    """
+    used, numbers = set(map(composed, TAKEN)), defaultdict[str, Iterator[int]](lambda: count(2))
     folders = []
     for image in images:
-        name, number = image.stem, 2
-        while name in used:
-            name, number = f"{image.stem}-{number}", number + 1
-        used.add(name)
+        stem = image.stem[:MOST_NAME_BYTES]
+        while len(os.fsencode(stem)) > MOST_NAME_BYTES:
+            stem = stem[:-1]
+        name = stem
+        while composed(name) in used:
+            name = f"{stem}-{next(numbers[stem])}"
+        used.add(composed(name))
         folders.append(out / name)
     return folders
