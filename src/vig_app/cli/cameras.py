@@ -8,10 +8,11 @@ from typing import Any
 
 from vig.io.checks import MOST_TABLE, read_json, reading
 from vig.io.errors import UserError
+from vig.photo.lens import FIELDS, MATRICES, PARAMETERS
 from vig_app.cli.common import FitCommand
 from vig_app.cli.naming import by_photo
 
-CAMERA_KEYS = ("K", "k", "cam_K", "fx", "fl_x")
+CAMERA_KEYS = {*MATRICES, PARAMETERS, *FIELDS[0]}
 """A mapping with one of these is a camera, not cameras by the photos' names."""
 MOST_DIGITS = 19
 """Of the number of a photo."""
@@ -32,7 +33,7 @@ def cameras_of(settings: FitCommand, photos: list[Path]) -> list[Any]:
     assert settings.cameras is not None
     with reading(settings.cameras, "cameras by the photos' names", REMEDY):
         content = read_json(settings.cameras, MOST_TABLE)
-        if isinstance(content, list) or (isinstance(content, dict) and content.keys() & set(CAMERA_KEYS)):
+        if isinstance(content, list) or (isinstance(content, dict) and content.keys() & CAMERA_KEYS):
             return [content] * len(photos)
         if not isinstance(content, dict) or not content:
             raise ValueError("it holds no camera")
