@@ -23,7 +23,6 @@ from safetensors import SafetensorError, safe_open
 
 from vig import __version__
 from vig.inference import ExplainSettings
-from vig.io.checks import read_json
 from vig.io.errors import UserError
 from vig.io.files import composed
 from vig.io.printing import end, in_one_line, note
@@ -48,6 +47,7 @@ from vig_app.report.folder_page import write_run_page
 from vig_app.report.sheet import sheet_name, write_sheets
 from vig_app.results import TABLES, TRACK, RowsOnDisk, name_of, write_table
 from vig_app.runs import LEDGER, RunSettings, Task, ledger_of, run, run_tracked
+from vig_app.schema import read_explanation
 
 FRAMES = "frames"
 """Folder of the frames of videos within that of the results."""
@@ -260,7 +260,7 @@ def _results(rows: Iterable[dict[str, Any]], out: Path) -> dict[str, Any]:
     for row in rows:
         if row["error"] is None:
             folder = out / row["folder"]
-            result = read_json(folder / "explanation.json") | {"folder": str(folder)}
+            result = read_explanation(folder) | {"folder": str(folder)}
             if "/" in row["folder"]:
                 results.setdefault(row["photo"], []).append(result)
             else:
