@@ -9,8 +9,10 @@ from vig.io.errors import UserError
 
 MIN_SIDE = 16
 """Pixels of a photo's shorter side, at least."""
-MAX_PIXELS = 100_000_000
-"""Pixels of a photo, at most: 300 MB as 8-bit RGB."""
+MAX_PIXELS = 250_000_000
+"""Pixels of a photo, at most: phones have 200 megapixels, whose 8-bit RGB takes 2 GB to decode."""
+MAX_FLOAT_PIXELS = 100_000_000
+"""Pixels of one that is kept as floats, of 16 bits, with transparency or HDR."""
 
 
 def existing_file(path: str | Path) -> Path:
@@ -39,12 +41,13 @@ def check_size(path: Path, width: int, height: int) -> None:
     if min(width, height) < MIN_SIDE:
         received = f"{width} x {height}"
         refuse(path, f"at least {MIN_SIDE} pixels a side", received, "Give a larger picture.")
-    if width * height > MAX_PIXELS:
-        refuse_huge(path, f"{width} x {height} = {width * height / 1e6:.0f}")
+    check_pixels(path, width, height, MAX_PIXELS)
 
 
-def refuse_huge(path: Path, received: str) -> NoReturn:
-    refuse(path, f"at most {MAX_PIXELS / 1e6:.0f} megapixels", received, "Make it smaller.")
+def check_pixels(path: Path, width: int, height: int, most: int, of_what: str = "") -> None:
+    if width * height > most:
+        received = f"{width} x {height} = {width * height / 1e6:.0f}"
+        refuse(path, f"at most {most / 1e6:.0f} megapixels{of_what}", received, "Make it smaller.")
 
 
 def refuse(path: Path, expected: str, received: str, remedy: str) -> NoReturn:

@@ -13,10 +13,9 @@ import numpy as np
 from PIL import Image
 
 from vig.io.checks import reading
-from vig.io.errors import UserError
 from vig.io.files import composed
-from vig.photo.checks import check_size, existing_file, refuse
-from vig.photo.decoding import opened
+from vig.photo.checks import refuse
+from vig.photo.images import read_picture
 
 MOST_LABELS = 32
 """Values up to which numbers in a mask are those of objects, not shades."""
@@ -47,20 +46,12 @@ def read_mask(path: str | Path) -> np.ndarray:
     Raises:
         UserError: It cannot be read, marks several objects, or says two things at once.
     """
-    path = existing_file(path)
-    try:
-        with opened(path) as image:
-            check_size(path, *image.size)
-            image.load()
-    except UserError:
-        raise
-    except (OSError, SyntaxError, ValueError) as error:
-        refuse(path, "a mask", f"no readable picture ({error})", "Save it as PNG.")
-    return mask_of_picture(path, image)
+    return read_picture(path, "mask", mask_of_picture)
 
 
 def mask_of_picture(path: Path, image: Image.Image) -> np.ndarray:
     """`read_mask` of an opened picture; errors name the path."""
+    image.load()
     alpha = None
     if image.has_transparency_data:
         image = image.convert("RGBA" if image.mode in ("RGB", "RGBA", "P") else "LA")
@@ -105,11 +96,12 @@ def _by_value(path: Path, values: np.ndarray) -> np.ndarray:
 
 def _check_colours(path: Path, values: np.ndarray) -> None:
     """UserError for a picture of several objects, each in a colour of its own."""
-    flat = values[..., :3].reshape(-1, 3)
-    packed = flat.astype(np.int64) @ np.array([1 << 16, 1 << 8, 1])
+    red, green, blue = np.moveaxis(values[..., :3], -1, 0)
+    if (red == green).all() and (green == blue).all():
+        return
+    packed = red.astype(np.uint32) << 16 | green.astype(np.uint16) << 8 | blue
     colours = np.unique(packed[packed > 0])
-    grey = (flat == flat[:, :1]).all()
-    if 1 < len(colours) <= MOST_COLOURS and not grey:
+    if 1 < len(colours) <= MOST_COLOURS:
         refuse(path, "a mask of one object", f"{len(colours)} colours", REMEDY)
 
 

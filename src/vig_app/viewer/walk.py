@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 from vig.explainer import Box, Explainer
 from vig.io.checks import reading
 from vig.io.errors import UserError
+from vig.photo.decoding import opened
 from vig_app.corrections import CORRECTIONS, State, corrected_in
 from vig_app.exports import export_run, formats_in, run_formats_in
 from vig_app.report.folder import FILES, OPTIONAL_FILES
@@ -62,7 +62,7 @@ class Item:
         if not (self.folder.parent / "scene.json").exists():
             return None
         path = self.folder.parent / "mask.png"
-        with reading(path, "the mask of several objects", "Run `vig fit` again."), Image.open(path) as image:
+        with reading(path, "the mask of several objects", "Run `vig fit` again."), opened(path) as image:
             numbers = np.asarray(image)
             return (numbers != 0) & (numbers != int(self.folder.name.split("-")[0]))
 
