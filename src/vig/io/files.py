@@ -43,6 +43,12 @@ def composed(name: str) -> str:
     return unicodedata.normalize("NFC", name)
 
 
+def as_stored(path: Path) -> Path:
+    """The path in the Unicode composition that is there, if one is."""
+    forms = (path, *(Path(unicodedata.normalize(form, str(path))) for form in ("NFC", "NFD")))
+    return next((form for form in forms if os.path.lexists(form)), path)
+
+
 @contextmanager
 def atomic_write(path: str | Path) -> Iterator[Path]:
     """Give a temporary path beside `path`; when the block ends well, rename it to `path`.

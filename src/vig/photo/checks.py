@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import NoReturn
 
 from vig.io.errors import UserError
+from vig.io.files import as_stored
 
 MIN_SIDE = 16
 """Pixels of a photo's shorter side, at least."""
 MAX_PIXELS = 250_000_000
 """Pixels of a photo, at most: phones have 200 megapixels, whose 8-bit RGB takes 2 GB to decode."""
+ADDRESS = re.compile(r"[A-Za-z][\w+.-]+:/")
+"""Beginning of an address such as http://, from which a path loses a slash."""
 MAX_FLOAT_PIXELS = 100_000_000
 """Pixels of one that is kept as floats, of 16 bits, with transparency or HDR."""
 
 
 def existing_file(path: str | Path) -> Path:
-    path = Path(path)
+    path = as_stored(Path(path))
     wanted = "an image file"
     try:
         if path.is_dir():
             refuse(path, wanted, "a folder", "Name the files in it.")
+        if ADDRESS.match(str(path)) and not path.exists():
+            refuse(path, wanted, "an address", "Download it; a live stream is for vig fit --track --live.")
         if not path.exists():
             refuse(path, wanted, "nothing of that name", "Check the path.")
         if not path.is_file():

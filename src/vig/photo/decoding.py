@@ -133,7 +133,9 @@ def decoded(path: Path, image: Image.Image) -> np.ndarray:
     if encoding is None and alpha is None:
         return samples
     assert not isinstance(encoding, Profile)
-    check_pixels(path, *samples.shape[1::-1], MAX_FLOAT_PIXELS, " of 16 bits, HDR or with transparency")
+    check_pixels(
+        path, samples.shape[1], samples.shape[0], MAX_FLOAT_PIXELS, " of 16 bits, HDR or with transparency"
+    )
     byte = samples.dtype == np.uint8
     light = LINEAR[samples] if encoding is None else encoding.light(samples, 255 if byte else white)
     light = np.broadcast_to(light, (*light.shape[:2], 3))

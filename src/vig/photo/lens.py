@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import reprlib
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,6 @@ from PIL import ExifTags, Image
 
 from vig.io.checks import number_of
 from vig.io.errors import UserError
-from vig.io.printing import note
 from vig.photo.checks import existing_file
 from vig.photo.decoding import opened
 
@@ -178,10 +178,11 @@ def turned_with(photo: object, camera: Any) -> Any:
         lens.cy if orientation in (5, 8) else height - lens.cy,
         lens.cx if orientation in (5, 6) else width - lens.cx,
     )
-    note(
-        f"{name}: the camera is that of the stored {width} x {height}, which EXIF turns; turned with it to fx"
-        f" {turned.fx:g}, fy {turned.fy:g}, cx {turned.cx:g}, cy {turned.cy:g}"
+    words = (
+        f"the camera of {str(name)!r} is that of the stored {width} x {height}, which EXIF turns; turned with"
+        f" it to fx {turned.fx:g}, fy {turned.fy:g}, cx {turned.cx:g}, cy {turned.cy:g}"
     )
+    print(f"vig: {words}", file=sys.stderr)
     return turned
 
 

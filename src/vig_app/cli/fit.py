@@ -24,10 +24,11 @@ from safetensors import SafetensorError, safe_open
 from vig import __version__
 from vig.inference import ExplainSettings
 from vig.io.errors import UserError
-from vig.io.files import composed
+from vig.io.files import as_stored, composed
 from vig.io.printing import end, in_one_line, note
 from vig.io.progress import Meter
 from vig.likelihood import LIKELIHOODS
+from vig.photo.checks import ADDRESS
 from vig.photo.decoding import FORMATS
 from vig.photo.formats import why_no_photo
 from vig.photo.video import frames_of, is_video
@@ -355,8 +356,8 @@ def _kind_of(path: Path) -> str:
 
 def _expanded(path: Path) -> list[Path]:
     """Files of a pattern such as photos/*.jpg, which not every shell expands; any other path as it is."""
-    pattern = str(path)
-    if os.path.lexists(path) or not glob.has_magic(pattern):
+    pattern = str(path := as_stored(path))
+    if os.path.lexists(path) or not glob.has_magic(pattern) or ADDRESS.match(pattern):
         return [path]
     if matches := sorted(glob.glob(pattern, recursive=True)):
         return [Path(match) for match in matches]

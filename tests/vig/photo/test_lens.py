@@ -143,7 +143,7 @@ def test_a_camera_of_the_stored_picture_is_turned_with_it(
     shown = (560.0, 550.0, x + 0.5, y + 0.5)
     for stored in ((550.0, 560.0, 210.5, 145.5), {"K": [[550, 0, 210.5], [0, 560, 145.5], [0, 0, 1]]}):
         assert turned_with(path, stored) == Intrinsics(*shown)
-    assert "the camera is that of the stored 400 x 300" in capsys.readouterr().err
+    assert "a.png' is that of the stored 400 x 300" in capsys.readouterr().err
     assert turned_with(path, shown) is shown, "as it is shown"
     either = dict(zip(("fx", "fy", "cx", "cy"), (550, 560, 172, 178), strict=True))
     with pytest.raises(

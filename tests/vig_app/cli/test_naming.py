@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 from vig.io.errors import UserError
+from vig.photo import read_photo
 from vig_app.cli.cameras import cameras_of
 from vig_app.cli.common import FitCommand
 from vig_app.cli.fit import photos_of, result_folders
@@ -50,6 +51,9 @@ def test_names_that_differ_by_unicode_composition_are_the_same(tmp_path: Path) -
     masks.mkdir()
     (masks / decomposed).write_bytes(b"")
     assert mask_of(FitCommand((photos[0],), mask=masks), photos[:1])(photos[0]) == masks / decomposed
+    Image.new("RGB", (20, 20)).save(photos[1])
+    assert photos_of(tuple(photos[:1]), tmp_path / "out") == photos[1:], "as it is stored"
+    assert read_photo(photos[0]).shape == (20, 20, 3)
     folders = result_folders(photos, tmp_path)
     assert [folder.name for folder in folders] == [composed[:-4], f"{decomposed[:-4]}-2"]
 
