@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import UNSET, Meta, UnsetType
+
+from vig.io.checks import read_json, reading
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 Probability = Annotated[float, Meta(ge=0, le=1)]
@@ -143,6 +146,15 @@ class Explanation(msgspec.Struct):
     glb_from_object: Matrix4
     frames: dict[str, str]
     hints: Hints
+
+
+def read_explanation(folder: Path, remedy: str = "Explain the photo anew with `vig fit`.") -> dict[str, Any]:
+    """What explanation.json of a folder of results holds; UserError, with a remedy, unless it is one."""
+    path = folder / "explanation.json"
+    with reading(path, "an explanation of `vig fit`", remedy):
+        described: dict[str, Any] = read_json(path)
+        msgspec.convert(described, Explanation)
+        return described
 
 
 SCHEMAS = {"explanation": Explanation}

@@ -25,6 +25,8 @@ from vig_renderer.checks import check_indices as check_indices
 
 MOST_JSON = 16 << 20
 """Bytes of a JSON file, unless its reader has another limit."""
+MOST_TABLE = 1 << 30
+"""Bytes of a JSON file with an entry for each of many photos."""
 MOST_TENSORS = 1 << 30
 """Bytes of a safetensors file."""
 

@@ -17,6 +17,7 @@ from vig.hints import Hints
 from vig.inference.settings import UNIFORM_TURN
 from vig.io.errors import UserError
 from vig.photo.images import coded_photo
+from vig.photo.lens import turned_with
 from vig.photo.pinhole import pose_covariance, sight_axes
 from vig.scene import Camera, ObjectClass
 from vig.scene.camera import FOCAL_OVER_WIDTH
@@ -108,7 +109,8 @@ class Tracker:
             UserError: As `Explainer.explain`.
         """
         self._number += 1
-        self._K = self._K if K is None else K
+        if (K := self._K if K is None else K) is not None:
+            self._K = turned_with(frame, K)
         return self._begun(coded_photo(frame), mask, box)
 
     def step(self, frame: Photo) -> TrackedPose:

@@ -7,11 +7,13 @@ import json
 import os
 import shlex
 import sys
-from collections.abc import Iterable, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, nullcontext
 from datetime import datetime
 from functools import partial
 from importlib.util import find_spec
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +23,12 @@ from safetensors import SafetensorError, safe_open
 
 from vig import __version__
 from vig.inference import ExplainSettings
-from vig.io.checks import read_json
 from vig.io.errors import UserError
+from vig.io.files import as_stored, composed
 from vig.io.printing import end, in_one_line, note
 from vig.io.progress import Meter
 from vig.likelihood import LIKELIHOODS
+from vig.photo.checks import ADDRESS
 from vig.photo.decoding import FORMATS
 from vig.photo.formats import why_no_photo
 from vig.photo.video import frames_of, is_video
@@ -45,12 +48,15 @@ from vig_app.report.folder_page import write_run_page
 from vig_app.report.sheet import sheet_name, write_sheets
 from vig_app.results import TABLES, TRACK, RowsOnDisk, name_of, write_table
 from vig_app.runs import LEDGER, RunSettings, Task, ledger_of, run, run_tracked
+from vig_app.schema import read_explanation
 
 FRAMES = "frames"
 """Folder of the frames of videos within that of the results."""
 TAKEN = {"report.html", sheet_name(0), LEDGER, FRAMES, *TABLES, *run_files()}
 """Names within a run's folder that no photo's folder may have."""
 HEIC_SUFFIXES = (".heic", ".heif", ".hif")
+MOST_NAME_BYTES = 200
+"""Of the name of a photo's folder: file systems take 255, with a number and what marks it unfinished."""
 SYSTEM_FILES = {"Thumbs.db", "desktop.ini", "__MACOSX"}
 """What systems put into folders of photos."""
 HINTS = (
@@ -261,7 +267,7 @@ def _results(rows: Iterable[dict[str, Any]], out: Path) -> dict[str, Any]:
     for row in rows:
         if row["error"] is None:
             folder = out / row["folder"]
-            result = read_json(folder / "explanation.json") | {"folder": str(folder)}
+            result = read_explanation(folder) | {"folder": str(folder)}
             if "/" in row["folder"]:
                 results.setdefault(row["photo"], []).append(result)
             else:
@@ -355,8 +361,8 @@ def _kind_of(path: Path) -> str:
 
 def _expanded(path: Path) -> list[Path]:
     """Files of a pattern such as photos/*.jpg, which not every shell expands; any other path as it is."""
-    pattern = str(path)
-    if os.path.lexists(path) or not glob.has_magic(pattern):
+    pattern = str(path := as_stored(path))
+    if os.path.lexists(path) or not glob.has_magic(pattern) or ADDRESS.match(pattern):
         return [path]
     if matches := in_order(map(Path, glob.glob(pattern, recursive=True))):
         return matches
@@ -386,13 +392,18 @@ def _line(row: dict[str, Any]) -> str:
 
 
 def result_folders(images: Sequence[Path], out: Path) -> list[Path]:
-    """A folder for each photo, named after it; a number is added where two photos share a name."""
-    used = set(TAKEN)
+    """A folder for each photo, named after it, cut where files' names could not be so long; a number is added
+    where two photos share a name.
+    """
+    used, numbers = set(map(composed, TAKEN)), defaultdict[str, Iterator[int]](lambda: count(2))
     folders = []
     for image in images:
-        name, number = image.stem, 2
-        while name in used:
-            name, number = f"{image.stem}-{number}", number + 1
-        used.add(name)
+        stem = image.stem[:MOST_NAME_BYTES]
+        while len(os.fsencode(stem)) > MOST_NAME_BYTES:
+            stem = stem[:-1]
+        name = stem
+        while composed(name) in used:
+            name = f"{stem}-{next(numbers[stem])}"
+        used.add(composed(name))
         folders.append(out / name)
     return folders

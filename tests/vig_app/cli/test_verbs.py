@@ -229,6 +229,23 @@ def test_unknown_verb(capsys):
     refused(capsys, "paint")
 
 
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["fitt", "a.png"], "got 'fitt'. Did you mean vig fit?"),
+        (["class", "biuld"], "got 'class biuld'. Did you mean vig class build?"),
+        (["fit", "a.png", "--focal", "abc"], "expected --focal FLOAT; got 'abc'. See vig fit --help."),
+        (["fit", "a.png", "--foccal", "3"], "--foccal, 3. Did you mean --focal?"),
+        (["fit", "a.png", "--framing", "odd"], "'odd' for argument '--framing'"),
+        (["fit", "http://a.b/c.jpg?d=1"], "got an address. Download it"),
+    ],
+)
+def test_wrong_arguments_are_named_in_one_line(capsys, arguments: list[str], words: str, tmp_path) -> None:
+    options = ["--out", tmp_path / "out"] if arguments[0] == "fit" else []
+    error = refused(capsys, *arguments, *options)
+    assert words in error and error.count("\n") == 1
+
+
 def test_help_loads_nothing_heavy():
     """`vig --help` must not import torch or warp: it is to answer at once."""
     code = "import sys; sys.argv = ['vig', '--help']\nfrom vig_app.cli.main import main\ntry:\n main()\n"
