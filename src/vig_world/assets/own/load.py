@@ -10,7 +10,7 @@ import io
 import logging
 import os
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -52,6 +52,11 @@ class Loaded:
     pieces: list[MeshPiece]
     files: dict[str, bytes]
     missing: list[str]
+
+
+def has_one_colour(pieces: Sequence[MeshPiece]) -> bool:
+    """Whether a mesh has no more than one colour, as of a format without any."""
+    return len(pieces) == 1 and pieces[0].texture.size == 3
 
 
 def load(root: Path, path: Path, nodes: tuple[str, ...] = ()) -> Loaded:
