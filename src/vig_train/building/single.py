@@ -71,7 +71,8 @@ def pack_of_mesh(
         except OSError as failure:
             raise UserError(f"expected a folder for '{mesh.name}' that can be written; {failure}.") from None
     object_class = ObjectClass.load(pack)
-    say(f"'{mesh.name}': {TURNS[object_class.symmetry]}; {_size(mesh, length, object_class)}")
+    own = float(np.ptp(np.concatenate([piece.vertices for piece in loaded.pieces]), axis=0).max())
+    say(f"'{mesh.name}': {TURNS[object_class.symmetry]}; {_size(mesh, own, length, object_class)}")
     if up is None:
         assert object_class.object_from_mesh is not None
         axis = axis_name(object_class.object_from_mesh[2, :3])
@@ -105,11 +106,9 @@ def _is_gltf(mesh: Path) -> bool:
     return mesh.suffix.lower() in (".glb", ".gltf")
 
 
-def _size(mesh: Path, length: float | None, object_class: ObjectClass) -> str:
-    """The size that was taken, and where it comes from."""
+def _size(mesh: Path, own: float, length: float | None, object_class: ObjectClass) -> str:
+    """The size that was taken of a file whose longest side is `own`, and where it comes from."""
     taken = float(np.ptp(object_class.shape_model.mean, axis=0).max())
-    assert object_class.object_from_mesh is not None
-    own = taken / float(np.cbrt(np.linalg.det(object_class.object_from_mesh[:3, :3])))
     if length is not None and _is_gltf(mesh) and abs(length / own - 1) > 0.01:
         return f"its longest side is {length:.3g} m as --length states, in place of the file's {own:.3g} m"
     if object_class.size_known:

@@ -124,12 +124,12 @@ def test_what_is_assumed_of_a_file_is_said(
     cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(single, "build_class", fake_build)
-    mesh = finned(1.0, 1.5, 0.45)
+    mesh = finned(1.0, 2.0, 0.45)
     mesh.visual.vertex_colors = np.tile([[255, 0, 0, 255], [0, 0, 255, 255]], (len(mesh.vertices) // 2, 1))
     mesh.export(tmp_path / "thing.glb")
     for length, words in (
-        (None, "the file's 200 m is beyond"),
-        (0.01, "is 0.01 m as --length states, in place of"),
+        (None, "longest side of 2 m is doubtful"),
+        (0.01, "is 0.01 m as --length states, in place of the file's 2 m"),
     ):
         told: list[str] = []
         pack_of_mesh(tmp_path / "thing.glb", length, told.append)
