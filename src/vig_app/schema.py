@@ -96,6 +96,8 @@ class Pinhole(msgspec.Struct):
     covariance: Matrix6
     distance_known: bool
     camera_from_mesh: Matrix4 | UnsetType = UNSET
+    mesh_up: Literal["+x", "-x", "+y", "-y", "+z", "-z"] | UnsetType = UNSET
+    mesh_up_known: bool | UnsetType = UNSET
 
 
 class Hints(msgspec.Struct):

@@ -74,9 +74,10 @@ def classes_of(settings: FitCommand) -> tuple[str, tuple[str, ...]]:
         if settings.object_class != FitCommand.object_class or settings.objects is not None:
             raise UserError("expected --mesh, --class or --objects; got two of them. Give one.")
         say = (lambda line: None) if settings.quiet else note
-        return str(pack_of_mesh(settings.mesh, settings.length, say)), ()
-    if settings.length is not None:
-        raise UserError("expected --length with --mesh, whose size it tells; got it alone. Give both.")
+        return str(pack_of_mesh(settings.mesh, settings.length, say, settings.up)), ()
+    for name in ("length", "up"):
+        if getattr(settings, name) is not None:
+            raise UserError(f"expected --{name} with --mesh, which it describes; got it alone. Give both.")
     whole = [settings.object_class]
     several = settings.objects is not None and not Path(settings.object_class).exists()
     first, *others = settings.object_class.split(",") if several else whole

@@ -46,6 +46,9 @@ class FitCommand:
     --mask must tell where it is. explanation.json then has its pose in the file's frame, camera_from_mesh."""
     length: float | None = None
     """With --mesh: its longest side, metres, where the file is in other units (only glTF is in metres)."""
+    up: str | None = None
+    """With --mesh: the axis of the file that points up in the photos, x -x y -y z or -z: of things that lie,
+    too. By default it is estimated, which is printed."""
     focal: float | None = None
     """Focal length in pixels of the photos; by default that of each one's EXIF data."""
     intrinsics: Annotated[str | None, tyro.conf.arg(name="K")] = None
@@ -208,13 +211,13 @@ GROUP = "vig.verbs"
 
 
 MESH_GROUP = "vig.meshes"
-"""Entry points of functions that make a class pack of a mesh file: path, length and `say` in, folder out."""
+"""Entry points of functions that make a class pack of a mesh file: path, length, `say`, up in, folder out."""
 
 
-def pack_of_mesh(mesh: Path, length: float | None, say: Callable[[str], None]) -> Path:
+def pack_of_mesh(mesh: Path, length: float | None, say: Callable[[str], None], up: str | None) -> Path:
     """The class pack of a mesh file; UserError where it is no mesh, or what makes packs is missing."""
     for point in entry_points(group=MESH_GROUP):
-        folder: Path = point.load()(mesh, length, say)
+        folder: Path = point.load()(mesh, length, say, up)
         return folder
     raise UserError("expected the package vig_train, to read --mesh; it is not installed. Install vig anew.")
 

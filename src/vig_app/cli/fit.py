@@ -17,7 +17,6 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from PIL import Image
 from safetensors import SafetensorError, safe_open
 
@@ -33,7 +32,6 @@ from vig.photo.decoding import FORMATS
 from vig.photo.formats import why_no_photo
 from vig.photo.video import frames_of, is_video
 from vig.recognition import WEIGHTS_FILE
-from vig.scene import ObjectClass, Symmetry
 from vig_app.cli.boxes import boxes_of, check_place, classes_of
 from vig_app.cli.cameras import cameras_of
 from vig_app.cli.common import FitCommand
@@ -107,8 +105,6 @@ def fit(settings: FitCommand) -> int:
                 f"no network was trained for '{name}': each photo needs --box or --mask, and views are tried"
                 f" all round; `vig class train {name}` trains one"
             )
-    if settings.mesh is not None and not settings.quiet:
-        note(_of_mesh(settings.mesh, ObjectClass.load(object_class)))
     if not settings.quiet and settings.device == "cpu" and settings.cluster is None:
         for line in compilations((object_class, *further_classes), LIKELIHOODS[settings.likelihood].density):
             note(line)
@@ -243,22 +239,6 @@ def is_quick(pack: Path) -> bool:
 def is_untrained(pack: Path) -> bool:
     """Whether a folder is a class pack for which no network was trained."""
     return (pack / "class.json").is_file() and not (pack / WEIGHTS_FILE).exists()
-
-
-TURNS = {
-    Symmetry.NONE: "no turn about its vertical looks the same",
-    Symmetry.HALF_TURN: "half a turn about its vertical looks the same",
-    Symmetry.ANY_TURN: "any turn about its vertical looks the same, so that none is sought",
-}
-
-
-def _of_mesh(mesh: Path, object_class: ObjectClass) -> str:
-    """What was taken of a mesh file, in a line."""
-    length = float(np.ptp(object_class.shape_model.mean, axis=0).max())
-    size = f"its longest side is {length:.3g} m"
-    if not object_class.size_known:
-        size += " for want of a unit, and distances are unknown: --length tells it"
-    return f"'{mesh.name}': {TURNS[object_class.symmetry]}; {size}"
 
 
 def _results(rows: Iterable[dict[str, Any]], out: Path) -> dict[str, Any]:

@@ -19,8 +19,8 @@ from vig_app.cli.common import FitCommand
 from vig_app.runs.live import OVERLAY, run_live
 
 WITH_LIVE = {
-    "images", "track", "live", "box", "object_class", "mesh", "length", "focal", "intrinsics", "likelihood",
-    "no_self_shadow", "device", "out", "quiet", "json", "timeout",
+    "images", "track", "live", "box", "object_class", "mesh", "length", "up", "focal", "intrinsics",
+    "likelihood", "no_self_shadow", "device", "out", "quiet", "json", "timeout",
 }  # fmt: skip
 """Options that go with `--live`."""
 

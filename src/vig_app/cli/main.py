@@ -44,11 +44,16 @@ GROUPS = {
     "dataset": "Generate, check, look at and export datasets.",
 }
 """Verbs that have verbs of their own."""
+AXIS_OPTIONS = ("--up", "--front")
+"""Options whose value is an axis, such as -z."""
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line; exits with an `ExitCode`."""
     arguments = sys.argv[1:] if arguments is None else arguments
+    for at in reversed(range(len(arguments) - 1)):  # a parser takes -z for an option of its own
+        if arguments[at] in AXIS_OPTIONS and re.fullmatch("-[xyzXYZ]", arguments[at + 1]):
+            arguments = [*arguments[:at], "=".join(arguments[at : at + 2]), *arguments[at + 2 :]]
     if arguments == ["--version"]:
         print(f"vig {__version__}")
         sys.exit(0)

@@ -16,6 +16,8 @@ from vig_world.assets.own.simplify import simplified
 from vig_world.assets.source_meshes import MOST_FACES
 from vig_world.mesh import face_normals
 
+LEAST_WIDTH = 1e-3
+"""Share of its length that a mesh is wide at least; what is narrower is a line."""
 SAME_SHAPE_TOLERANCE = 3e-4
 """Difference of `shape_invariants` up to which two surfaces are one."""
 
@@ -62,7 +64,7 @@ def read_scans(
     folder = folder.parent if only else folder
     scans: list[Scan] = []
     refused = {} if only else dict(read_sources(folder).left_out)
-    files = [(name, path) for name, path in files_of(folder, SUFFIXES) if only in (None, path)]
+    files = [(only.name, only)] if only else files_of(folder, SUFFIXES)
     with Meter(len(files), 0, progress, "files") as meter:
         for name, path in files:
             try:
@@ -134,6 +136,9 @@ def _weld(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarr
     )
     corners = merged.ravel()[faces]
     points = unit[representative]
+    spread = np.sqrt(np.linalg.eigvalsh(np.cov(points[np.unique(corners)].T)).clip(0))
+    if not spread[1] > LEAST_WIDTH * spread[2]:
+        raise UserError("expected triangles with an area; all of them lie on a line.")
     area = np.linalg.norm(face_normals(points, corners), axis=1)
     _, first_of_face = np.unique(np.sort(corners, axis=1), axis=0, return_index=True)
     is_first = np.zeros(len(corners), bool)

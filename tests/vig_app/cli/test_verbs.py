@@ -124,6 +124,11 @@ def test_a_mesh_without_a_place_is_refused_before_it_is_made_ready(
     assert not Path("out").exists()
 
 
+def test_an_axis_may_begin_with_minus(capsys, photo):
+    """Which the parser takes for an option."""
+    assert "expected --up with --mesh" in refused(capsys, "fit", photo, "--up", "-z")
+
+
 def test_a_mesh_is_placed_by_what_was_corrected(tmp_path):
     settings = FitCommand((tmp_path / "photo.png",), mesh=tmp_path / "cup.glb")
     teapot, state = vig.ObjectClass.load("teapot"), State(box=(1.0, 2.0, 3.0, 4.0))

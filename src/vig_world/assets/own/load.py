@@ -6,6 +6,7 @@ Each format is read by a file of `meshes`, as libraries drop in silence what the
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -48,6 +49,11 @@ class Loaded:
     pieces: list[MeshPiece]
     files: dict[str, bytes]
     notes: list[str]
+
+
+def has_one_colour(pieces: Sequence[MeshPiece]) -> bool:
+    """Whether a mesh has no more than one colour, as of a format without any."""
+    return len(pieces) == 1 and pieces[0].texture.size == 3
 
 
 def load(root: Path, path: Path, nodes: tuple[str, ...] = ()) -> Loaded:
