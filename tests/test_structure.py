@@ -15,10 +15,10 @@ PACKAGES = {
     "vig_native": (),
     "vig_renderer": (),
     "vig": ("vig_native", "vig_renderer"),
-    "vig_app": ("vig", "vig_renderer"),
-    "vig_world": ("vig", "vig_renderer"),
-    "vig_train": ("vig", "vig_renderer", "vig_world"),
-    "vig_paper": ("vig", "vig_renderer", "vig_world", "vig_train"),
+    "vig_app": ("vig", "vig_native", "vig_renderer"),
+    "vig_world": ("vig", "vig_native", "vig_renderer"),
+    "vig_train": ("vig", "vig_native", "vig_renderer", "vig_world"),
+    "vig_paper": ("vig", "vig_native", "vig_renderer", "vig_world", "vig_train"),
 }
 ORDER = {
     "vig_native": ("processor",),

@@ -34,10 +34,10 @@ from vig.io.errors import UserError
 from vig.parallel import map_in_processes, on_one_core
 from vig.photo import ImagePyramid, Intrinsics, Window, focal_of
 from vig.photo.images import coded_photo
+from vig.photo.lens import turned_with
 from vig.photo.window import DISTANCE_RATIO_BOUNDS
 from vig.recognition import WEIGHTS_FILE, Recognizer, UninformedRecognizer, find, upright
 from vig.scene import Latents, ObjectClass
-from vig_renderer.device import compute_device
 
 Photo = str | Path | Image.Image | np.ndarray | torch.Tensor
 Box = tuple[float, float, float, float]
@@ -65,7 +65,6 @@ class Explainer:
         self,
         object_class: str | Path | ObjectClass = "teapot",
         settings: ExplainSettings = ExplainSettings(),  # noqa: B008, it is frozen
-        device: str = "cpu",
         recognizer: Recognizer | None = None,
     ):
         """Load a class and its recognition network.
@@ -75,21 +74,19 @@ class Explainer:
             settings: How to fit. What is None in them is that of photographs, and with a window that of
                 pictures by the standard camera; `camera_distance_ratio` follows from the photo's focal length
                 if known.
-            device: "cpu", "cuda" or one of several, "cuda:1": where network and search compute.
             recognizer: A network in place of the class's own. A pack that has none is fitted from starts all
                 round the object, without a calibrated confidence, where a box or a mask tells its place.
 
         Raises:
-            UserError: There is no such class or device, or a part of the class's pack is missing or damaged.
+            UserError: There is no such class, or a part of the class's pack is missing or damaged.
         """
-        device = compute_device(device)
         if not isinstance(settings, ExplainSettings):
             raise UserError(f"expected ExplainSettings; got a {type(settings).__name__}. Pass them by name.")
         if not isinstance(object_class, ObjectClass):
             object_class = on_one_core(partial(ObjectClass.load, object_class))
         self.object_class = object_class
         self.settings = settings
-        self.recognizer = recognizer or on_one_core(partial(recognizer_of, object_class, device))
+        self.recognizer = recognizer or on_one_core(partial(recognizer_of, object_class))
 
     def explain(
         self,
@@ -254,7 +251,7 @@ class Explainer:
                     "expected a class from a pack, for worker processes; got one from memory. Save it first."
                 )
             sent = ((_sendable(photo), *others) for photo, *others in items)
-            shared = folder, self.settings, self.recognizer.device
+            shared = folder, self.settings
             answers = map_in_processes(_prepare, shared, sent, int(number))
             explanations = map(self._received, answers)
         for place, result in enumerate(explanations):
@@ -279,7 +276,7 @@ class Explainer:
         return Explanation(picture, window, _unpacked(fit), self.object_class, *others)
 
 
-def recognizer_of(object_class: ObjectClass, device: str = "cpu") -> Recognizer:
+def recognizer_of(object_class: ObjectClass) -> Recognizer:
     """The class's network, or what stands in for it in a pack for which none was trained.
 
     Raises:
@@ -287,8 +284,8 @@ def recognizer_of(object_class: ObjectClass, device: str = "cpu") -> Recognizer:
     """
     folder = object_class.folder
     if folder is None or not any((folder / name).exists() for name in (WEIGHTS_FILE, CALIBRATION_FILE)):
-        return UninformedRecognizer(object_class, device)
-    return Recognizer.of_class(object_class, device=device)
+        return UninformedRecognizer(object_class)
+    return Recognizer.of_class(object_class)
 
 
 def _lowered_by_presence(fit: Fit, present: float, name: str) -> Fit:
@@ -343,7 +340,7 @@ def lens_of(photo: Photo, focal: float | None = None, camera: Any = None) -> Len
     if camera is not None:
         if focal is not None:
             raise UserError("expected a camera or a focal length; got both. The camera has its own.")
-        return camera, "given"
+        return turned_with(photo, camera), "given"
     if focal is not None:
         return checked_focal(focal), "given"
     of_file = focal_of(photo)
@@ -374,7 +371,7 @@ def _sendable(photo: Photo) -> str | np.ndarray:
     return str(photo) if isinstance(photo, str | Path) else coded_photo(photo)
 
 
-def _prepare(shared: tuple[Path, ExplainSettings, str]) -> Callable[[Any], Any]:
+def _prepare(shared: tuple[Path, ExplainSettings]) -> Callable[[Any], Any]:
     """The work of a process of `Explainer.explain_many`."""
     explainer = Explainer(*shared)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
@@ -40,6 +41,8 @@ VERDICTS = ("failed", "absent", "reverted", "ambiguous", "trusted")
 TEXTS = {"photo", "folder", "class", "error", "verdict", "family", "focal_from", "reason"}
 TRUTHS = {"view_trusted", "mask_trusted", "distance_known", "lost", "refitted"}
 """Columns of text and of truth values; all others hold numbers."""
+FORMULA = re.compile("'*[=+\\-@\t\r\n\uff1d\uff0b\uff0d\uff20]")
+"""Beginning of texts that spreadsheets would compute; a quote before it makes them texts."""
 WHOLE = {"object", "box_x", "box_y", "box_width", "box_height", "width", "height"}
 """Columns of whole numbers."""
 GROUP = 4096
@@ -122,7 +125,7 @@ def write_table(
         writer.writeheader()
         rows = iter(rows)
         while group := list(islice(rows, GROUP)):
-            writer.writerows(group)
+            writer.writerows({name: _cell(value) for name, value in row.items()} for row in group)
             if write_group is not None:
                 arrays = {name: [_text(row.get(name)) for row in group] for name in columns}
                 write_group(pyarrow.table(arrays, schema))
@@ -142,11 +145,19 @@ def read_results(folder: str | Path) -> list[dict[str, Any]]:
     with reading(path, "the table of `vig fit` of several photos", "Name the folder of its results."):
         with open(path, encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
-        return [_checked({name: _value(name, row[name]) for name in COLUMNS}) for row in rows]
+        return [checked_row({name: _value(name, row[name]) for name in COLUMNS}) for row in rows]
 
 
-def _checked(row: dict[str, Any]) -> dict[str, Any]:
-    """A row whose photo and folder are named, the folder within the run; ValueError for others."""
+def checked_row(row: dict[str, Any]) -> dict[str, Any]:
+    """A row whose photo and folder are named, the folder within the run, and whose values are of their types;
+    ValueError for others.
+    """
+    for name in COLUMNS:
+        value, kinds = row.get(name), str if name in TEXTS else (int, float)
+        if value is not None and (
+            not isinstance(value, kinds) or isinstance(value, bool) != (name in TRUTHS)
+        ):
+            raise ValueError(f"the {name} {value!r}")
     folder = PurePath(row["folder"] or "")
     if not folder.parts or folder.is_absolute() or ".." in folder.parts:
         raise ValueError(f"the folder {row['folder']!r}, which is not within the run")
@@ -158,10 +169,15 @@ def _checked(row: dict[str, Any]) -> dict[str, Any]:
 def _value(name: str, text: str) -> Any:
     """What a cell of results.csv stands for."""
     if text == "" or name in TEXTS:
-        return text or None
+        return (text[1:] if text.startswith("'") and FORMULA.match(text) else text) or None
     if name in TRUTHS:
         return text == "True"
     return int(float(text)) if name in WHOLE else float(text)
+
+
+def _cell(value: Any) -> Any:
+    """A cell of results.csv, of which no spreadsheet makes a formula."""
+    return f"'{value}" if isinstance(value, str) and FORMULA.match(value) else value
 
 
 def _text(value: Any) -> Any:

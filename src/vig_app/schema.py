@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import UNSET, Meta, UnsetType
+
+from vig.io.checks import read_json, reading
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 Probability = Annotated[float, Meta(ge=0, le=1)]
@@ -93,6 +96,8 @@ class Pinhole(msgspec.Struct):
     covariance: Matrix6
     distance_known: bool
     camera_from_mesh: Matrix4 | UnsetType = UNSET
+    mesh_up: Literal["+x", "-x", "+y", "-y", "+z", "-z"] | UnsetType = UNSET
+    mesh_up_known: bool | UnsetType = UNSET
 
 
 class Hints(msgspec.Struct):
@@ -143,6 +148,15 @@ class Explanation(msgspec.Struct):
     glb_from_object: Matrix4
     frames: dict[str, str]
     hints: Hints
+
+
+def read_explanation(folder: Path, remedy: str = "Explain the photo anew with `vig fit`.") -> dict[str, Any]:
+    """What explanation.json of a folder of results holds; UserError, with a remedy, unless it is one."""
+    path = folder / "explanation.json"
+    with reading(path, "an explanation of `vig fit`", remedy):
+        described: dict[str, Any] = read_json(path)
+        msgspec.convert(described, Explanation)
+        return described
 
 
 SCHEMAS = {"explanation": Explanation}

@@ -128,23 +128,6 @@ KEPT_LAUNCHES = 256
 _here = threading.local()
 
 
-def compute_device(name: str) -> str:
-    """The full name, "cpu" or such as "cuda:0", of a device on which torch and Warp compute.
-
-    Raises:
-        UserError: There is none of this name here.
-    """
-    available = ["cpu"]
-    if name != "cpu":
-        initialise()
-        available += [f"cuda:{n}" for n in range(min(torch.cuda.device_count(), wp.get_cuda_device_count()))]
-    full = "cuda:0" if name == "cuda" else name
-    if full not in available:
-        listed = " or ".join(f"'{each}'" for each in available)
-        raise UserError(f"expected device {listed}; got '{name}'. Leave it out for the CPU.")
-    return full
-
-
 def current_stream(device: torch.device | str) -> wp.Stream | None:
     """torch's current stream on a GPU, so that kernels and torch's own run in turn; None on the CPU."""
     if torch.device(device).type == "cpu":

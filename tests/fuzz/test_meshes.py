@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
 from tests.fuzz.mutations import REVIEW_ORDER, damaged, outcomes
 from vig.io.errors import UserError
@@ -15,10 +16,10 @@ from vig_world.assets.own.load import load
 from vig_world.assets.own.settings import settings_of
 
 
-def mutants(data: bytes, path: Path, count: int, seed: int) -> Iterator[Path]:
+def mutants(data: bytes, path: Path, count: int, seed: int, kept: int = 0) -> Iterator[Path]:
     rng = np.random.default_rng(seed)
     for _ in range(count):
-        path.write_bytes(damaged(data, rng))
+        path.write_bytes(data[:kept] + damaged(data[kept:], rng))
         yield path
 
 
@@ -58,6 +59,36 @@ def test_damaged_scenes(tmp_path: Path) -> None:
     assert counts.total() == 300 and counts["refused"] > 60
 
 
+MATERIALS = {
+    "m.mtl": b"# \xfcber\nnewmtl a\nKd 0.8 0.1 0.1\nd 0.5\nTr 1\nmap_Kd -s 1 1 1 -o 0 0 t.png\nmap_d t.png\n"
+    b"newmtl b\nKd 0 1 0\n",
+    "a.obj": b"mtllib m.mtl n.mtl\nusemtl a\n"
+    b"v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nvt 0 0\nvt 1 0\nvt 0 1\n"
+    b"f 1/1 2/2 3/3\nusemtl \xe7\xba\xa2 # b\nf 3/3 2/2 1/1\n",
+    "a.ply": b"ply\nformat ascii 1.0\n"
+    b"comment TextureFile t.png\ncomment TextureFile u.png\nelement vertex 3\n"
+    b"property float x\nproperty float y\nproperty float z\nproperty float s\nproperty float t\n"
+    b"property uchar red\nproperty uchar green\nproperty uchar blue\nelement face 2\n"
+    b"property list uchar int vertex_indices\nproperty list uchar float texcoord\nproperty int texnumber\n"
+    b"end_header\n0 0 0 0 0 9 9 9\n1 0 0 1 0 9 9 9\n0 1 0 0 1 9 0 9\n3 0 1 2 6 0 0 1 0 0 1 0\n"
+    b"3 2 1 0 6 0 1 1 0 0 0 1\n",
+}
+
+
+@pytest.mark.parametrize("name", MATERIALS)
+def test_damaged_materials(name: str, tmp_path: Path, count: int = 100) -> None:
+    """An MTL library, an OBJ that names it, and a PLY with pictures; a damaged library costs no mesh."""
+    for file, data in MATERIALS.items():
+        (tmp_path / file).write_bytes(data)
+    Image.new("RGBA", (4, 4), (200, 20, 20, 99)).save(tmp_path / "t.png")
+    mesh = tmp_path / ("a.ply" if name == "a.ply" else "a.obj")
+    header = max(MATERIALS[name].find(b"end_header"), 0)  # kept in half of the mutants
+    for kept in {0, header}:
+        mutant = mutants(MATERIALS[name], tmp_path / name, count, 3, kept)
+        counts = outcomes(mutant, lambda _: loaded(mesh))
+        assert counts["accepted"] == count or (name != "m.mtl" and counts.total() == count)
+
+
 @pytest.mark.parametrize(
     "face",
     [" 1 2 3" * 700_000, " 1/1/1 2/2/2\t3/3/3" * 700_000, " 1 2 3\\\n" * 700_000],
@@ -91,7 +122,7 @@ def test_files_outside_the_folder_are_not_read(tmp_path: Path) -> None:
         path = tmp_path / "in" / "a.obj"
         path.write_text(f"mtllib {name}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n")
         held = load(tmp_path / "in", path)
-        assert list(held.files) == ["a.obj"] and held.missing
+        assert list(held.files) == ["a.obj"] and held.notes
 
 
 def test_strange_settings(tmp_path: Path) -> None:

@@ -42,9 +42,9 @@ WORLD_OPTIONS: dict[str, dict[str, Any]] = {
 """Arguments of `make_dataset` by the name of the world."""
 SAMPLES, SEED = 20, 31
 DEVIATIONS, LEAST_TOLERANCE_DEG, SHARE_TOLERANCE = 4.0, 5.0, 0.1
-"""By how much explanations may differ between kinds of processor, whose sums round otherwise, which fits amplify:
-angles by so many of their stated deviations, or degrees where that is less; shares and confidences. Between
-AVX512, AVX2 and plain arithmetic azimuths of trusted views differ by 2.7 deviations at the most."""
+"""By how much explanations may differ between kinds of processor, whose sums round otherwise, which fits
+amplify: angles by so many of their stated deviations, or degrees where that is less; shares and confidences.
+Between AVX512, AVX2 and plain arithmetic azimuths of trusted views differ by 2.7 deviations at the most."""
 
 
 def machine() -> str:

@@ -102,7 +102,7 @@ ARRAYS = [
     (GREY.astype(str), "expected uint8 sRGB or .*; got <U.*. Convert it"),
     (GREY * 1j, "expected uint8 sRGB or .*; got complex128. Convert it"),
     (GREY[:8], "expected at least 16 pixels a side; got 30 x 8. Give a larger"),
-    (np.broadcast_to(np.float32(0), (16, MAX_PIXELS, 3)), "expected at most 100 megapixels; got .* Make it"),
+    (np.broadcast_to(np.float32(0), (16, MAX_PIXELS, 3)), "expected at most 250 megapixels; got .* Make it"),
     (Image.new("RGB", (8, 40)), "expected at least 16 pixels a side; got 8 x 40. Give a larger"),
     (None, "expected a path, a PIL image or an array; got a NoneType. Convert it"),
     ([[0.5]], "expected a path, a PIL image or an array; got a list. Convert it"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import errno
 import importlib.util
 import io
@@ -20,7 +21,7 @@ from vig.io.errors import UserError
 from vig_app.cli.main import main
 from vig_app.examples import example_photos
 from vig_app.exports import export_run
-from vig_app.results import COLUMNS, RowsOnDisk, read_results, write_table
+from vig_app.results import COLUMNS, TEXTS, RowsOnDisk, read_results, write_table
 from vig_app.runs import RunSettings, Task, run
 
 FOCAL = 400.0
@@ -177,6 +178,23 @@ def test_rows_of_a_run_are_kept_on_disk_in_the_order_of_the_photos() -> None:
     assert [row["folder"] for row in again[6:11]] == ["p6", "p7", "p7/1-mug", "p8", "p9"]
     assert again[8]["photo"] == "caf\udce9.jpg" and again[10]["verdict"] is None
     assert again[0] == next(iter(rows)) == full | {"folder": "p0", "confidence": 0.1}
+
+
+@pytest.mark.parametrize(
+    "name", ["=1+1", "@SUM(A1)", "+1", "-1", "\t=1", "\r1", "'=1", "\uff1d1", "'a", "a=1"]
+)
+def test_no_text_of_a_table_is_a_formula(name: str, tmp_path: Path) -> None:
+    row = dict.fromkeys(COLUMNS) | {
+        "photo": f"{name}.png",
+        "folder": name,
+        "error": f"{name}: why",
+        "roll_deg": -1.5,
+    }
+    write_table(tmp_path, [row])
+    with open(tmp_path / "results.csv", encoding="utf-8", newline="") as file:
+        (cells,) = csv.DictReader(file)
+    assert not any(cells[column].startswith(("=", "@", "+", "-", "\t", "\r", "\uff1d")) for column in TEXTS)
+    assert cells["roll_deg"] == "-1.5" and read_results(tmp_path) == [row]
 
 
 @pytest.mark.parametrize("when", ["made", "written"])

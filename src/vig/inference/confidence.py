@@ -75,13 +75,13 @@ def assess(
     if calibration is not None:
         mask_confidence = 0.0 if verdict is Verdict.FAILED else calibration.mask_confidence(features)
         mask_trusted = mask_confidence >= calibration.mask_threshold
-    deviations = _deviation(objective, normal.cpu())
+    deviations = _deviation(objective, normal)
     path = symmetry.canonical(objective.latents(selection.path))
     place, uniform = latent_layout(latents.shape.shape[1]).at("azimuth"), UNIFORM_TURN / max(symmetry.fold, 1)
     position = torch.tensor(UNCALIBRATED_POSITION)
     rough = calibration is None and settings.widened
     if rough:  # no number's above a uniform's within its bounds
-        within_bounds = ((objective.upper - objective.lower) / math.sqrt(12)).cpu().double()
+        within_bounds = ((objective.upper - objective.lower) / math.sqrt(12)).double()
         deviations = torch.minimum(UNCALIBRATED_WIDENING * deviations, within_bounds)
     deviation = objective.latents(deviations).to_vector()[0]
     if rough:
@@ -190,13 +190,13 @@ def _show(objective: Objective, point: torch.Tensor, latents: Latents, model: Pi
         and evaluation.irradiance is not None
         and evaluation.posterior is not None
     )
-    coverage, posterior = evaluation.coverage.cpu(), evaluation.posterior.cpu()
+    coverage, posterior = evaluation.coverage, evaluation.posterior
     likelihood = objective.likelihood
     observed, log_prior = (
-        image.cpu().view(*coverage.shape, 3) for image in (likelihood.observed, likelihood.log_prior)
+        image.view(*coverage.shape, 3) for image in (likelihood.observed, likelihood.log_prior)
     )
     # A Lambertian surface of one albedo: colour = albedo x irradiance.
-    rendered = evaluation.irradiance.cpu()[..., None] * latents.albedo[:, None, None]
+    rendered = evaluation.irradiance[..., None] * latents.albedo[:, None, None]
     amodal = coverage >= 0.5
     decorated = torch.zeros(amodal.shape[1:]) if objective.decorated is None else objective.decorated
     # What shows another of the object's own colours is visible, too.
@@ -317,7 +317,7 @@ def unsure(confidence: float, threshold: float) -> str:
 def _deviation(objective: Objective, normal: torch.Tensor) -> torch.Tensor:
     """Standard deviations (1, P') from the inverse normal matrix (P', P') of the numbers that are free."""
     # Held numbers have no deviation, and would make the matrix singular.
-    free = (objective.lower < objective.upper).cpu()
+    free = objective.lower < objective.upper
     matrix = normal[free][:, free].double()
     matrix = matrix + 1e-9 * matrix.diagonal().max() * torch.eye(len(matrix), dtype=torch.float64)
     deviation = torch.zeros(1, len(normal), dtype=torch.float64)

@@ -29,8 +29,8 @@ def explain(
 ) -> Iterator[Fit]:
     """Explain photos (N, 150, 150, 3), linear RGB, in their order, as many at once as torch has threads.
 
-    Pixels outside `valid` (N, 150, 150) bool are padding and do not count; hints are of all photos. A start that is
-    `expected` is of one photo.
+    Pixels outside `valid` (N, 150, 150) bool are padding and do not count; hints are of all photos. A start
+    that is `expected` is of one photo.
     """
     chosen = resolve(settings or ExplainSettings(), object_class)
     prediction = recognizer(photos) if expected is None else expected.predict(photos)

@@ -189,14 +189,14 @@ class PlaceTerm(ABC):
 
     def value(self, points: torch.Tensor) -> torch.Tensor:
         """log p of points (B, P') up to a constant: (B,) float64."""
-        residuals_of_points = torch.func.vmap(self.residuals)(points.double().cpu())
+        residuals_of_points = torch.func.vmap(self.residuals)(points.double())
         return -0.5 * residuals_of_points.square().sum(1)
 
     def add_to(
         self, points: torch.Tensor, value: torch.Tensor, gradient: torch.Tensor, normal: torch.Tensor
     ) -> None:
         """Add log p to values (B,), its gradient to (B, P'), -log p's matrix to (B, P', P')."""
-        host = points.double().cpu()
+        host = points.double()
         off = torch.func.vmap(self.residuals)(host)
         slopes = torch.func.vmap(torch.func.jacfwd(self.residuals))(host)
         value += (-0.5 * off.square().sum(1)).to(value)

@@ -191,10 +191,10 @@ class Objective:
     def search(
         self, starts: torch.Tensor, sigma: float, budget: Budget, damping: float, give_up: float
     ) -> Descent | None:
-        """Levenberg-Marquardt searches of the first photo by native code; None where there are terms of places
-        or another likelihood.
+        """Search the first photo's maximum by native code, see `LevenbergMarquardt`.
 
-        See `LevenbergMarquardt`. Starts (B, P') are shared out to threads; without iterations they are only valued.
+        Starts (B, P') are shared out to threads; without iterations they are only valued. None where there
+        are terms of places or another likelihood.
         """
         if self.terms or not isinstance(self.likelihood, Likelihood):
             return None

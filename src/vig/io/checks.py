@@ -25,6 +25,8 @@ from vig_renderer.checks import check_indices as check_indices
 
 MOST_JSON = 16 << 20
 """Bytes of a JSON file, unless its reader has another limit."""
+MOST_TABLE = 1 << 30
+"""Bytes of a JSON file with an entry for each of many photos."""
 MOST_TENSORS = 1 << 30
 """Bytes of a safetensors file."""
 
@@ -75,6 +77,19 @@ def read_bytes(path: str | Path, most: int = MOST_JSON) -> bytes:
     if len(data) > most:
         raise ValueError(f"it has more than the {most:,} bytes that are read")
     return data
+
+
+def name_stand_in(data: bytes) -> str | None:
+    """Return what a file is that stands for another one, and the remedy, by its first bytes; else None."""
+    start = data[:1024].removeprefix(b"\xef\xbb\xbf").lstrip().lower()
+    if start.startswith(b"version https://git-lfs"):
+        return "a Git LFS pointer; run git lfs pull"
+    if start.startswith((b"/annex/objects/", b"../.git/annex/", b".git/annex/")):
+        return "a git-annex pointer; run git annex get"
+    if start.startswith(b"<"):  # as no mesh and no picture does but SVG
+        kind = "a web page" if b"html" in start else "an XML document"
+        return f"{kind}; download the file itself (GitHub: Raw)"
+    return None
 
 
 def _check_regular(status: os.stat_result, most: int) -> None:

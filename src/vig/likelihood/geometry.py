@@ -16,10 +16,10 @@ class Geometry:
     Attributes:
         layout: Blocks of a point: latents, then framing.
         native: The same for the native library.
-        positions: (K + 1, V, 3) mean and components: the sum of (1, coefficients) times these are the vertices.
+        positions: (K + 1, V, 3) mean and components; (1, coefficients) times these are the vertices.
         faces, edges: (F, 3), (E, 5) int32, see `edges_of`.
-        transfer: (K + 1, V, 9) what self-shadowing and interreflection add to the lobes A_l Y_lm of each vertex, of
-            the mean shape and per component, see `ObjectClass.transfer`; None for none.
+        transfer: (K + 1, V, 9) what self-shadowing and interreflection add to the lobes A_l Y_lm of each
+            vertex, of the mean shape and per component, see `ObjectClass.transfer`; None for none.
         reflectance: (V,) by which irradiance is multiplied, see `ObjectClass.reflectance`.
     """
 

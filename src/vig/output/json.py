@@ -17,6 +17,7 @@ from vig.inference.settings import UNIFORM_TURN
 from vig.io.files import atomic_write
 from vig.photo.window import Window
 from vig.scene import Camera, Latents, ObjectClass, latent_layout
+from vig.scene.object_class import axis_name
 
 FORMAT = 2
 """Of explanation.json; docs/explanation.md describes it."""
@@ -155,7 +156,11 @@ def camera_from_mesh(camera_from_object: np.ndarray, object_class: ObjectClass) 
         return {}
     pose = camera_from_object @ object_class.object_from_mesh
     scale = float(np.cbrt(np.linalg.det(pose[:3, :3])))
-    return {"camera_from_mesh": [*(pose[:3] / scale).tolist(), [0.0, 0.0, 0.0, 1.0]]}
+    return {
+        "camera_from_mesh": [*(pose[:3] / scale).tolist(), [0.0, 0.0, 0.0, 1.0]],
+        "mesh_up": axis_name(object_class.object_from_mesh[2, :3]),
+        "mesh_up_known": object_class.up_known,
+    }
 
 
 def _pose(camera: Camera, latents: Latents) -> np.ndarray:

@@ -12,7 +12,7 @@ import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import torch
 
@@ -39,7 +39,7 @@ def on_one_core(work: Callable[[], Result]) -> Result:
     """
     if getattr(_here, "count", None) is not None or torch.get_num_threads() == 1:
         return work()
-    return _callers().submit(_counting, thread_count(), _on_stream(work)).result()
+    return _callers().submit(_counting, thread_count(), work).result()
 
 
 def run_on_threads(work: Callable[[int], None], count: int) -> None:
@@ -48,7 +48,7 @@ def run_on_threads(work: Callable[[int], None], count: int) -> None:
         for index in range(count):
             work(index)
         return
-    for _ in _pool(count).map(_on_stream(work), range(count)):
+    for _ in _pool(count).map(work, range(count)):
         pass
 
 
@@ -58,20 +58,7 @@ def map_on_threads(work: Callable[[Item], Result], items: Sequence[Item]) -> Ite
     When its consumer stops early, items that were not begun are dropped.
     """
     threads = min(thread_count(), len(items))
-    yield from map(work, items) if threads <= 1 else _pool(threads).map(_on_stream(work), items)
-
-
-def _on_stream(work: Callable[..., Result]) -> Callable[..., Result]:
-    """Work under the caller's stream of a GPU: which one is current, torch keeps for each thread."""
-    if not torch.cuda.is_initialized():
-        return work
-    stream = torch.cuda.current_stream()
-
-    def on_stream(*arguments: Any) -> Result:
-        with torch.cuda.stream(stream):
-            return work(*arguments)
-
-    return on_stream
+    yield from map(work, items) if threads <= 1 else _pool(threads).map(work, items)
 
 
 @functools.cache

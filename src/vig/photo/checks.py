@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import NoReturn
 
 from vig.io.errors import UserError
+from vig.io.files import as_stored
 
 MIN_SIDE = 16
 """Pixels of a photo's shorter side, at least."""
-MAX_PIXELS = 100_000_000
-"""Pixels of a photo, at most: 300 MB as 8-bit RGB."""
+MAX_PIXELS = 250_000_000
+"""Pixels of a photo, at most: phones have 200 megapixels, whose 8-bit RGB takes 2 GB to decode."""
+ADDRESS = re.compile(r"[A-Za-z][\w+.-]+:/")
+"""Beginning of an address such as http://, from which a path loses a slash."""
+MAX_FLOAT_PIXELS = 100_000_000
+"""Pixels of one that is kept as floats, of 16 bits, with transparency or HDR."""
 
 
 def existing_file(path: str | Path) -> Path:
-    path = Path(path)
+    path = as_stored(Path(path))
     wanted = "an image file"
     try:
         if path.is_dir():
             refuse(path, wanted, "a folder", "Name the files in it.")
+        if ADDRESS.match(str(path)) and not path.exists():
+            refuse(path, wanted, "an address", "Download it; a live stream is for vig fit --track --live.")
         if not path.exists():
             refuse(path, wanted, "nothing of that name", "Check the path.")
         if not path.is_file():
@@ -39,12 +47,13 @@ def check_size(path: Path, width: int, height: int) -> None:
     if min(width, height) < MIN_SIDE:
         received = f"{width} x {height}"
         refuse(path, f"at least {MIN_SIDE} pixels a side", received, "Give a larger picture.")
-    if width * height > MAX_PIXELS:
-        refuse_huge(path, f"{width} x {height} = {width * height / 1e6:.0f}")
+    check_pixels(path, width, height, MAX_PIXELS)
 
 
-def refuse_huge(path: Path, received: str) -> NoReturn:
-    refuse(path, f"at most {MAX_PIXELS / 1e6:.0f} megapixels", received, "Make it smaller.")
+def check_pixels(path: Path, width: int, height: int, most: int, of_what: str = "") -> None:
+    if width * height > most:
+        received = f"{width} x {height} = {width * height / 1e6:.0f}"
+        refuse(path, f"at most {most / 1e6:.0f} megapixels{of_what}", received, "Make it smaller.")
 
 
 def refuse(path: Path, expected: str, received: str, remedy: str) -> NoReturn:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import re
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
 from PIL import ExifTags, Image, ImageCms, ImageFile, ImageOps, UnidentifiedImageError
 
 from vig.photo import formats
-from vig.photo.checks import check_size, head_of, refuse
+from vig.photo.checks import MAX_FLOAT_PIXELS, check_pixels, check_size, head_of, refuse
 from vig.photo.colour import SRGB, Profile, encoding_of, in_srgb
 from vig.photo.packed import packed_picture
 from vig.scene.light import linear_from_srgb
@@ -23,6 +24,7 @@ LINEAR: np.ndarray = linear_from_srgb(np.arange(256) / 255).astype(np.float32)
 PHOTO = "a photo (JPEG, PNG, WebP, TIFF, ...)"
 # Only formats that pillow decodes itself: no vector files, no outside programs.
 FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF")
+_PILLOW_LIMIT = threading.Lock()
 UNSCALED = 4096
 """A 16-bit picture whose samples are all below is one of 12 bits or fewer, not scaled to 16; so is one whose
 brightest is exactly that of 13 to 15 bits."""
@@ -42,7 +44,7 @@ def opened(path: Path) -> Image.Image:
         image: ImageFile.ImageFile = HeifImageFile(path)  # type: ignore[no-untyped-call]
     else:
         try:
-            image = Image.open(path, formats=FORMATS)
+            image = _opened_of_any_size(path)
         except UnidentifiedImageError:
             if head_of(path).startswith(formats.TIFF_MAGIC) and (packed := packed_picture(path)):
                 return packed
@@ -52,6 +54,16 @@ def opened(path: Path) -> Image.Image:
     except BaseException:
         image.close()
         raise
+
+
+def _opened_of_any_size(path: Path) -> ImageFile.ImageFile:
+    """Open a file without pillow's own limit, which is that of the process; `check_size` has ours."""
+    with _PILLOW_LIMIT:
+        former, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
+        try:
+            return Image.open(path, formats=FORMATS)
+        finally:
+            Image.MAX_IMAGE_PIXELS = former
 
 
 def _largest(path: Path, image: ImageFile.ImageFile) -> Image.Image:
@@ -121,6 +133,9 @@ def decoded(path: Path, image: Image.Image) -> np.ndarray:
     if encoding is None and alpha is None:
         return samples
     assert not isinstance(encoding, Profile)
+    check_pixels(
+        path, samples.shape[1], samples.shape[0], MAX_FLOAT_PIXELS, " of 16 bits, HDR or with transparency"
+    )
     byte = samples.dtype == np.uint8
     light = LINEAR[samples] if encoding is None else encoding.light(samples, 255 if byte else white)
     light = np.broadcast_to(light, (*light.shape[:2], 3))
@@ -172,7 +187,7 @@ def _sixteen_bits(path: str, image: Image.Image) -> np.ndarray | None:
     swapped = {"L": "B", "B": "L", "N": "B" if sys.byteorder == "little" else "L"}
     if not path or getattr(image, "tag_v2", {}).get(formats.PLANAR) == 2:
         return None
-    with Image.open(path, formats=FORMATS) as lower:
+    with _opened_of_any_size(Path(path)) as lower:
         lower.seek(image.tell())
         tiles = []
         for tile in lower.tile:

@@ -9,7 +9,9 @@ from __future__ import annotations
 import struct
 import warnings
 import zlib
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import torch
@@ -18,11 +20,12 @@ from PIL import Image, UnidentifiedImageError
 
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
-from vig.photo.checks import MAX_PIXELS, check_size, existing_file, refuse, refuse_huge
+from vig.photo.checks import check_size, existing_file, refuse
 from vig.photo.decoding import LINEAR, PHOTO, decoded, opened
 from vig.photo.formats import unread_samples
 from vig.scene.light import srgb8_from_linear
 
+Picture = TypeVar("Picture")
 ROUNDING = 1e-6
 """By which floats may lie beyond [0, 1]: resampling rounds."""
 UP = 2
@@ -34,29 +37,33 @@ def read_photo(path: str | Path) -> np.ndarray:
     return linear_photo(coded_photo(path))
 
 
-def _read(path: str | Path) -> np.ndarray:
-    """Read a photo (H, W, 3) in the form that `coded_photo` returns.
+def read_picture(path: str | Path, what: str, decode: Callable[[Path, Image.Image], Picture]) -> Picture:
+    """Open a picture's file and decode it.
+
+    Args:
+        path: Of the file.
+        what: It should be, such as "photo".
+        decode: Takes the path, which errors name, and the opened picture.
 
     Raises:
         UserError: It is missing, unreadable, damaged, tiny (a side under `MIN_SIDE`), huge (over
-            `MAX_PIXELS`, judged by its header), of oblong pixels, or another kind of file (`why_no_photo`).
+            `MAX_PIXELS`, judged by its header), or another kind of file (`why_no_photo`).
     """
     path = existing_file(path)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # pillow's own bomb warning: the limit below is ours
+        warnings.simplefilter("ignore")  # of damaged parts that a decoder passes over
         try:
             with opened(path) as image:
-                return decoded(path, image)
+                return decode(path, image)
         except UserError:
             raise
         except MemoryError:
-            refuse(path, "a photo that fits into memory", "too large a one", "Make it smaller.")
-        except Image.DecompressionBombError:
-            refuse_huge(path, f"more than {MAX_PIXELS / 1e6:.0f}")
+            refuse(path, f"a {what} that fits into memory", "too large a one", "Make it smaller.")
         except UnidentifiedImageError:
-            refuse(path, PHOTO, unread_samples(path) or "something else", "Convert it to JPEG or PNG.")
+            expected = PHOTO.replace("photo", what)
+            refuse(path, expected, unread_samples(path) or "something else", "Convert it to JPEG or PNG.")
         except Exception as error:  # a decoder may raise anything on a damaged file
-            refuse(path, "a whole photo", f"a damaged one ({error})", "Save or copy it again.")
+            refuse(path, f"a whole {what}", f"a damaged one ({error})", "Save or copy it again.")
 
 
 def as_photo(photo: str | Path | Image.Image | np.ndarray | torch.Tensor) -> np.ndarray:
@@ -101,7 +108,7 @@ def coded_photo(photo: str | Path | Image.Image | np.ndarray | torch.Tensor) -> 
         UserError: It is none of these, has another shape, type or range, or is tiny or huge.
     """
     if isinstance(photo, str | Path):
-        return _read(photo)
+        return read_picture(photo, "photo", decoded)
     name = Path("the photo")
     if isinstance(photo, Image.Image):
         check_size(name, *photo.size)

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import re
+import reprlib
+import sys
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
@@ -11,6 +14,7 @@ from typing import Any, NoReturn
 import numpy as np
 from PIL import ExifTags, Image
 
+from vig.io.checks import number_of
 from vig.io.errors import UserError
 from vig.photo.checks import existing_file
 from vig.photo.decoding import opened
@@ -29,11 +33,31 @@ WIDEST = 0.15
 """Focal length, in longer sides of the photo, below which K is not in this photo's pixels."""
 MOST_OFF_CENTRE = 3.0
 """Sides of the photo from its middle within which a principal point may lie: crops have it outside."""
+SURELY_NEARER = 0.5
+"""Ratio of distances to two middles from which a principal point is that of the nearer."""
+SAME_MIDDLE = 0.1
+"""Of one that is in the middle of a photo whose sides are exchanged: that of another, or turned, photo."""
 LEAST_COSINE = 0.2
 """Of the angle between the lens's optical axis and the rays of a window that is looked at through it."""
-DISTORTION = ("d", "D", "dist", "k1", "k2", "k3", "k4", "p1", "p2")
-"""What files of cameras call the coefficients of a lens's distortion."""
-FIELDS = (("fx", "fl_x"), ("fy", "fl_y"), ("cx", "cx"), ("cy", "cy"))
+DISTORTION = re.compile(
+    r"d|(?!undist).*dist(?!anc).*|.*coef.*|.*(radial|tangential).*|[kps][1-9]|tau[xy]|xi|omega|kc|alphac?|skew"
+)
+"""Keys of the coefficients of a lens's distortion in files of cameras, as `_key` has them."""
+MODEL = re.compile("model|type|projection")
+NOT_PINHOLE = re.compile(
+    r"fish|equi|omni|kannala|ucm|double|fov|spher|cylind|ortho|theta|scaramuzza|\b(ds|mei|kb\d?)\b", re.I
+)
+"""Names of lenses that are not drawn by a K, whatever their coefficients are."""
+SIZES = (
+    ("width", "w", "imagewidth", "imgwidth"), ("height", "h", "imageheight", "imgheight"),
+    ("resolution", "imagesize", "imgsize", "size", "imageresolution"),
+)  # fmt: skip
+"""Keys of width, of height, and of both."""
+MATRICES = ("K", "k", "cam_K", "camera_matrix", "intrinsic_matrix", "intrinsics")
+"""Keys of K, or of fx, fy, cx, cy."""
+PARAMETERS = "params"
+"""COLMAP's key of fx, fy, cx, cy or f, cx, cy, and coefficients of distortion."""
+FIELDS = (("fx", "fl_x"), ("fy", "fl_y"), ("cx", "ppx"), ("cy", "ppy"))
 REMEDY = "Give fx,fy,cx,cy in pixels of this photo, undistorted."
 
 
@@ -55,8 +79,8 @@ class Intrinsics:
 
         Args:
             camera: A focal length, for a principal point in the middle; `Intrinsics`; fx, fy, cx, cy; K as
-                (3, 3) or its nine numbers row by row; or a mapping with one of these as "K", "k" or "cam_K",
-                or with "fx" or "fl_x", "fy" or "fl_y", "cx" and "cy".
+                (3, 3) or its nine numbers row by row; or a mapping with one of these by a name of `MATRICES`,
+                with "fx", "fy", "cx" and "cy" or other names of them (`FIELDS`), or with COLMAP's "params".
             width: Of the photo, pixels; and height.
 
         Raises:
@@ -68,11 +92,10 @@ class Intrinsics:
             lens = Intrinsics(camera, camera, width / 2, height / 2)
         else:
             lens = Intrinsics(*_four_numbers(camera))
-        if isinstance(camera, Mapping):
-            size = [camera.get(long, camera.get(short)) for long, short in (("width", "w"), ("height", "h"))]
-            if None not in size and size != [width, height]:
-                received = f"one of {size[0]} x {size[1]}. Scale it"
-                _refuse(f"a camera of a photo of {width} x {height}", received)
+        size = _size_of(camera)
+        if any(given not in (None, own) for given, own in zip(size, (width, height), strict=True)):
+            received = "one of {} x {}. Scale it".format(*(reprlib.repr(given) for given in size))
+            _refuse(f"a camera of a photo of {width} x {height}", received)
         longer, numbers = max(width, height), (lens.fx, lens.fy, lens.cx, lens.cy)
         words = "fx {:g}, fy {:g}, cx {:g}, cy {:g}".format(*numbers)
         if not all(map(math.isfinite, numbers)) or min(lens.fx, lens.fy) <= 0:
@@ -115,23 +138,140 @@ class Intrinsics:
         return np.stack([right, np.cross(forward, right), forward]), focal
 
 
+def turned_with(photo: object, camera: Any) -> Any:
+    """The camera of a photo as it is shown, where it may be given as that of the stored picture, which EXIF's
+    orientation turns by a quarter: by its size, else by which of the two has the principal point in the
+    middle. One that is turned is reported in a line.
+
+    Args:
+        photo: A file or a PIL image; others are as they are shown.
+        camera: As `Intrinsics.of` takes it.
+
+    Raises:
+        UserError: It may be either's.
+    """
+    orientation, (width, height) = _stored(photo)
+    if width == height or isinstance(camera, float):
+        return camera
+    lens = camera if isinstance(camera, Intrinsics) else Intrinsics(*_four_numbers(camera))
+    is_turned, sized = orientation > 4, None not in (size := _size_of(camera))
+    shown, other = ((height, width), (width, height))[:: 1 if is_turned else -1]
+    to_shown, to_other = (math.dist((2 * lens.cx, 2 * lens.cy), each) for each in (shown, other))
+    if sized:
+        to_shown, to_other = float(size != shown), float(size != other)
+    if to_shown <= to_other * SURELY_NEARER or (
+        not is_turned and (sized or to_other > to_shown * SAME_MIDDLE)
+    ):
+        return camera
+    name = photo if isinstance(photo, str | Path) else "the photo"
+    if not is_turned or to_other > to_shown * SURELY_NEARER:
+        if sized:  # of neither, which is refused where it meets the photo
+            return camera
+        raise UserError(
+            f"{name}: expected a camera of the photo as it is shown, {shown[0]} x {shown[1]}; got cx"
+            f" {lens.cx:g}, cy {lens.cy:g}, which may be of one of {other[0]} x {other[1]}. Turn it with the"
+            ' photo, or give "width" and "height" with it (--cameras).'
+        )
+    turned = Intrinsics(
+        lens.fy,
+        lens.fx,
+        lens.cy if orientation in (5, 8) else height - lens.cy,
+        lens.cx if orientation in (5, 6) else width - lens.cx,
+    )
+    words = (
+        f"the camera of {str(name)!r} is that of the stored {width} x {height}, which EXIF turns; turned with"
+        f" it to fx {turned.fx:g}, fy {turned.fy:g}, cx {turned.cx:g}, cy {turned.cy:g}"
+    )
+    print(f"vig: {words}", file=sys.stderr)
+    return turned
+
+
+def _stored(photo: object) -> tuple[int, tuple[int, int]]:
+    """EXIF's orientation of a photo, 1 where it states none, and width and height before it is turned."""
+    try:
+        if isinstance(photo, str | Path):
+            with opened(existing_file(photo)) as image:
+                return _stored(image)
+        assert isinstance(photo, Image.Image)
+        if before := photo.info.get("original_orientation"):  # HEIF, which its decoder turns
+            return before, (photo.height, photo.width) if before > 4 else photo.size
+        orientation = photo.getexif().get(ExifTags.Base.Orientation, 1)
+        return orientation if orientation in range(1, 9) else 1, photo.size
+    except Exception:  # what cannot be read is refused where it is decoded
+        return 1, (0, 0)
+
+
+def _key(name: object) -> str:
+    return re.sub(r"[\W_]", "", str(name)).lower()
+
+
+def _flat(camera: Mapping[Any, Any]) -> dict[Any, Any]:
+    """A mapping with the fields of a matrix's own mapping, and with OpenCV's `data` in place of its."""
+    flat = dict(camera)
+    for name in MATRICES:
+        if isinstance(inner := flat.get(name), Mapping):
+            flat |= {name: inner["data"]} if "data" in inner else {name: None, **inner}
+    return {name: value for name, value in flat.items() if value is not None}
+
+
+def _size_of(camera: Any) -> tuple[Any, Any]:
+    """Width and height that a mapping states, None for what it does not."""
+    if not isinstance(camera, Mapping):
+        return None, None
+    fields = {_key(name): value for name, value in _flat(camera).items()}
+    width, height, both = (next((fields[key] for key in keys if key in fields), None) for keys in SIZES)
+    if isinstance(both, Mapping):
+        return _size_of(both)
+    if isinstance(both, list | tuple) and len(both) == 2:
+        return both[0] if width is None else width, both[1] if height is None else height
+    return width, height
+
+
+def _check_pinhole(camera: Mapping[Any, Any]) -> None:
+    """UserError for a lens with distortion, by whichever name."""
+    for name, value in camera.items():
+        key = _key(name)
+        if isinstance(value, str) and MODEL.search(key):
+            if NOT_PINHOLE.search(value):
+                _refuse("a pinhole camera", f"'{value[:40]}' in '{name}'. Undistort the photo first")
+        elif DISTORTION.fullmatch(key) and any(_numbers_in(value)):
+            _refuse("a photo without lens distortion", f"coefficients of it in '{name}'. Undistort it first")
+
+
+def _numbers_in(value: Any) -> Iterator[Any]:
+    """All numbers in what may be nested, and of text in which there are any but 0 the text."""
+    values = [value]
+    while values:
+        item = values.pop()
+        if isinstance(item, Mapping):
+            values += [item["data"]] if "data" in item else item.values()
+        elif isinstance(item, str):
+            yield re.fullmatch(r"[\s\d.,;eE+\-()\[\]]*[1-9][\s\d.,;eE+\-()\[\]]*", item)
+        elif (number := number_of(item)) is not None:
+            yield number
+        elif hasattr(item, "__iter__"):
+            values += item
+
+
 def _four_numbers(camera: Any) -> tuple[float, float, float, float]:
     """fx, fy, cx, cy from whatever states them."""
+    given = camera
     if isinstance(camera, Mapping):
-        if bent := [
-            name for name in DISTORTION if name in camera and np.any(np.asarray(camera[name], float))
-        ]:
-            _refuse(
-                "a photo without lens distortion", f"coefficients of it in '{bent[0]}'. Undistort it first"
-            )
-        matrix = next((camera[name] for name in ("K", "k", "cam_K") if name in camera), None)
+        camera = _flat(camera)
+        parameters = camera.get(PARAMETERS)
+        if isinstance(parameters, list | tuple):
+            one_focal = str(camera.get("model")).upper().startswith(("SIMPLE", "RADIAL"))
+            camera |= {"distortion in params": parameters[3 if one_focal else 4 :]}
+            parameters = [parameters[0], *parameters[:3]] if one_focal and parameters else parameters[:4]
+        _check_pinhole(camera)
+        matrix = next((camera[name] for name in MATRICES if name in camera), None)
         fields = [camera.get(name, camera.get(other)) for name, other in FIELDS]
-        camera = (None if None in fields else fields) if matrix is None else matrix
+        camera = matrix if matrix is not None else parameters if None in fields else fields
     try:
         if any(isinstance(number, bool) for number in np.ravel(np.asarray(camera, object))):
             raise TypeError
         numbers = np.asarray(camera, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         numbers = np.empty(0)
     if numbers.shape == (9,):
         numbers = numbers.reshape(3, 3)
@@ -139,11 +279,11 @@ def _four_numbers(camera: Any) -> tuple[float, float, float, float]:
         fx, skew, cx = numbers[0].tolist()
         fy, cy = numbers[1, 1:].tolist()
         if numbers[1, 0] or numbers[2, :2].any() or numbers[2, 2] != 1 or abs(skew) > 1e-3 * abs(fx):
-            rows = numbers.round(3).tolist()
+            rows = [[float(f"{number:g}") for number in row] for row in numbers.tolist()]
             _refuse("K as [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]", f"{rows}. Is it transposed or skewed?")
         return fx, fy, cx, cy
     if numbers.shape != (4,):
-        _refuse("a camera as fx, fy, cx, cy or K (3, 3)", str(camera)[:60])
+        _refuse("a camera as fx, fy, cx, cy or K (3, 3)", reprlib.repr(given)[:60])
     fx, fy, cx, cy = numbers.tolist()
     return fx, fy, cx, cy
 

@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import os
+import re
+from collections import defaultdict
+from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
-from vig.io.errors import UserError
-from vig.photo.checks import check_size, existing_file, refuse
-from vig.photo.decoding import opened
+from vig.io.checks import reading
+from vig.io.files import composed
+from vig.photo.checks import refuse
+from vig.photo.images import read_picture
 
 MOST_LABELS = 32
 """Values up to which numbers in a mask are those of objects, not shades."""
 MOST_COLOURS = 64
 """Colours beside black up to which they are those of objects, not the shades of an edge."""
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".gif")
+OF_OBJECT = re.compile(r"(.*)_[0-9]{6}\.png", re.DOTALL)
+"""BOP's names of masks: number of the photo, of the object."""
 REMEDY = "Write 255 where the object is seen, 0 elsewhere."
 
 
@@ -38,20 +46,12 @@ def read_mask(path: str | Path) -> np.ndarray:
     Raises:
         UserError: It cannot be read, marks several objects, or says two things at once.
     """
-    path = existing_file(path)
-    try:
-        with opened(path) as image:
-            check_size(path, *image.size)
-            image.load()
-    except UserError:
-        raise
-    except (OSError, SyntaxError, ValueError) as error:
-        refuse(path, "a mask", f"no readable picture ({error})", "Save it as PNG.")
-    return mask_of_picture(path, image)
+    return read_picture(path, "mask", mask_of_picture)
 
 
 def mask_of_picture(path: Path, image: Image.Image) -> np.ndarray:
     """`read_mask` of an opened picture; errors name the path."""
+    image.load()
     alpha = None
     if image.has_transparency_data:
         image = image.convert("RGBA" if image.mode in ("RGB", "RGBA", "P") else "LA")
@@ -96,42 +96,60 @@ def _by_value(path: Path, values: np.ndarray) -> np.ndarray:
 
 def _check_colours(path: Path, values: np.ndarray) -> None:
     """UserError for a picture of several objects, each in a colour of its own."""
-    flat = values[..., :3].reshape(-1, 3)
-    packed = flat.astype(np.int64) @ np.array([1 << 16, 1 << 8, 1])
+    red, green, blue = np.moveaxis(values[..., :3], -1, 0)
+    if (red == green).all() and (green == blue).all():
+        return
+    packed = red.astype(np.uint32) << 16 | green.astype(np.uint16) << 8 | blue
     colours = np.unique(packed[packed > 0])
-    grey = (flat == flat[:, :1]).all()
-    if 1 < len(colours) <= MOST_COLOURS and not grey:
+    if 1 < len(colours) <= MOST_COLOURS:
         refuse(path, "a mask of one object", f"{len(colours)} colours", REMEDY)
 
 
-def mask_file(folder: Path, photo: Path) -> Path:
-    """The file of a photo's mask in a folder.
+def mask_files(folder: Path, photos: Iterable[Path]) -> list[Path]:
+    """The file of each photo's mask in a folder, of which a listing is made once.
 
-    Named as the photo is, with any picture's ending or behind the photo's own (COLMAP), with `_mask` or
-    `mask_`, in a folder named as the photo's, or with the number of its one object (BOP).
+    Named as the photo is in any Unicode composition, with any picture's ending or behind the photo's own
+    (COLMAP), with `_mask` or `mask_`, in a folder named as the photo's, or with the number of its one object
+    (BOP).
 
     Raises:
-        UserError: There is none, or BOP has several objects in the photo.
+        UserError: BOP has several objects in a photo.
     """
-    names = [photo.name, *(f"{photo.stem}{suffix}" for suffix in SUFFIXES)]
-    names += [f"{photo.name}{suffix}" for suffix in SUFFIXES]
-    names += [f"{word}{suffix}" for word in (f"{photo.stem}_mask", f"{photo.stem}-mask", f"mask_{photo.stem}")
-              for suffix in SUFFIXES]  # fmt: skip
-    parents = photo.resolve().parent.parts
-    for depth in (2, 1, 0):
-        inner = folder.joinpath(*parents[len(parents) - depth :]) if depth else folder
-        for name in names:
-            path = inner / name
-            if path.exists() and path.resolve() != photo.resolve():
-                return path
-    of_objects = sorted(folder.glob(f"{glob_escaped(photo.stem)}_[0-9][0-9][0-9][0-9][0-9][0-9].png"))
-    if len(of_objects) == 1:
-        return of_objects[0]
-    if of_objects:
-        received = f"{len(of_objects)}, {of_objects[0].name} ... {of_objects[-1].name}"
-        refuse(folder, f"one mask of {photo.name}", received, "Name that of the object with --mask.")
-    return folder / f"{photo.stem}.png"
+    listing, of_objects = cache(_listing), defaultdict[str, list[Path]](list)
+    for name, path in listing(folder).items():
+        if numbered := OF_OBJECT.fullmatch(name):
+            of_objects[numbered[1]].append(path)
+
+    @cache
+    def listings(parent: Path) -> list[tuple[dict[str, Path], bool]]:
+        """Of the folders with masks of the photos in a folder, and whether each is that of the photos."""
+        parts = parent.resolve().parts
+        inner = [folder.joinpath(*parts[len(parts) - depth :]) for depth in (2, 1)]
+        return [(listing(each), each.resolve().parts == parts) for each in (*inner, folder) if each.is_dir()]
+
+    def mask_file(photo: Path) -> Path:
+        stem, own = composed(photo.stem), _key(photo.name)
+        words = (stem, own, f"{stem}_mask", f"{stem}-mask", f"mask_{stem}")
+        for files, are_photos in listings(photo.parent):
+            for name in (own, *(word + suffix for word in words for suffix in SUFFIXES)):
+                if name in files and not (are_photos and files[name].name == photo.name):
+                    return files[name]
+        numbered = sorted(of_objects[stem])
+        if len(numbered) > 1:
+            received = f"{len(numbered)}, {numbered[0].name} ... {numbered[-1].name}"
+            refuse(folder, f"one mask of {photo.name}", received, "Name that of the object with --mask.")
+        return numbered[0] if numbered else folder / f"{photo.stem}.png"
+
+    return [mask_file(photo) for photo in photos]
 
 
-def glob_escaped(text: str) -> str:
-    return "".join(f"[{letter}]" if letter in "*?[" else letter for letter in text)
+def _listing(folder: Path) -> dict[str, Path]:
+    """Paths of what is in a folder by `_key` of their names."""
+    with reading(folder, "a folder of masks", "Name another."):
+        return {_key(path.name): path for path in folder.iterdir()}
+
+
+def _key(name: str) -> str:
+    """A name whose composition and whose ending's case make no difference."""
+    stem, ending = os.path.splitext(composed(name))
+    return stem + ending.lower()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -13,14 +14,17 @@ from PIL import Image
 
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
+from vig.io.printing import note
 from vig.photo.checks import existing_file
 from vig.photo.colour import Encoding, coded_encoding
-from vig.photo.images import coded, write_png
+from vig.photo.images import coded, coded_photo, write_png
 
 UNREAD_MATRICES = (8, 10, 12, 13, 14)
 """Of H.273 (YCgCo, constant luminance, ICtCp): what ffmpeg takes for another, without an error."""
 ENDINGS = frozenset(".3gp .avi .flv .m2ts .m4v .mkv .mov .mp4 .mpeg .mpg .mts .ogv .ts .webm .wmv".split())
 """Of files that are taken for videos."""
+PICTURE_CODECS = frozenset("bmp gif jpeg2000 mjpeg png tiff webp".split())
+"""Of covers that are not marked as such, beside a film of another codec."""
 FORMAT = 2
 """Of frames: others, of an earlier vig, are written anew."""
 WHOLE = "frames.json"
@@ -76,50 +80,106 @@ def _check_own(folder: Path) -> None:
             )
 
 
-def _decoded(video: Path, done: list[Path], folder: Path) -> Any:
-    """The pictures (H, W, 3) uint8 of a video; `done` are those written so far, for the words of an error."""
+class Video:
+    """An open file, camera or address: its stream of pictures, and these as they are meant to be seen.
+
+    Attributes:
+        file: PyAV's container.
+        stream: That of the pictures, no cover.
+    """
+
+    def __init__(self, source: str, kind: str | None = None, timeout: float | None = None):
+        """Open a source of ffmpeg's; `kind`: its format; `timeout`: seconds for it to answer.
+
+        Raises:
+            UserError: PyAV is not installed, or the source has no pictures but a cover.
+            av_errors(): It cannot be opened.
+        """
+        try:
+            import av
+        except ImportError:
+            raise UserError(
+                f"expected the package av, to read '{source}'; it is not installed. Run pip install"
+                " 'vig[video]'."
+            ) from None
+        self.file: Any = av.open(source, format=kind, timeout=timeout)
+        cover = av.stream.Disposition.attached_pic
+        streams = [stream for stream in self.file.streams.video if not stream.disposition & cover]
+        films = [stream for stream in streams if stream.codec_context.name not in PICTURE_CODECS] or streams
+        best = self.file.streams.best("video")
+        if not streams:
+            raise UserError(
+                f"expected a video; got '{source}', in which there are no pictures. Name another."
+            )
+        self.stream: Any = best if best in films else films[0]
+        self._name = source
+        self._peak: float | None = None
+
+    def picture(self, frame: Any) -> np.ndarray:
+        """Return a frame (H, W, 3) as uint8 sRGB: upright, pixels square, transparent ones laid over grey.
+
+        Raises:
+            UserError: Its colour encoding is unknown.
+        """
+        encoding = _encoding(self._name, self.stream.codec_context, frame)
+        if encoding:
+            light, self._peak = encoding.light_and_peak(frame.to_ndarray(format="rgb48le"), 65535, self._peak)
+            picture = coded(light)
+        elif any(component.is_alpha for component in frame.format.components):
+            picture = coded(coded_photo(Image.fromarray(frame.to_ndarray(format="rgba"))))
+        else:
+            picture = frame.to_ndarray(format="rgb24")
+        picture = _squared(picture, self.stream.sample_aspect_ratio)
+        return np.ascontiguousarray(_turned(picture, frame.side_data.get("DISPLAYMATRIX")))
+
+
+def av_errors() -> tuple[type[Exception], ...]:
+    """Return what PyAV raises where a source cannot be read."""
     try:
-        import av
+        from av.error import FFmpegError
     except ImportError:
-        raise UserError(
-            f"expected the package av, to read '{video}'; it is not installed. Run pip install 'vig[video]'."
-        ) from None
+        return ()
+    return FFmpegError, OSError, ValueError
+
+
+def _decoded(path: Path, done: list[Path], folder: Path) -> Iterator[np.ndarray]:
+    """Yield the pictures (H, W, 3) uint8 of a video; `done`: those written so far, for an error."""
     try:
-        with av.open(str(video)) as file:
-            if not file.streams.video:
-                raise UserError(
-                    f"expected a video; got '{video}', in which there are no pictures. Name another."
-                )
-            stream: Any = file.streams.best("video") or file.streams.video[0]
-            peak = None
-            for packet in file.demux(stream):
+        video = Video(str(path))
+        seconds = 0.0
+        with video.file:
+            for packet in video.file.demux(video.stream):
                 if packet.is_corrupt:
-                    raise av.error.InvalidDataError(0, "a damaged packet")
-                frames: list[Any] = packet.decode()
-                for frame in frames:
-                    encoding = _encoding(video, stream.codec_context, frame)
-                    picture = frame.to_ndarray(format="rgb48le" if encoding else "rgb24")
-                    if encoding:
-                        light, peak = encoding.light_and_peak(picture, 65535, peak)
-                        picture = coded(light)
-                    picture = _squared(picture, stream.sample_aspect_ratio)
-                    yield np.ascontiguousarray(_turned(picture, frame.side_data.get("DISPLAYMATRIX")))
+                    raise ValueError("a damaged packet")
+                for frame in packet.decode():
+                    seconds = frame.time or seconds
+                    yield video.picture(frame)
+            stated = _stated_seconds(video.stream)
+        if done and seconds < 0.9 * stated - 1:
+            note(f"'{path}' ends after {seconds:.1f} s of the {stated:.1f} s that it states; is it whole?")
     except UserError:
         raise
-    except (av.error.FFmpegError, ValueError) as error:
+    except av_errors() as error:
         if not done:
             raise UserError(
-                f"expected a video; got '{video}', which cannot be read. Save or copy it again."
+                f"expected a video; got '{path}', which cannot be read. Save or copy it again."
             ) from error
         raise UserError(
-            f"expected a whole video; got '{video}', damaged after {len(done)} frames. Copy it again, or name"
+            f"expected a whole video; got '{path}', damaged after {len(done)} frames. Copy it again, or name"
             f" '{folder}', which has these."
         ) from error
     if not done:
-        raise UserError(f"expected a video; got '{video}', which has no frames. Name another.")
+        raise UserError(f"expected a video; got '{path}', which has no frames. Name another.")
 
 
-def _encoding(video: Path, codec: Any, frame: Any) -> Encoding | None:
+def _stated_seconds(stream: Any) -> float:
+    """Return the length that Matroska and WebM state, which ffmpeg reads to any end; 0 without."""
+    parts = re.fullmatch(r"(\d+):(\d+):(\d+\.?\d*)", stream.metadata.get("DURATION", ""))
+    hours, minutes, seconds = map(float, parts.groups()) if parts else (0.0, 0.0, 0.0)
+    return 3600 * hours + 60 * minutes + seconds
+
+
+def _encoding(video: str | Path, codec: Any, frame: Any) -> Encoding | None:
     """How samples stand for light where a video is HDR or has other primaries than sRGB's like; else None."""
     primaries, transfer, matrix = int(codec.color_primaries), int(codec.color_trc), int(frame.colorspace)
     try:

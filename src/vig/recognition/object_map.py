@@ -102,7 +102,7 @@ def _at_scale(photo: np.ndarray | ImagePyramid, recognizer: Recognizer, side: in
     rows, columns = (np.flatnonzero(inside.any(axis)) for axis in (1, 0))
     top, left = int(rows[0]), int(columns[0])
     shown = torch.from_numpy(np.ascontiguousarray(cut[top : rows[-1] + 1, left : columns[-1] + 1]))
-    image = srgb_from_linear(shown).permute(2, 0, 1)[None].to(recognizer.device)
+    image = srgb_from_linear(shown).permute(2, 0, 1)[None]
     numbers = recognizer.object_map(image)[0].cpu()
     probability = numbers[0].sigmoid()
     highest = functional.max_pool2d(probability[None], 3, 1, 1)[0]

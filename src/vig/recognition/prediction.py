@@ -180,7 +180,6 @@ class Recognizer:
 
     kind = "vig"
     """Which networks this reads, as a weights file's metadata names them."""
-    device = "cpu"
     network: Any
     _latest: tuple[torch.Tensor, Any, NetworkCalibration, Prediction] | None = None
     """The last photo that was asked for alone, how, by which calibration, and the answer."""
@@ -220,7 +219,7 @@ class Recognizer:
             raise ValueError("a standard deviation of the scale is not positive")
 
     @classmethod
-    def of_class(cls, object_class: ObjectClass, weights: Path | None = None, device: str = "cpu") -> Self:
+    def of_class(cls, object_class: ObjectClass, weights: Path | None = None) -> Self:
         """The class's own recognizer, or one from other `weights`; UserError when it is of another class."""
         path = weights or (object_class.folder or Path()) / WEIGHTS_FILE
         recognizer = cls(path)
@@ -236,14 +235,7 @@ class Recognizer:
                 )
             )
         recognizer.symmetry, recognizer.mirror = object_class.symmetry, object_class.mirror
-        recognizer.device, calibration = device, recognizer.calibration
-        recognizer.network.to(device)
-        if device == "cpu":
-            prepare_for_bfloat16(recognizer.network)
-        recognizer.mean, recognizer.deviation = recognizer.mean.to(device), recognizer.deviation.to(device)
-        recognizer.calibration = replace(
-            calibration, **{name: held.to(device) for name, held in vars(calibration).items()}
-        )
+        prepare_for_bfloat16(recognizer.network)
         return recognizer
 
     def __call__(
@@ -259,7 +251,7 @@ class Recognizer:
         """
 
         def predict(part: torch.Tensor) -> Prediction:
-            return on_one_core(lambda: self._predict(part.to(self.device), sides)).folded(self.symmetry)
+            return on_one_core(lambda: self._predict(part, sides)).folded(self.symmetry)
 
         photos, asked = photos.float(), (sides, self.mirror, self.symmetry)
         if (before := self._latest) is not None and before[1] == asked and before[2] is self.calibration:

@@ -26,8 +26,7 @@ class UninformedRecognizer(Recognizer):
 
     informed = has_map = False
 
-    def __init__(self, object_class: ObjectClass, device: str = "cpu"):
-        self.device = device
+    def __init__(self, object_class: ObjectClass):
         self.symmetry, self.mirror = object_class.symmetry, object_class.mirror
         layout = regressed_layout(object_class.shape_model.modes)
         self._mean, self._deviation = torch.zeros(layout.size), torch.ones(layout.size)

@@ -82,6 +82,7 @@ class _Description(msgspec.Struct, frozen=True, kw_only=True):
     part_reflectance: tuple[float, ...] | None = None
     object_from_mesh: tuple[tuple[float, ...], ...] | None = None
     size_known: bool = True
+    up_known: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +112,7 @@ class ObjectClass:
         object_from_mesh: (4, 4) similarity from the coordinates of the file of a class of one mesh to the
             class's frame; None for other classes.
         size_known: Whether its metres are more than assumed: a length was told, or the files are in metres.
+        up_known: Whether the axis that points up is more than estimated, for a class of one mesh.
     """
 
     name: str
@@ -131,6 +133,7 @@ class ObjectClass:
     part_reflectance: tuple[float, ...] | None = None
     object_from_mesh: np.ndarray | None = None
     size_known: bool = True
+    up_known: bool = True
 
     def __post_init__(self) -> None:
         for what, text in [("name", self.name), *[("name of a point", name) for name in self.points]]:
@@ -230,8 +233,9 @@ class ObjectClass:
         for name in ("fit_settings", "families", "held_out_designs", "part_reflectance", "object_from_mesh"):
             if not written[name]:
                 del written[name]
-        if self.size_known:
-            del written["size_known"]
+        for name in ("size_known", "up_known"):
+            if written[name]:
+                del written[name]
         with atomic_write(Path(folder) / "class.json") as temporary:
             Path(temporary).write_text(json.dumps(written, indent=1) + "\n")
 
@@ -302,3 +306,9 @@ _SHARED = tuple(
 def _check_text(what: str, text: str) -> None:
     if not text or len(text) > 100 or not text.isprintable():
         raise ValueError(f"{what} must be 1 to 100 printable characters; it is {text[:100]!r}")
+
+
+def axis_name(axis: np.ndarray) -> str:
+    """The axis nearest to a vector (3,), such as "+x"."""
+    best = int(np.abs(axis).argmax())
+    return f"{'+' if axis[best] > 0 else '-'}{'xyz'[best]}"

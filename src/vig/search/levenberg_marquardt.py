@@ -1,4 +1,4 @@
-"""Robust Gauss-Newton with Levenberg-Marquardt damping: the default. Searches are native code (vig_native/search.cc).
+"""Robust Gauss-Newton with Levenberg-Marquardt damping: the default, in native code (vig_native/search.cc).
 
 The inlier posteriors weigh the normal matrix (iteratively reweighted least squares), the exact gradient
 drives it, bounds are met by an active set in the step itself. Damping follows Nielsen (1999).

@@ -17,12 +17,13 @@ from vig.hints import Hints
 from vig.inference.settings import UNIFORM_TURN
 from vig.io.errors import UserError
 from vig.photo.images import coded_photo
-from vig.photo.pinhole import pose_covariance, sight_axes, turned_pose
+from vig.photo.lens import turned_with
+from vig.photo.pinhole import pose_covariance, sight_axes
 from vig.scene import Camera, ObjectClass
 from vig.scene.camera import FOCAL_OVER_WIDTH
 from vig.video.following import Follower, Sighting
 from vig.video.smoothing import LikeliestPath
-from vig.video.trajectory import FAR, FramePose, Trajectory, azimuth_off, view_evidence
+from vig.video.trajectory import FAR, FramePose, Trajectory, azimuth_off, camera_before, view_evidence
 
 MEMORY = 24
 """Frames whose numbers are smoothed for the pose in the last one."""
@@ -74,7 +75,7 @@ class Tracker:
         """Load a class, or take an explainer that is.
 
         Args:
-            object_class: As `Explainer` takes it, or one, which has device and settings.
+            object_class: As `Explainer` takes it, or one, which has settings.
             K: Intrinsics of the camera: (3, 3), or as `Explainer.explain` takes a camera. Without them the
                 focal length is a guess, and so are the distance and the units of the pose.
         """
@@ -108,7 +109,8 @@ class Tracker:
             UserError: As `Explainer.explain`.
         """
         self._number += 1
-        self._K = self._K if K is None else K
+        if (K := self._K if K is None else K) is not None:
+            self._K = turned_with(frame, K)
         return self._begun(coded_photo(frame), mask, box)
 
     def step(self, frame: Photo) -> TrackedPose:
@@ -154,9 +156,8 @@ class Tracker:
         self._size, self._distance_known = (width, height), explanation.distance_known
         follower.hints = None
         follower.place = sighting.place if follower.place is None else follower.place
-        self._follower, self._last = follower, None
-        self._views = LikeliestPath(MEMORY)
-        self._sightings: deque[tuple[Sighting, ...]] = deque(maxlen=MEMORY)
+        self._follower, self._nothing_seen = follower, True
+        self._seen: tuple[list[Sighting], np.ndarray, Explanation] | None = None
         return self._pose(picture, explanation, sighting, began)
 
     def _pose(
@@ -164,21 +165,32 @@ class Tracker:
     ) -> TrackedPose:
         """What the frames say of the last one."""
         assert self._follower is not None
+        if self._nothing_seen and (self._seen is None or not sighting.lost):
+            self._views, self._last = LikeliestPath(MEMORY), None
+            self._sightings: deque[tuple[Sighting, ...]] = deque(maxlen=MEMORY)
+            self._nothing_seen = sighting.lost
         if self._follower.missed < MEMORY:  # else the last numbers stay
             self._views.add(view_evidence(sighting, self._fold))
             # One frame at least must count.
             self._sightings.append((sighting if self._sightings else replace(sighting, lost=False),))
         path = self._views.angles(self._last)
-        self._last, trajectory = float(path[-1]), self._trajectory(path)
-        if not sighting.lost and trajectory.contradicts(-1, sighting, self._fold):
-            self._sightings[-1] = sighting, *self._near(path[-1] / self._fold, explanation)
-            trajectory = self._trajectory(path)
+        self._last, path = float(path[-1]), path / self._fold
+        if self._seen is None or not sighting.lost:
+            trajectory = Trajectory.of(self._fits(path), path, self._fold)
+            if not sighting.lost and trajectory.contradicts(-1, sighting, self._fold):
+                self._sightings[-1] = sighting, *self._near(path[-1], explanation)
+                trajectory = Trajectory.of(self._fits(path), path, self._fold)
+            self._seen = self._fits(path), path, explanation
+        else:  # from all that was seen, however long ago
+            (fits, path, _), gone = self._seen, min(self._follower.missed, MEMORY)
+            path = np.append(path, np.full(gone, path[-1]))
+            trajectory = Trajectory.of([*fits, *[sighting] * gone], path, self._fold)
         numbers, deviations = trajectory.numbers[:, :6, -1]
-        before = trajectory.numbers[0, 0, -2] if len(self._sightings) > 1 else numbers[0]
+        before = trajectory.numbers[0, 0, -2] if len(path) > 1 else numbers[0]
         self._follower.view = 2 * numbers[0] - before, numbers[1]
         deviations *= ALIKE
         deviations[0] = min(deviations[0], UNIFORM_TURN / self._fold)
-        camera, covariance = self._placed(numbers, deviations, explanation)
+        camera, covariance = self._placed(numbers, deviations, self._seen[2])
         return TrackedPose(
             number=self._number,
             azimuth_deg=math.degrees(numbers[0]) % (360 / self._fold),
@@ -203,14 +215,13 @@ class Tracker:
         fit = replace(explanation.fit, latents=view.latents, framing=view.framing)
         return [Sighting.of(replace(explanation, fit=fit))]
 
-    def _trajectory(self, path: np.ndarray) -> Trajectory:
-        """Of the frames in memory, each by whichever of its fits is nearer to the likeliest view."""
-        path = path / self._fold
+    def _fits(self, path: np.ndarray) -> list[Sighting]:
+        """Of each frame in memory whichever of its fits is nearer to the likeliest view in `path` (T,)."""
 
         def nearest(fits: tuple[Sighting, ...], at: float) -> Sighting:
             return min(fits, key=lambda fit: abs(azimuth_off(fit.azimuths[0], at, self._fold)))
 
-        return Trajectory.of(list(map(nearest, self._sightings, path)), path, self._fold)
+        return list(map(nearest, self._sightings, path))
 
     def _placed(
         self, numbers: np.ndarray, deviations: np.ndarray, explanation: Explanation
@@ -219,21 +230,15 @@ class Tracker:
 
         numbers: (6,) azimuth, elevation, middle, scale and roll, see `Trajectory`; deviations: (6,) of these.
         """
-        matrix, (width, height) = self._matrix, self._size
-        focal, target_height = math.sqrt(matrix[0, 0] * matrix[1, 1]), explanation.camera.target_height
+        matrix, focal = self._matrix, math.sqrt(self._matrix[0, 0] * self._matrix[1, 1])
         units = np.array([1.0, 1.0, focal, focal, 1.0, 1.0])
 
-        def posed(numbers: np.ndarray) -> tuple[Camera, np.ndarray, np.ndarray]:
-            azimuth, elevation, cx, cy, scale, roll = (units * numbers).tolist()
-            camera = Camera(width, height, focal, cx, cy, focal / math.exp(scale), target_height, roll)
-            before = camera.camera_from_world(azimuth, elevation)
-            return camera, before, turned_pose(camera, before, matrix)
+        def posed(numbers: np.ndarray) -> tuple[Camera, np.ndarray]:
+            return camera_before(matrix, self._size, explanation.camera.target_height, units * numbers)
 
-        camera, before, here = posed(numbers / units)
-        covariance = pose_covariance(lambda at: posed(at)[2], numbers / units, deviations / units)
+        camera, here = posed(numbers / units)
+        covariance = pose_covariance(lambda at: posed(at)[1], numbers / units, deviations / units)
         axes, spread = sight_axes(here), explanation.fit.position_deviation.double().numpy().copy()
         spread[2] = spread[2] if self._distance_known else UNKNOWN_DISTANCE
         covariance[:3, :3] += (axes * (spread * explanation.position_units) ** 2) @ axes.T
-        mount = tuple(map(tuple, (here @ np.linalg.inv(before)).tolist()))
-        fx, fy, (cx, cy) = float(matrix[0, 0]), float(matrix[1, 1]), matrix[:2, 2].tolist()
-        return replace(camera, focal=fx, focal_y=fy, cx=cx, cy=cy, mount=mount), covariance
+        return camera, covariance

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,9 @@ from vig.hints import Hints
 from vig.inference.settings import UNIFORM_TURN
 from vig.io.errors import UserError
 from vig.photo import Window
+from vig.photo.pinhole import turned_pose
 from vig.scene import Camera
-from vig.video.following import Follower, Sighting, window_at
+from vig.video.following import SLOWING, Follower, Sighting, window_at
 from vig.video.smoothing import BINS, LikeliestPath, smoothed
 
 UNKNOWN = 0.05
@@ -43,6 +45,8 @@ SHIFT = 0.003
 """Likewise of place, in sides of the box, and log size."""
 TILT_SPEED = math.radians(0.1)
 """Standard deviation of the speed of elevation and roll in the first frame: cameras are held still."""
+PLACES = [2, 3, 4, 6, 7, 8]
+"""Of `Trajectory.numbers`: those that are neither angles nor roll."""
 PLACE_NOISE = (0.02, 0.3)
 """Deviations of one frame's place and log size when all is seen, and what is added when all is hidden."""
 ANGLE_NOISE = (math.radians(3.0), math.radians(30.0))
@@ -165,7 +169,10 @@ class Trajectory:
             (places[:, 2], noise, SHIFT, math.inf),
         ]
         values, noises, change, speed = map(np.array, zip(*rows, strict=True))
-        return Trajectory(smoothed(values, np.where(lost, math.inf, noises), change, speed))
+        numbers = smoothed(values, np.where(lost, math.inf, noises), change, speed)
+        if (gone := int(lost[::-1].argmin())) > 0:  # frames since the object was last seen
+            numbers[:, PLACES, -gone:] = _slowed(numbers[:, PLACES, -gone - 1 :])
+        return Trajectory(numbers)
 
     def contradicts(self, number: int, sighting: Sighting, fold: int) -> bool:
         """Whether a frame sees the object from another side or elsewhere than its neighbours."""
@@ -204,6 +211,7 @@ def track(
     focal: float | None = None,
     hints: Hints | None = None,
     on_frame: Callable[[int, Explanation], None] | None = None,
+    camera: Any = None,
 ) -> Track:
     """Explain the frames of a video as one object that moves and turns smoothly.
 
@@ -219,13 +227,15 @@ def track(
         focal: Focal length in pixels of all frames; see `Explainer.explain`.
         hints: What is known in all frames.
         on_frame: Is called with the number and the explanation of each frame, and of those fitted again.
+        camera: Intrinsics of all frames in place of a focal length, see `Explainer.explain`; poses are then
+            in the frame of this camera.
 
     Raises:
         UserError: There are fewer than two frames, one cannot be read or is of another size, the object is
             seen in none, or as `Explainer.explain`.
     """
     frames = _listed(frames)
-    follower = Follower(explainer, focal, hints)
+    follower = Follower(explainer, focal, hints, camera)
     alone: list[Sighting] = []
     for number, frame in enumerate(frames):
         explanation, sighting = follower.explain(frame, box if number == 0 else None)
@@ -233,32 +243,71 @@ def track(
             (each.camera.width, each.camera.height) for each in (sighting, alone[0] if alone else sighting)
         )
         if size != first:
+            name = f"{number}, '{frame}'" if isinstance(frame, str | Path) else str(number)
             raise UserError(
                 f"expected frames of one size, {first[0]} x {first[1]}; got {size[0]} x {size[1]} in frame"
-                f" {number}. Track one video at a time."
+                f" {name}. Track one video at a time."
             )
         alone.append(sighting)
         if on_frame is not None:
             on_frame(number, explanation)
-    if all(sighting.lost for sighting in alone):
-        name = explainer.object_class.name
-        raise UserError(f"expected a {name} in the frames; found none. Give its box in the first frame.")
+    _check_seen(alone, explainer, box)
     fold = max(explainer.object_class.symmetry.fold, 1)
     path = views_of(alone, fold)
     trajectory, again = Trajectory.of(alone, path, fold), list(alone)
     for number, sighting in enumerate(alone):
         if trajectory.contradicts(number, sighting, fold):
             window, frame_hints = trajectory.expected(number, hints)
-            explanation = explainer.explain_followed(frames[number], window, focal, frame_hints)
+            explanation = explainer.explain_followed(frames[number], window, focal, frame_hints, camera)
             again[number] = Sighting.of(explanation)
             if on_frame is not None:
                 on_frame(number, explanation)
+    _check_seen(again, explainer, box)
     weight = [0.0 if each.lost else each.visible_share**2 * each.probabilities[0] for each in alone]
     shape, albedo = (
         np.average([getattr(each, name) for each in alone], axis=0, weights=np.array(weight) + 1e-9)
         for name in ("shape", "albedo")
     )
-    return Track(tuple(_frames(alone, again, Trajectory.of(again, path, fold), fold)), shape, albedo)
+    lens = alone[0].window.lens  # None but where a camera is given
+    smooth, matrix = Trajectory.of(again, path, fold), None if lens is None else lens.K
+    return Track(tuple(_frames(alone, again, smooth, fold, matrix)), shape, albedo)
+
+
+def _check_seen(sightings: Sequence[Sighting], explainer: Explainer, box: Box | None) -> None:
+    """UserError where the object is lost in all frames."""
+    if all(sighting.lost for sighting in sightings):
+        given = "Give its box" if box is None else f"Check that the box {tuple(box)} is round it"
+        raise UserError(
+            f"expected a {explainer.object_class.name} in the frames; found none. {given} in the first frame."
+        )
+
+
+def _slowed(numbers: np.ndarray) -> np.ndarray:
+    """Slow down numbers (2, N, 1 + G), seen in the first frame and extrapolated in the others; (2, N, G).
+
+    The object may go on as fast as before, or stand: the way that it would go is added to the deviations.
+    """
+    count = np.arange(1, numbers.shape[-1])
+    way = numbers[0, :, 1:] - numbers[0, :, :1]
+    share = SLOWING * (1 - SLOWING**count) / (1 - SLOWING) / count
+    return np.stack([numbers[0, :, :1] + share * way, np.hypot(numbers[1, :, 1:], way)])
+
+
+def camera_before(
+    matrix: np.ndarray, size: tuple[int, int], target_height: float, numbers: np.ndarray
+) -> tuple[Camera, np.ndarray]:
+    """Return the camera with intrinsics (3, 3) that took a frame, and the pose (4, 4) before it.
+
+    size: width, height; numbers: (6,) the first of `Trajectory`, for this matrix's focal length.
+    """
+    focal = math.sqrt(matrix[0, 0] * matrix[1, 1])
+    azimuth, elevation, cx, cy, scale, roll = numbers.tolist()
+    straight = Camera(*size, focal, cx, cy, focal / math.exp(scale), target_height, roll)
+    level = straight.camera_from_world(azimuth, elevation)
+    pose = turned_pose(straight, level, matrix)
+    mount = tuple(map(tuple, (pose @ np.linalg.inv(level)).tolist()))
+    fx, fy, (cx, cy) = float(matrix[0, 0]), float(matrix[1, 1]), matrix[:2, 2].tolist()
+    return replace(straight, focal=fx, focal_y=fy, cx=cx, cy=cy, mount=mount), pose
 
 
 def views_of(sightings: Sequence[Sighting], fold: int = 1) -> np.ndarray:
@@ -291,11 +340,30 @@ def view_evidence(sighting: Sighting, fold: int = 1) -> np.ndarray:
 
 
 def _frames(
-    alone: Sequence[Sighting], again: Sequence[Sighting], trajectory: Trajectory, fold: int
+    alone: Sequence[Sighting],
+    again: Sequence[Sighting],
+    trajectory: Trajectory,
+    fold: int,
+    matrix: np.ndarray | None,
 ) -> list[TrackedFrame]:
+    """What is said of each frame; matrix: (3, 3) of the camera that took them, where it is known."""
     focal = float(np.median([each.camera.focal for each in again if not each.lost]))
     azimuth, elevation = np.degrees(trajectory.azimuth), np.degrees(trajectory.elevation)
     cx, cy, scale, roll = trajectory.numbers[0, 2:6].tolist()
+
+    def camera_of(number: int, straight: Camera) -> Camera:
+        if matrix is not None:
+            size, height = (straight.width, straight.height), straight.target_height
+            return camera_before(matrix, size, height, trajectory.numbers[0, :6, number])[0]
+        return replace(
+            straight,
+            focal=focal,
+            cx=cx[number],
+            cy=cy[number],
+            distance=focal / math.exp(scale[number]),
+            roll=roll[number],
+        )
+
     return [
         TrackedFrame(
             number=number,
@@ -307,16 +375,9 @@ def _frames(
             elevation_deviation_deg=ALIKE[1] * float(elevation[1, number]),
             alone_azimuth_deg=math.degrees(first.azimuths[0]),
             alone_elevation_deg=math.degrees(first.elevation),
-            camera=replace(
-                second.camera,
-                focal=focal,
-                cx=cx[number],
-                cy=cy[number],
-                distance=focal / math.exp(scale[number]),
-                roll=roll[number],
-            ),
+            camera=camera_of(number, second.camera),
             hidden_fraction=second.hidden,
-            lost=first.lost,
+            lost=first.lost or second.lost,
             refitted=second is not first,
         )
         for number, (first, second) in enumerate(zip(alone, again, strict=True))

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from vig.explainer import Box, checked_box
-from vig.io.checks import decode, read_json, reading
+from vig.io.checks import MOST_TABLE, read_json, reading
 from vig.io.errors import UserError
 from vig.io.printing import note
 from vig.several import MOST_OBJECTS
@@ -40,7 +40,8 @@ def boxes_of(settings: FitCommand, photos: list[Path]) -> list[tuple[Box | None,
     if settings.box is not None:
         raise UserError("expected --box or --boxes; got both. Give one.")
     with reading(settings.boxes, "boxes by the photos' file names", REMEDY):
-        entries = decode(dict[str, Any], read_json(settings.boxes))
+        if not isinstance(entries := read_json(settings.boxes, MOST_TABLE), dict):
+            raise ValueError("it is not an object")
         by_name = {name: _read(entry, settings) for name, entry in entries.items()}
     of_photo = by_photo(by_name, photos, "boxes", settings.boxes)
     if any(objects for _, objects in of_photo.values()):
@@ -73,9 +74,10 @@ def classes_of(settings: FitCommand) -> tuple[str, tuple[str, ...]]:
         if settings.object_class != FitCommand.object_class or settings.objects is not None:
             raise UserError("expected --mesh, --class or --objects; got two of them. Give one.")
         say = (lambda line: None) if settings.quiet else note
-        return str(pack_of_mesh(settings.mesh, settings.length, say)), ()
-    if settings.length is not None:
-        raise UserError("expected --length with --mesh, whose size it tells; got it alone. Give both.")
+        return str(pack_of_mesh(settings.mesh, settings.length, say, settings.up)), ()
+    for name in ("length", "up"):
+        if getattr(settings, name) is not None:
+            raise UserError(f"expected --{name} with --mesh, which it describes; got it alone. Give both.")
     whole = [settings.object_class]
     several = settings.objects is not None and not Path(settings.object_class).exists()
     first, *others = settings.object_class.split(",") if several else whole
@@ -119,7 +121,9 @@ def _object(item: Any, class_name: str) -> tuple[str, Box]:
 def _box(numbers: Any) -> Box:
     if not isinstance(numbers, list) or len(numbers) != 4:
         raise ValueError(f"a box is not a list of four numbers; it is {str(numbers)[:60]}")
-    return checked_box(decode(tuple[float, float, float, float], numbers))
+    if any(isinstance(number, str) for number in numbers):  # which is --box's own form
+        raise ValueError(f"a box has a text among its numbers; it is {str(numbers)[:60]}")
+    return checked_box(numbers)
 
 
 def _check_several(settings: FitCommand) -> None:

@@ -6,13 +6,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from vig.io.checks import read_json, reading
+from vig.io.checks import MOST_TABLE, read_json, reading
 from vig.io.errors import UserError
+from vig.photo.lens import FIELDS, MATRICES, PARAMETERS
 from vig_app.cli.common import FitCommand
 from vig_app.cli.naming import by_photo
 
-CAMERA_KEYS = ("K", "k", "cam_K", "fx", "fl_x")
+CAMERA_KEYS = {*MATRICES, PARAMETERS, *FIELDS[0]}
 """A mapping with one of these is a camera, not cameras by the photos' names."""
+MOST_DIGITS = 19
+"""Of the number of a photo."""
 REMEDY = 'Write {"photo.jpg": [fx, fy, cx, cy]}, one camera for all, or name BOP\'s scene_camera.json.'
 
 
@@ -29,13 +32,13 @@ def cameras_of(settings: FitCommand, photos: list[Path]) -> list[Any]:
         return [_parsed(settings.intrinsics)] * len(photos)
     assert settings.cameras is not None
     with reading(settings.cameras, "cameras by the photos' names", REMEDY):
-        content = read_json(settings.cameras)
-        if isinstance(content, list) or (isinstance(content, dict) and content.keys() & set(CAMERA_KEYS)):
+        content = read_json(settings.cameras, MOST_TABLE)
+        if isinstance(content, list) or (isinstance(content, dict) and content.keys() & CAMERA_KEYS):
             return [content] * len(photos)
         if not isinstance(content, dict) or not content:
             raise ValueError("it holds no camera")
-    if all(name.isdecimal() for name in content):
-        return [_numbered(photo, content, settings.cameras, photos) for photo in photos]
+    if all(name.isdecimal() and len(name) < MOST_DIGITS for name in content):
+        return _numbered(photos, content, settings.cameras)
     of_photo = by_photo(content, photos, "cameras", settings.cameras)
     for photo in photos:
         if photo not in of_photo:
@@ -43,19 +46,22 @@ def cameras_of(settings: FitCommand, photos: list[Path]) -> list[Any]:
     return [of_photo[photo] for photo in photos]
 
 
-def _numbered(photo: Path, cameras: Mapping[str, Any], path: Path, photos: list[Path]) -> Any:
-    """One photo's camera by its number, as in BOP's scene_camera.json."""
-    if photo.stem.isdecimal():
-        scenes = {other.resolve().parent.parent for other in photos}
-        if len(scenes) > 1:
-            raise UserError(
-                f"expected photos of one scene with '{path}', whose cameras are numbered; got"
-                f" {len(scenes)} scenes. Fit them one by one."
-            )
-        for name in cameras:
-            if int(name) == int(photo.stem):
-                return cameras[name]
-    raise UserError(f"expected a camera of '{photo}' in '{path}'; it has none. {REMEDY}")
+def _numbered(photos: list[Path], cameras: Mapping[str, Any], path: Path) -> list[Any]:
+    """Each photo's camera by its number, as in BOP's scene_camera.json."""
+    scenes = {folder.resolve().parent for folder in {photo.parent for photo in photos}}
+    by_number = {int(name): camera for name, camera in cameras.items()}
+    of_photos = []
+    for photo in photos:
+        number = int(photo.stem) if photo.stem.isdecimal() and len(photo.stem) < MOST_DIGITS else None
+        if number not in by_number:
+            raise UserError(f"expected a camera of '{photo}' in '{path}'; it has none. {REMEDY}")
+        of_photos.append(by_number[number])
+    if len(scenes) > 1:
+        raise UserError(
+            f"expected photos of one scene with '{path}', whose cameras are numbered; got"
+            f" {len(scenes)} scenes. Fit them one by one."
+        )
+    return of_photos
 
 
 def _parsed(text: str) -> tuple[float, ...]:

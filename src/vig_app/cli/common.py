@@ -29,6 +29,8 @@ class FitCommand:
     live: str | None = None
     """With --track, in place of photos: a camera by its number, the address of a stream, a file played at its
     own speed, or - for standard input, until its end or Ctrl-C; writes track.csv, overlay.mp4, track.png."""
+    timeout: float = 10.0
+    """With --live: seconds without a frame after which the source is given up."""
     box: str | None = None
     """x,y,w,h in pixels: a box round the whole object, hidden parts included; with several photos, the same
     for each. Without it the object is sought in the photo."""
@@ -44,6 +46,9 @@ class FitCommand:
     --mask must tell where it is. explanation.json then has its pose in the file's frame, camera_from_mesh."""
     length: float | None = None
     """With --mesh: its longest side, metres, where the file is in other units (only glTF is in metres)."""
+    up: str | None = None
+    """With --mesh: the axis of the file that points up in the photos, x -x y -y z or -z: of things that lie,
+    too. By default it is estimated, which is printed."""
     focal: float | None = None
     """Focal length in pixels of the photos; by default that of each one's EXIF data."""
     intrinsics: Annotated[str | None, tyro.conf.arg(name="K")] = None
@@ -80,8 +85,6 @@ class FitCommand:
     """Processes that share the photos out."""
     cluster: str | None = None
     """Address of a Ray cluster that does the work, in place of workers; auto: that of this machine."""
-    device: str = "cpu"
-    """Where network and search compute: cpu, cuda, or cuda:1 of several GPUs; docs/index.md."""
     out: Path = Path("vig-fit")
     """Folder for the results, one folder per photo."""
     export: tuple[Literal[FORMATS], ...] = ()  # type: ignore[valid-type]
@@ -170,7 +173,7 @@ class Gallery:
 
 @dataclass(frozen=True)
 class Doctor:
-    """Versions, devices, a check of the kernels, and what is slow here and why: what a bug report needs."""
+    """Versions, a check of the native code, and what is slow here and why: what a bug report needs."""
 
     json: bool = False
     """Print one JSON object."""
@@ -197,6 +200,8 @@ class ExitCode(IntEnum):
     FAULT = 3
     """Vig's own, with a traceback."""
     INTERRUPTED = 130
+    TERMINATED = 143
+    """By SIGTERM, as by Ctrl-C (130)."""
 
 
 GROUP = "vig.verbs"
@@ -204,13 +209,13 @@ GROUP = "vig.verbs"
 
 
 MESH_GROUP = "vig.meshes"
-"""Entry points of functions that make a class pack of a mesh file: path, length and `say` in, folder out."""
+"""Entry points of functions that make a class pack of a mesh file: path, length, `say`, up in, folder out."""
 
 
-def pack_of_mesh(mesh: Path, length: float | None, say: Callable[[str], None]) -> Path:
+def pack_of_mesh(mesh: Path, length: float | None, say: Callable[[str], None], up: str | None) -> Path:
     """The class pack of a mesh file; UserError where it is no mesh, or what makes packs is missing."""
     for point in entry_points(group=MESH_GROUP):
-        folder: Path = point.load()(mesh, length, say)
+        folder: Path = point.load()(mesh, length, say, up)
         return folder
     raise UserError("expected the package vig_train, to read --mesh; it is not installed. Install vig anew.")
 

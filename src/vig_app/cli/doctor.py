@@ -1,10 +1,9 @@
-"""`vig doctor`: what a bug report needs, whether the kernels work on this machine, and what is slow on it."""
+"""`vig doctor`: what a bug report needs, whether native code works on this machine, and what is slow on it."""
 
 from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
@@ -13,23 +12,22 @@ import numpy as np
 from vig.io.machine import machine
 from vig_app.cli import speed
 from vig_app.cli.common import Doctor
+from vig_native import ISA
 
 
 def doctor() -> dict[str, Any]:
-    """Collect versions and devices, and draw one triangle with the renderer's kernels.
+    """Collect versions, and draw one triangle with the renderer.
 
-    Returns what `machine` does and `{"cuda": {"torch": [names], "warp": [names]}, "classes": {name: "ok" or
-    what is wrong with its pack}, "kernels": {"ok", "detail"}, "speed": [{"what", "state", "do"}], "extras":
+    Returns what `machine` does and `{"instruction_set": str, "classes": {name: "ok" or what is wrong with its pack}, "kernels": {"ok", "detail"}, "speed": [{"what", "state", "do"}], "extras":
     {name: {"missing": [modules], "brings", "install"}}, "ok"}`, ready for JSON. Nothing is raised: what fails
-    is a line in the place of its result ("cuda" entries are then `["failed: ..."]`).
+    is a line in the place of its result.
     """
     described = machine()
     findings = [asdict(finding) for finding in speed.findings(described["cpus"])]
     kernels = check_kernels()
-    cuda = {"torch": _names(_torch_devices), "warp": _names(_warp_devices)}
     classes = check_classes()
     ok = kernels["ok"] and set(classes.values()) == {"ok"}
-    report = {"cuda": cuda, "classes": classes, "kernels": kernels, "speed": findings}
+    report = {"instruction_set": ISA, "classes": classes, "kernels": kernels, "speed": findings}
     return described | report | {"extras": speed.extras(), "ok": ok}
 
 
@@ -94,32 +92,13 @@ def report_lines(report: dict[str, Any]) -> str:
         ("platform", report["platform"]),
         ("processor", f"{report['cpus']} x {report['processor']}"),
         *((name, version or "not installed") for name, version in report["packages"].items()),
-        *((f"cuda in {name}", ", ".join(devices) or "none") for name, devices in report["cuda"].items()),
+        ("native code", f"for {report['instruction_set']}"),
         *((f"class {name}", state) for name, state in report["classes"].items()),
         ("kernels", ("ok: " if report["kernels"]["ok"] else "NOT OK: ") + report["kernels"]["detail"]),
         *speed.rows(report["speed"], report["extras"]),
     ]
     width = max(len(name) for name, _ in rows) + 2
     return "\n".join(f"{name:<{width}}{value}" for name, value in rows)
-
-
-def _names(devices: Callable[[], list[str]]) -> list[str]:
-    try:
-        return devices()
-    except Exception as error:  # drivers fail in many ways, none of which should hide the rest of the report
-        return [f"failed: {_line(error)}"]
-
-
-def _torch_devices() -> list[str]:
-    import torch
-
-    return [torch.cuda.get_device_name(index) for index in range(torch.cuda.device_count())]
-
-
-def _warp_devices() -> list[str]:
-    import warp as wp
-
-    return [device.name for device in wp.get_cuda_devices()]
 
 
 def _line(error: Exception) -> str:

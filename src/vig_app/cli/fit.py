@@ -7,36 +7,37 @@ import json
 import os
 import shlex
 import sys
-from collections.abc import Iterable, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, nullcontext
 from datetime import datetime
 from functools import partial
 from importlib.util import find_spec
+from itertools import count
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from PIL import Image
 from safetensors import SafetensorError, safe_open
 
 from vig import __version__
 from vig.inference import ExplainSettings
-from vig.io.checks import read_json
 from vig.io.errors import UserError
+from vig.io.files import as_stored, composed
 from vig.io.printing import end, in_one_line, note
 from vig.io.progress import Meter
 from vig.likelihood import LIKELIHOODS
+from vig.photo.checks import ADDRESS
 from vig.photo.decoding import FORMATS
 from vig.photo.formats import why_no_photo
 from vig.photo.video import frames_of, is_video
 from vig.recognition import WEIGHTS_FILE
-from vig.scene import ObjectClass, Symmetry
 from vig_app.cli.boxes import boxes_of, check_place, classes_of
 from vig_app.cli.cameras import cameras_of
 from vig_app.cli.common import FitCommand
 from vig_app.cli.hints import hints_of, mask_of
 from vig_app.cli.live import fit_live
-from vig_app.cli.naming import listed
+from vig_app.cli.naming import in_order, listed, note_order
 from vig_app.corrections import CORRECTIONS, Correction, corrected_in
 from vig_app.exports import RUN_FORMATS, export_run, run_files
 from vig_app.report.folder import FILES, check_files
@@ -44,12 +45,15 @@ from vig_app.report.folder_page import write_run_page
 from vig_app.report.sheet import sheet_name, write_sheets
 from vig_app.results import TABLES, TRACK, RowsOnDisk, name_of, write_table
 from vig_app.runs import LEDGER, RunSettings, Task, ledger_of, run, run_tracked
+from vig_app.schema import read_explanation
 
 FRAMES = "frames"
 """Folder of the frames of videos within that of the results."""
 TAKEN = {"report.html", sheet_name(0), LEDGER, FRAMES, *TABLES, *run_files()}
 """Names within a run's folder that no photo's folder may have."""
 HEIC_SUFFIXES = (".heic", ".heif", ".hif")
+MOST_NAME_BYTES = 200
+"""Of the name of a photo's folder: file systems take 255, with a number and what marks it unfinished."""
 SYSTEM_FILES = {"Thumbs.db", "desktop.ini", "__MACOSX"}
 """What systems put into folders of photos."""
 HINTS = (
@@ -60,7 +64,7 @@ HINTS = (
 FRAMINGS = {"auto": None, "fixed": False, "free": True}
 """Of `--framing`, as `ExplainSettings.free_framing`."""
 WITHOUT_TRACK = (
-    "boxes", "objects", "cluster", "mask", "marks", "points", "azimuth", "pose", "cameras", "intrinsics",
+    "boxes", "objects", "cluster", "mask", "marks", "points", "azimuth", "pose",
 )  # fmt: skip
 """Options that do not go with `--track`."""
 
@@ -80,10 +84,14 @@ def fit(settings: FitCommand) -> int:
     check_files(settings.files or ())
     if settings.live is not None:
         return fit_live(settings)
+    if settings.timeout != FitCommand.timeout:
+        raise UserError("expected --timeout with --live; got it without. Leave it out.")
     if settings.track:
         _check_track(settings)
     with ledger_of(settings.out) if any(map(is_video, settings.images)) else nullcontext():
         photos = photos_of(settings.images, settings.out)
+    if settings.track:
+        note_order(photos)
     folders = result_folders(photos, settings.out)
     boxes = boxes_of(settings, photos)
     check_place(settings, folders)
@@ -96,11 +104,11 @@ def fit(settings: FitCommand) -> int:
                 f"no network was trained for '{name}': each photo needs --box or --mask, and views are tried"
                 f" all round; `vig class train {name}` trains one"
             )
-    if settings.mesh is not None and not settings.quiet:
-        note(_of_mesh(settings.mesh, ObjectClass.load(object_class)))
     hints = hints_of(settings, photos)
     mask = mask_of(settings, photos)
     cameras = cameras_of(settings, photos)
+    if settings.track and any(repr(camera) != repr(cameras[0]) for camera in cameras):
+        raise UserError(f"expected one camera for all frames; got several in '{settings.cameras}'. Name one.")
     explain_settings = ExplainSettings(
         LIKELIHOODS[settings.likelihood],
         self_shadow=not settings.no_self_shadow,
@@ -111,7 +119,6 @@ def fit(settings: FitCommand) -> int:
     run_settings = RunSettings(
         object_class,
         explain_settings,
-        settings.device,
         settings.export,
         further_classes,
         _with_mask(settings),
@@ -229,29 +236,13 @@ def is_untrained(pack: Path) -> bool:
     return (pack / "class.json").is_file() and not (pack / WEIGHTS_FILE).exists()
 
 
-TURNS = {
-    Symmetry.NONE: "no turn about its vertical looks the same",
-    Symmetry.HALF_TURN: "half a turn about its vertical looks the same",
-    Symmetry.ANY_TURN: "any turn about its vertical looks the same, so that none is sought",
-}
-
-
-def _of_mesh(mesh: Path, object_class: ObjectClass) -> str:
-    """What was taken of a mesh file, in a line."""
-    length = float(np.ptp(object_class.shape_model.mean, axis=0).max())
-    size = f"its longest side is {length:.3g} m"
-    if not object_class.size_known:
-        size += " for want of a unit, and distances are unknown: --length tells it"
-    return f"'{mesh.name}': {TURNS[object_class.symmetry]}; {size}"
-
-
 def _results(rows: Iterable[dict[str, Any]], out: Path) -> dict[str, Any]:
     """What each explanation.json holds, by photo; a list of them where a photo has several objects."""
     results: dict[str, Any] = {}
     for row in rows:
         if row["error"] is None:
             folder = out / row["folder"]
-            result = read_json(folder / "explanation.json") | {"folder": str(folder)}
+            result = read_explanation(folder) | {"folder": str(folder)}
             if "/" in row["folder"]:
                 results.setdefault(row["photo"], []).append(result)
             else:
@@ -281,8 +272,7 @@ def _check_track(settings: FitCommand) -> None:
         )
     for name in WITHOUT_TRACK:
         if getattr(settings, name) not in (None, ()):
-            flag = "K" if name == "intrinsics" else name
-            raise UserError(f"expected --track without --{flag}; got both. Leave one out.")
+            raise UserError(f"expected --track without --{name}; got both. Leave one out.")
     if settings.workers > 1:
         raise UserError(
             "expected --track with one worker, as frames follow from each other. Leave out --workers."
@@ -315,7 +305,7 @@ def _photos_in(folder: Path) -> list[Path]:
     Hidden files are passed over, such as those that macOS puts beside others (._photo.jpg).
     """
     extensions, photos, others = Image.registered_extensions(), list[Path](), list[Path]()
-    for path in sorted(folder.iterdir()):
+    for path in in_order(folder.iterdir()):
         if path.name.startswith(".") or path.name in SYSTEM_FILES:
             continue
         suffix = path.suffix.lower()
@@ -346,11 +336,11 @@ def _kind_of(path: Path) -> str:
 
 def _expanded(path: Path) -> list[Path]:
     """Files of a pattern such as photos/*.jpg, which not every shell expands; any other path as it is."""
-    pattern = str(path)
-    if os.path.lexists(path) or not glob.has_magic(pattern):
+    pattern = str(path := as_stored(path))
+    if os.path.lexists(path) or not glob.has_magic(pattern) or ADDRESS.match(pattern):
         return [path]
-    if matches := sorted(glob.glob(pattern, recursive=True)):
-        return [Path(match) for match in matches]
+    if matches := in_order(map(Path, glob.glob(pattern, recursive=True))):
+        return matches
     raise UserError(f"expected photos that match '{pattern}'; got none. Check the folder and the pattern.")
 
 
@@ -377,13 +367,18 @@ def _line(row: dict[str, Any]) -> str:
 
 
 def result_folders(images: Sequence[Path], out: Path) -> list[Path]:
-    """A folder for each photo, named after it; a number is added where two photos share a name."""
-    used = set(TAKEN)
+    """A folder for each photo, named after it, cut where files' names could not be so long; a number is added
+    where two photos share a name.
+    """
+    used, numbers = set(map(composed, TAKEN)), defaultdict[str, Iterator[int]](lambda: count(2))
     folders = []
     for image in images:
-        name, number = image.stem, 2
-        while name in used:
-            name, number = f"{image.stem}-{number}", number + 1
-        used.add(name)
+        stem = image.stem[:MOST_NAME_BYTES]
+        while len(os.fsencode(stem)) > MOST_NAME_BYTES:
+            stem = stem[:-1]
+        name = stem
+        while composed(name) in used:
+            name = f"{stem}-{next(numbers[stem])}"
+        used.add(composed(name))
         folders.append(out / name)
     return folders

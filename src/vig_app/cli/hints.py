@@ -14,7 +14,7 @@ from vig.io.checks import read_json, reading
 from vig.io.errors import UserError
 from vig.photo.checks import refuse
 from vig.photo.images import eight_bit_photo
-from vig.photo.masks import mask_file
+from vig.photo.masks import mask_files
 from vig_app.cli.common import FitCommand
 
 MARK_CHANNELS = ((0, PixelLabel.IN_FRONT), (1, PixelLabel.SEEN), (2, PixelLabel.NOTHING))
@@ -50,11 +50,11 @@ def mask_of(settings: FitCommand, photos: list[Path]) -> Callable[[Path], Path |
         if path is not None and len(photos) > 1:
             raise UserError(f"expected --mask FOLDER for {len(photos)} photos; got '{path}'. Name one.")
         return lambda photo: path
-    names = [mask_file(path, photo) for photo in photos]
+    names = mask_files(path, photos)
     owners: dict[Path, Path] = {}
     for photo, name in zip(photos, names, strict=True):
         owner = owners.setdefault(name, photo)
-        if owner.resolve() != photo.resolve():
+        if owner is not photo and owner.resolve() != photo.resolve():
             raise UserError(
                 f"expected a mask for each photo; got '{name}' for {owner} and {photo}."
                 " Put the masks into folders named as the photos' folders are."

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import difflib
+import io
 import json
 import os
+import re
 import sys
 import traceback
+from contextlib import redirect_stderr
+from itertools import takewhile
 from typing import Any
 
 import tyro
@@ -39,40 +44,41 @@ GROUPS = {
     "dataset": "Generate, check, look at and export datasets.",
 }
 """Verbs that have verbs of their own."""
+AXIS_OPTIONS = ("--up", "--front")
+"""Options whose value is an axis, such as -z."""
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line; exits with an `ExitCode`."""
     arguments = sys.argv[1:] if arguments is None else arguments
+    for at in reversed(range(len(arguments) - 1)):  # a parser takes -z for an option of its own
+        if arguments[at] in AXIS_OPTIONS and re.fullmatch("-[xyzXYZ]", arguments[at + 1]):
+            arguments = [*arguments[:at], "=".join(arguments[at : at + 2]), *arguments[at + 2 :]]
     if arguments == ["--version"]:
         print(f"vig {__version__}")
         sys.exit(0)
     verbs = {verb.settings: verb for verb in (*VERBS, *verbs_of_packages())}
     try:
+        _check_verb({verb.name for verb in verbs.values()}, arguments)
         chosen = _parsed(list(verbs.values()), arguments)
-    except SystemExit as ended:
-        if ended.code and "--json" in arguments:
-            _print_error("expected arguments as --help lists them; standard error says which came")
-        raise
-    if isinstance(
-        chosen, FitCommand | ViewCommand
-    ):  # whose matrices are small: numpy's further threads would only spin
-        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    try:
+        if isinstance(chosen, FitCommand | ViewCommand):
+            # Their matrices are small: numpy's further threads would only spin.
+            os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         sys.exit(verbs[type(chosen)].run(chosen))
     except UserError as error:
         code, line = ExitCode.MISTAKE, str(error)
     except BrokenPipeError:  # the reader of the output has exited, as `| head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(ExitCode.INCOMPLETE)
-    except KeyboardInterrupt:
-        code, line = ExitCode.INTERRUPTED, "interrupted; what is finished stays"
+    except KeyboardInterrupt as stop:  # by Ctrl-C, or the signal that it names
+        code = ExitCode(128 + stop.args[0]) if stop.args else ExitCode.INTERRUPTED
+        line = "interrupted; what is finished stays"
     except Exception as error:
         traceback.print_exc()
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         code, line = ExitCode.FAULT, f"a fault of vig, please report it with `vig doctor`: {reason}"
     print(f"vig: {line}", file=sys.stderr)
-    if chosen.json:
+    if "--json" in arguments:
         _print_error(line)
     sys.exit(code)
 
@@ -82,8 +88,42 @@ def _print_error(line: str) -> None:
     print(json.dumps({"error": line}))
 
 
+def _check_verb(names: set[str], arguments: list[str]) -> None:
+    """UserError where the arguments begin with no verb, with the one that is most alike."""
+    for depth in (1, 2):
+        given = " ".join(arguments[:depth])
+        if given in names or len(arguments) < depth or arguments[depth - 1].startswith("-"):
+            return
+        known = sorted({" ".join(name.split()[:depth]) for name in names})
+        if given not in known:
+            alike = difflib.get_close_matches(given, known, 1)
+            remedy = f"Did you mean vig {alike[0]}?" if alike else "vig --help lists them."
+            verbs = [name for name in known if depth == 1 or name.split()[0] == arguments[0]]
+            raise UserError(f"expected a verb, {', '.join(verbs)}; got '{given}'. {remedy}")
+
+
 def _parsed(verbs: list[Verb], arguments: list[str]) -> Any:
-    """The settings of the verb that the arguments name."""
+    """The settings of the verb that the arguments name; UserError where it does not take them."""
+    complaint = io.StringIO()
+    try:
+        with redirect_stderr(complaint):
+            return _settings(verbs, arguments)
+    except SystemExit as ended:
+        if not ended.code:
+            raise
+    lines = complaint.getvalue().splitlines()[1:]  # the first is the title of a box
+    words = " ".join(re.sub("[\u2500-\u257f]|-{9,}", " ", " ".join(lines)).split())
+    if wrong := re.search(r"Error parsing (\S+?): .*?matching (\S+) .*?from \[(.*?)\]\.", words):
+        option, kind, given = wrong.groups()
+        words = f"expected {option} {kind.replace('{None}|', '')}; got {given}."
+    words = re.sub(r" Perhaps you meant: (\S+).*", r". Did you mean \1?", words)
+    words = re.sub(r" (For full helptext|Argument helptext|Available subcommands).*", "", words)
+    verb = " ".join(takewhile(lambda word: not word.startswith("-"), arguments[:1]))
+    raise UserError(" ".join(f"{words} See vig {verb} --help.".split()))
+
+
+def _settings(verbs: list[Verb], arguments: list[str]) -> Any:
+    """What tyro makes of the arguments, which prints and exits where it cannot."""
     app = tyro.extras.SubcommandApp()
     groups: dict[str, tyro.extras.SubcommandApp] = {}
     for verb in verbs:

@@ -2,16 +2,46 @@
 
 from __future__ import annotations
 
+import os
+import re
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path, PurePath
-from typing import TypeVar
+from decimal import Decimal
+from functools import cache
+from itertools import count
+from pathlib import Path
+from typing import Any, TypeVar
 
 from vig.io.errors import UserError
+from vig.io.files import composed
 from vig.io.printing import note
 
 Value = TypeVar("Value")
+NUMBERS = re.compile(r"(\d{9,}\.\d+|\d+)")
+"""In names: whole ones, and Unix times, whose fractions have any number of digits."""
+Parts = tuple[str, ...]
+"""The parts of a path."""
 LISTED = 3
 """Names that a line lists at most."""
+
+
+def in_order(paths: Iterable[Path]) -> list[Path]:
+    """Sort files as people count: frame-9.png before frame-10.png."""
+
+    def key(path: Path) -> tuple[list[Any], str]:
+        parts = NUMBERS.split(str(path.with_suffix("")).casefold())  # text, number, text ...
+        return [Decimal(part) if n % 2 else part for n, part in enumerate(parts)], str(path)
+
+    return sorted(paths, key=key)
+
+
+def note_order(frames: Sequence[Path]) -> None:
+    """Print a line where names of frames may not give their order: several forms, a number twice."""
+    forms = dict.fromkeys(NUMBERS.sub("#", frame.stem.casefold()) for frame in frames)
+    numbers = {tuple(map(Decimal, NUMBERS.findall(frame.stem))) for frame in frames}
+    if len(forms) > 1 or len(numbers) < len(frames):
+        why = f"are of {len(forms)} forms ({listed(forms)})" if len(forms) > 1 else "have a number twice"
+        note(f"frames taken in the order {listed(frame.name for frame in frames)}; their names {why}")
 
 
 def by_photo(
@@ -19,8 +49,8 @@ def by_photo(
 ) -> dict[Path, Value]:
     """The entry of each photo that a file has one of.
 
-    A photo is named by its file's name, or by the end of its path. Entries of other photos are passed over
-    with a line.
+    A photo is named by its file's name, or by the end of its path, in any Unicode composition. Entries of
+    other photos are passed over with a line.
 
     Args:
         entries: By those names.
@@ -33,22 +63,19 @@ def by_photo(
     """
     matches: dict[Path, tuple[int, Value]] = {}  # with the length of the name: the longest counts
     others: list[str] = []
-    ends = {photo: photo.resolve().parts for photo in photos}
+    names = PhotoNames(photos)
     for name, value in entries.items():
-        parts = tuple(part for part in PurePath(name.replace("\\", "/")).parts if part != ".")
-        named = [photo for photo, end in ends.items() if end[-len(parts) :] == parts]
-        if len({ends[photo] for photo in named}) > 1:
-            paths = {ends[photo] for photo in named}
-            depth = next(n for n in range(1, 99) if len({end[-n:] for end in paths}) == len(paths))
-            example = "/".join(ends[named[0]][-depth:])
+        paths = names(name)
+        if len(paths) > 1:
+            depth = next(n for n in count(1) if len({path[-n:] for path in paths}) == len(paths))
             raise UserError(
                 f"expected {what} in '{path}' that name one photo each; got '{name}', which is the name of"
-                f" {len(paths)}. Name them by their folders too, such as '{example}'."
+                f" {len(paths)}. Name them by their folders too, such as '{'/'.join(paths[0][-depth:])}'."
             )
-        others += [] if named else [name]
-        for photo in named:
-            if photo not in matches or len(parts) > matches[photo][0]:
-                matches[photo] = len(parts), value
+        others += [] if paths else [name]
+        for photo in names.photos[paths[0]] if paths else ():
+            if photo not in matches or len(name) > matches[photo][0]:
+                matches[photo] = len(name), value
     if not matches and entries:
         raise UserError(
             f"expected {what} of the {len(photos)} photos; got one of '{others[0]}' in '{path}'."
@@ -58,6 +85,41 @@ def by_photo(
         noun = "photo" if len(others) == 1 else "photos"
         note(f"{what} of {len(others)} other {noun} passed over: {listed(others)}")
     return {photo: value for photo, (_, value) in matches.items()}
+
+
+class PhotoNames:
+    """Photos by the ends of their paths, each found in the same time however many there are.
+
+    Attributes:
+        photos: Those of each path, which is in parts: a photo may be given twice, in two ways.
+    """
+
+    def __init__(self, photos: Iterable[Path]):
+        folders = cache(lambda folder: _parts(os.path.realpath(folder)))
+        self.photos = defaultdict[Parts, list[Path]](list)
+        for photo in photos:
+            self.photos[*folders(photo.parent), photo.name].append(photo)
+        self._by_end: dict[int, dict[Parts, list[Parts]]] = {}
+
+    def __call__(self, name: str) -> list[Parts]:
+        """The paths of which a name is the end, in any composition unless they differ in that alone."""
+        end = _parts(name)
+        depth = len(end)
+        if depth not in self._by_end:
+            by_end = self._by_end[depth] = defaultdict[Parts, list[Parts]](list)
+            for path in self.photos if end else ():
+                by_end[tuple(map(composed, path[-depth:]))].append(path)
+        paths = self._by_end[depth].get(tuple(map(composed, end)), [])
+        return [path for path in paths if path[-depth:] == end] or paths if len(paths) > 1 else paths
+
+
+def _parts(path: str) -> Parts:
+    """The parts of a path with slashes or backslashes; those of an absolute one begin with "" or a drive."""
+    first, *others = path.replace("\\", "/").split("/")
+    return (
+        *((first,) if first != "." and (first or others) else ()),
+        *(part for part in others if part not in ("", ".")),
+    )
 
 
 def listed(names: Iterable[str]) -> str:

@@ -12,6 +12,7 @@ from vig.io.errors import UserError
 from vig.io.printing import end, note
 from vig_app.cli.boxes import parse_box
 from vig_app.cli.common import ViewCommand
+from vig_app.cli.fit import result_folders
 from vig_app.viewer.server import HOST, Viewer
 from vig_app.viewer.walk import Walk
 
@@ -25,7 +26,7 @@ def view(settings: ViewCommand) -> int:
                 raise UserError(f"expected a photo with --{name}; got a result, which has one. Leave it out.")
         walk = Walk.of_folder(photo)
     else:
-        folder = (settings.out or Path("vig-fit")) / photo.stem
+        (folder,) = result_folders([photo], settings.out or Path("vig-fit"))
         walk = Walk.of_photo(photo, settings.object_class or "teapot", folder)
     if settings.box is not None:
         if len(walk.items) > 1:

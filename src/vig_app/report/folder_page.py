@@ -107,7 +107,7 @@ def write_run_page(out: Path, rows: Iterable[Mapping[str, Any]]) -> None:
     for row in heapq.nsmallest(MOST_ENTRIES, (row for row in rows if row["error"] is None), review_order):
         folder = row["folder"].split("/")[0]  # of several objects the page of all
         picture = np.full((24, 32, 3), 128, np.uint8)  # where no thumbnail was asked for
-        with suppress(OSError), Image.open(out / row["folder"] / THUMBNAIL_FILE) as thumbnail:
+        with suppress(Exception), Image.open(out / row["folder"] / THUMBNAIL_FILE) as thumbnail:
             picture = np.asarray(thumbnail)
         has_page = (out / folder / "report.html").exists()
         entries.append(Entry(name_of(row), folder, row, picture, has_page))

@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from vig.io.checks import decode, read_json, reading
+from vig.io.checks import reading
 from vig.io.errors import UserError
 from vig_app.report import words
 from vig_app.report.html import filled
+from vig_app.schema import read_explanation
 
 MOST = 40
 """Photos of a gallery, each some 0.2 MB of the page."""
@@ -51,7 +52,7 @@ def card_of(folder: Path, name: str, note: str = "", link: str = "") -> Card:
     """The card of an explanation's folder, which holds explanation.json and report.html."""
     page = folder / "report.html"
     with reading(page, "the page of an explanation", "Explain the photo anew with `vig fit`."):
-        described = decode(dict[str, Any], read_json(folder / "explanation.json"))
+        described = read_explanation(folder)
         badge, probabilities = words.badge(described), words.probabilities(described)
         text = page.read_text(encoding="utf-8")
         pictures, found = dict(PICTURE.findall(text)), DATA.search(text)

@@ -97,7 +97,7 @@ def _tile(out: Path, row: Mapping[str, Any]) -> Image.Image:
         with Image.open(out / row["folder"] / THUMBNAIL_FILE) as picture:
             picture.thumbnail((TILE, TILE))
             tile.paste(picture, ((side - picture.width) // 2, (side - picture.height) // 2))
-    except OSError:  # none was made, or it is gone
+    except Exception:  # none was made, it is gone, or damaged, of which a decoder may raise anything
         reason = _printable(row["error"] or "without a picture").removeprefix(f"{_printable(row['photo'])}: ")
         lines = textwrap.wrap(reason, LETTERS)[: TILE // 14]
         pen.multiline_text((BORDER + 4, BORDER + 4), "\n".join(lines), fill=BACKGROUND, font=font, spacing=2)

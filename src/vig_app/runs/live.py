@@ -8,9 +8,11 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from signal import SIGINT
 from typing import Any
 
 import numpy as np
@@ -18,6 +20,7 @@ from PIL import Image, ImageDraw
 
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
+from vig.photo.video import Video, av_errors
 from vig.video import TrackedPose, Tracker
 from vig_app.results import POSE, TRACK
 from vig_app.runs.ledger import ledger_of
@@ -35,7 +38,12 @@ LIVE_COLUMNS = (
 )  # fmt: skip
 """Of track.csv; deviations of the place in metres, of turns in radians."""
 OVERLAY, CURVES = "overlay.mp4", "track.png"
-CODECS = ("libx264", "mpeg4")
+CODECS = {"libx264": {"tune": "zerolatency"}, "mpeg4": {}}
+"""Of the overlay video, the first that there is, with its options: no frame is kept back."""
+CONTAINER = {"movflags": "hybrid_fragmented+frag_every_frame", "flush_packets": "1"}
+"""Of the overlay video: what a kill leaves of it plays, too."""
+TIMEOUT = 10.0
+"""Seconds without a frame after which a source is given up."""
 CLOCK = Fraction(1, 1000)
 """Unit of the overlay video's times, seconds."""
 AXIS = 0.6
@@ -48,102 +56,158 @@ CURVE_SIZE = 1000, 280
 
 
 class LatestFrame:
-    """The newest frame of a source that is read on a thread of its own; older ones are dropped.
+    """The newest picture of a source that is read on a thread of its own; older ones are dropped.
 
-    A file is played at its own speed, as a camera would show it.
+    A file is played at its own speed from its first frame on, as a camera would show it.
+
+    Attributes:
+        problem: Why the source was given up before its end; None where it was not.
     """
 
-    def __init__(self, source: str):
-        """Open a camera by its number, an address, a file, or "-" for standard input.
+    def __init__(self, source: str, timeout: float = TIMEOUT):
+        """Open a camera by its number, an address, a file, or "-" for standard input; wait for a frame.
+
+        Args:
+            source: One of these.
+            timeout: Seconds without a frame after which it is given up.
 
         Raises:
-            UserError: PyAV is not installed, or the source cannot be opened or has no pictures.
+            UserError: PyAV is not installed, or the source cannot be opened, has no pictures, or is silent.
         """
-        try:
-            import av
-        except ImportError:
-            raise UserError(
-                "expected the package av for --live; it is not installed. Run pip install 'vig[video]'."
-            ) from None
-        kind, name = None, source
-        if source.isdecimal():
-            kind, pattern = CAMERAS.get(sys.platform, CAMERAS["linux"])
-            name = pattern.format(source)
-        self._paced = not source.isdecimal() and Path(source).is_file()
-        try:
-            self._container: Any = av.open("pipe:0" if source == "-" else name, format=kind)
-        except (OSError, ValueError) as error:
-            why = getattr(error, "strerror", None) or error
-            raise UserError(
-                f"expected a camera, address, file or pipe with --live; got '{source}', which cannot be"
-                f" opened ({why}). Check its name, and that nothing else uses it."
-            ) from None
-        if not self._container.streams.video:
-            raise UserError(f"expected a stream of pictures; got '{source}', which has none. Name another.")
-        self._errors = av.error.FFmpegError
+        self._source, self._timeout = source, timeout
         self._news, self._ended = threading.Condition(), False
         self._frame: Any = None
-        threading.Thread(target=self._read, daemon=True).start()
+        self.problem: str | None = None
+        self._thread = threading.Thread(target=self._read, daemon=True)  # it may block where nothing ends it
+        self._thread.start()
+        self._wait()
+        if self._frame is None:
+            raise UserError(self.problem or f"expected a video; got '{source}', which has no frames.")
 
     def __iter__(self) -> Iterator[np.ndarray]:
-        """Pictures (H, W, 3) uint8 sRGB, each the newest when it is asked for, until the source ends."""
+        """Yield pictures (H, W, 3) uint8 sRGB, each the newest when asked for, until the source ends."""
         while True:
+            self._wait()
             with self._news:
-                while self._frame is None and not self._ended:
-                    self._news.wait(0.1)  # so that Ctrl-C is seen
                 frame, self._frame = self._frame, None
             if frame is None:
                 return
-            yield frame.to_ndarray(format="rgb24")
+            yield self._video.picture(frame)
 
     def close(self) -> None:
         """Stop reading."""
         self._ended = True
+        self._thread.join(1.0)
+
+    def _wait(self) -> None:
+        """Wait for a picture or the end; a source that is silent has ended."""
+        until = time.monotonic() + self._timeout
+        with self._news:
+            while self._frame is None and not self._ended:
+                if time.monotonic() > until:
+                    self._ended = True
+                    self.problem = (
+                        f"expected frames; got none from '{self._source}' for {self._timeout:g} s. Check that"
+                        " it sends, or give a longer --timeout."
+                    )
+                self._news.wait(0.1)  # so that Ctrl-C is seen
 
     def _read(self) -> None:
-        began = time.monotonic()
-        with suppress(self._errors, OSError):  # a camera that is unplugged ends as a file does
-            for frame in self._container.decode(video=0):
-                if self._paced and frame.time is not None:
-                    time.sleep(max(0.0, frame.time - (time.monotonic() - began)))
+        problem = None
+        try:
+            self._video = self._opened()
+            for frame in self._played(self._video):
                 with self._news:
+                    if self._ended:
+                        return
                     self._frame = frame
                     self._news.notify()
-                if self._ended:
-                    break
+        except UserError as error:
+            problem = str(error)
+        except av_errors() as error:
+            problem = f"expected frames to the end of '{self._source}'; got an error ({_reason(error)})."
         with self._news:
+            self.problem = self.problem or problem
             self._ended = True
             self._news.notify()
 
+    def _opened(self) -> Video:
+        kind, name = None, "pipe:0" if self._source == "-" else self._source
+        if self._source.isdecimal():
+            kind, pattern = CAMERAS.get(sys.platform, CAMERAS["linux"])
+            name = pattern.format(self._source)
+        try:
+            return Video(name, kind, 2 * self._timeout)
+        except UserError:
+            raise
+        except av_errors() as error:
+            raise UserError(
+                f"expected a camera, address, file or pipe with --live; got '{self._source}', which cannot be"
+                f" opened ({_reason(error)}). Check its name, and that nothing else uses it."
+            ) from None
+
+    def _played(self, video: Video) -> Iterator[Any]:
+        """Yield frames, those of a file at its own speed; a clock may begin anywhere, jump, or be missing."""
+        paced = not self._source.isdecimal() and Path(self._source).is_file()
+        usual, longest = float(1 / (video.stream.average_rate or 25)), self._timeout / 2
+        due, before = time.monotonic(), None  # of the frame before, on this machine's clock and its own
+        for packet in video.file.demux(video.stream):
+            try:
+                frames = packet.decode()
+            except ValueError:  # such as before the first whole picture of a stream that is joined
+                continue
+            for frame in frames:
+                if paced and before is not None:
+                    step = frame.time - before if frame.time is not None else usual
+                    due += step if 0 <= step <= longest else usual
+                    time.sleep(max(0.0, due - time.monotonic()))
+                before = frame.time if frame.time is not None else (before or 0.0) + usual
+                yield frame
+
 
 class OverlayVideo:
-    """A video of frames with the object's outline and axes, written as it goes."""
+    """A video of frames with the object's outline and axes, written so that it plays at any time."""
 
     def __init__(self, path: Path):
-        import av
-
-        self._av, self._last = av, -1
-        self._stream: Any = None
-        self._container: Any = av.open(str(path), "w")
+        self._path, self._last = path, -1
+        self._container: Any = None
 
     def add(self, picture: np.ndarray, seconds: float) -> None:
         """Add a picture (H, W, 3) uint8 at its time."""
+        import av
+
         height, width = (side // 2 * 2 for side in picture.shape[:2])
-        if self._stream is None:
-            codec = next(name for name in CODECS if name in self._av.codecs_available)
-            self._stream = self._container.add_stream(codec, rate=30)
+        if self._container is None:
+            codec = next(name for name in CODECS if name in av.codecs_available)
+            self._container = av.open(str(self._path), "w", options=CONTAINER)
+            self._stream: Any = self._container.add_stream(codec, rate=30, options=CODECS[codec])
             self._stream.width, self._stream.height, self._stream.pix_fmt = width, height, "yuv420p"
             self._stream.codec_context.time_base = CLOCK
-        frame = self._av.VideoFrame.from_ndarray(np.ascontiguousarray(picture[:height, :width]), "rgb24")
+        frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture[:height, :width]), "rgb24")
         self._last = frame.pts = max(self._last + 1, round(seconds / CLOCK))
         frame.time_base = CLOCK
         self._container.mux(self._stream.encode(frame))
 
     def close(self) -> None:
         """Write what is left."""
-        if self._stream is not None:
+        if self._container is not None:
             self._container.mux(self._stream.encode())
-        self._container.close()
+            self._container.close()
+
+
+@dataclass(frozen=True)
+class LiveRun:
+    """A run over a camera or stream that ended.
+
+    Attributes:
+        poses: Of the frames from the first in which the object was found.
+        problem: What ended it before the stream's end, in a line; None if nothing did.
+        signal: Number of the signal that ended it; None if none did.
+    """
+
+    poses: list[TrackedPose]
+    problem: str | None = None
+    signal: int | None = None
 
 
 def run_live(
@@ -152,10 +216,11 @@ def run_live(
     out: Path,
     box: tuple[float, float, float, float] | None = None,
     say: Callable[[str], None] = print,
-) -> list[TrackedPose]:
+    timeout: float = TIMEOUT,
+) -> LiveRun:
     """Track the object before a camera, into track.csv, track.png and a video, until its stream ends.
 
-    Ctrl-C ends it, too.
+    KeyboardInterrupt ends it, too: Ctrl-C, or a handler that raises it with its signal's number.
 
     Args:
         source: As `LatestFrame` takes it.
@@ -163,12 +228,15 @@ def run_live(
         out: Folder of the files; made where it is missing.
         box: Round the object in the first frame; else it is sought, frame after frame.
         say: Is called with a line about a frame, once a second.
+        timeout: Seconds without a frame after which the source is given up.
 
     Raises:
-        UserError: The source cannot be opened, `out` cannot be written, or as `Tracker.start`.
+        UserError: The source cannot be opened or sends no frame, `out` cannot be written, or, in the first
+            frame, as `Tracker.start`.
     """
-    frames = LatestFrame(source)
     poses: list[TrackedPose] = []
+    problem = stopped_by = None
+    frames = LatestFrame(source, timeout)
     with ExitStack() as stack:
         stack.callback(frames.close)
         stack.enter_context(ledger_of(out))
@@ -178,23 +246,34 @@ def run_live(
         table = csv.DictWriter(file, LIVE_COLUMNS)
         table.writeheader()
         began, said = time.monotonic(), -math.inf
-        stack.enter_context(suppress(KeyboardInterrupt))
-        for picture in frames:
-            seconds = time.monotonic() - began
-            pose = tracker.start(picture, box=box) if box is not None and not poses else tracker(picture)
-            if pose is not None:
-                poses.append(pose)
-                table.writerow(_row(pose, seconds))
-                file.flush()
-                picture = drawn(picture, pose, tracker)
-            video.add(picture, seconds)
-            if seconds - said >= LINE_EVERY:
-                say(_line(pose))
-                said = seconds
+        try:
+            for picture in frames:
+                seconds = time.monotonic() - began
+                pose = tracker.start(picture, box=box) if box is not None and not poses else tracker(picture)
+                if pose is not None:
+                    poses.append(pose)
+                    table.writerow(_row(pose, seconds))
+                    file.flush()
+                    picture = drawn(picture, pose, tracker)
+                video.add(picture, seconds)
+                if seconds - said >= LINE_EVERY:
+                    say(_line(pose))
+                    said = seconds
+            problem = frames.problem
+        except KeyboardInterrupt as stop:
+            stopped_by = stop.args[0] if stop.args else SIGINT
+        except UserError as error:  # such as a frame of another size
+            if not poses:
+                raise
+            problem = str(error)
     if poses:
         with atomic_write(out / CURVES) as temporary:
             curves(poses).save(temporary, "PNG")
-    return poses
+    return LiveRun(poses, problem, stopped_by)
+
+
+def _reason(error: Exception) -> str:
+    return str(getattr(error, "strerror", None) or error)
 
 
 def drawn(picture: np.ndarray, pose: TrackedPose, tracker: Tracker) -> np.ndarray:

@@ -52,7 +52,7 @@ def run(
     """
     if workers > 1:
         check_main_module()
-    explainer = Explainer(settings.object_class, settings.explain, settings.device)
+    explainer = Explainer(settings.object_class, settings.explain)
     shared_key = settings_key(settings, explainer)
     if not resume:
         keyed = (replace(task, key=key_of(task, shared_key)) for task in tasks)

@@ -30,7 +30,7 @@ def run_tracked(
     It is done in this process, from the first frame on each time.
 
     Args:
-        tasks: In the frames' order; the box is that of the first.
+        tasks: In the frames' order; the box is that of the first, the camera that of all.
         out: As in `run`.
         settings: For all frames.
         take: Is called with the row of a frame as it is done, once more where it is fitted again.
@@ -39,7 +39,7 @@ def run_tracked(
     Raises:
         UserError: As `vig.track`, or `out` cannot be written, or another run writes there.
     """
-    explainer = Explainer(settings.object_class, settings.explain, settings.device)
+    explainer = Explainer(settings.object_class, settings.explain)
     work, started = Work(explainer, settings), time.monotonic()
 
     def write_frame(number: int, explanation: Explanation) -> None:
@@ -53,7 +53,7 @@ def run_tracked(
         stack.callback(finish)
         first = tasks[0]
         photos = [task.photo for task in tasks]
-        tracked = track(photos, explainer, first.box, first.focal, first.hints, write_frame)
+        tracked = track(photos, explainer, first.box, first.focal, first.hints, write_frame, first.camera)
         rows = [_row_of_track(task, frame) for task, frame in zip(tasks, tracked.frames, strict=True)]
         write_table(out, rows, TRACK, TRACK_COLUMNS)
         content = {

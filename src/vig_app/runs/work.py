@@ -85,7 +85,6 @@ class RunSettings:
         object_class: A packaged class or the folder of a pack.
         others: Further classes that objects may be of, where a photo has several.
         explain: How to fit.
-        device: See `Explainer`.
         export: Formats that are written, too; see `Explanation.export`.
         files: Which files are written; see `Explanation.save`, as for full_size.
         full_size: Whether pictures are as large as the photos.
@@ -93,7 +92,6 @@ class RunSettings:
 
     object_class: str | Path = "teapot"
     explain: ExplainSettings = ExplainSettings()
-    device: str = "cpu"
     export: tuple[str, ...] = ()
     others: tuple[str, ...] = ()
     files: tuple[str, ...] | None = None
@@ -102,7 +100,7 @@ class RunSettings:
 
 def prepare(settings: RunSettings) -> Callable[[Task], Rows]:
     """The work of a worker process."""
-    return Work(Explainer(settings.object_class, settings.explain, settings.device), settings)
+    return Work(Explainer(settings.object_class, settings.explain), settings)
 
 
 class Work:
@@ -145,7 +143,7 @@ class Work:
     def of_class(self, name: str) -> Explainer:
         """The explainer of a class, which is loaded when it is first needed."""
         if name not in self.by_class:
-            self.by_class[name] = Explainer(name, self.settings.explain, self.settings.device)
+            self.by_class[name] = Explainer(name, self.settings.explain)
         return self.by_class[name]
 
     def several(self, task: Task) -> Rows:

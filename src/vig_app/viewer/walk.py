@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 from vig.explainer import Box, Explainer
-from vig.io.checks import decode, read_json, reading
+from vig.io.checks import reading
 from vig.io.errors import UserError
+from vig.photo.decoding import opened
 from vig_app.corrections import CORRECTIONS, State, corrected_in
 from vig_app.exports import export_run, formats_in, run_formats_in
 from vig_app.report.folder import FILES, OPTIONAL_FILES
@@ -21,6 +21,7 @@ from vig_app.report.sheet import write_sheets
 from vig_app.results import TABLES, name_of, read_results, write_table
 from vig_app.runs import Task, ledger_of
 from vig_app.runs.work import row_of
+from vig_app.schema import read_explanation
 from vig_app.viewer.session import Session
 
 OWN = ("photo", "folder", "object", "seconds")
@@ -61,7 +62,7 @@ class Item:
         if not (self.folder.parent / "scene.json").exists():
             return None
         path = self.folder.parent / "mask.png"
-        with reading(path, "the mask of several objects", "Run `vig fit` again."), Image.open(path) as image:
+        with reading(path, "the mask of several objects", "Run `vig fit` again."), opened(path) as image:
             numbers = np.asarray(image)
             return (numbers != 0) & (numbers != int(self.folder.name.split("-")[0]))
 
@@ -218,10 +219,8 @@ def _of_row(run: Path, row: dict[str, Any]) -> Item:
 def _of_result(path: Path) -> Item:
     """Of a folder of results, by its corrections.json."""
     folder = path.parent
-    with reading(path.with_name("explanation.json"), "a result of `vig fit`", "Run it again."):
-        described = decode(dict[str, Any], read_json(path.with_name("explanation.json")))
-        described |= dict(zip(BOX, described["box"] or [], strict=False))
-        review_order(described)
+    described = read_explanation(folder)
+    described |= dict(zip(BOX, described["box"] or [], strict=False))
     return Item(folder.name, folder, described, corrected=_is_corrected(folder))
 
 

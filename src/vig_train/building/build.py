@@ -63,7 +63,7 @@ def build_class(
     say(f"{_counted(len(scans), 'mesh')} from {meshes}")
     with atomic_write(out / BUILD_COMMAND) as temporary:
         shortest = shlex.join(["vig", "class", "build", str(meshes), "--out", str(out)])
-        temporary.write_text(f"{command or shortest}\n")
+        temporary.write_text(f"{command or shortest}\n", "utf-8", "backslashreplace")
     say("drawing what was read, build/1-as-they-are.png ...")
     pictures.save_mesh_sheet(sheets / "1-as-they-are.png", [(scan.vertices, scan.faces) for scan in scans])
 
@@ -90,6 +90,9 @@ def build_class(
 
     say("carrying the template onto each mesh ...")
     registered = register(standing, used, template, upright.symmetries.symmetry, cache, say, progress)
+    if len(used) == 1 and not registered.accepted:
+        reason = registered.qualities[used[0]].reason
+        raise UserError(f"expected a mesh that one closed surface can stand for; of '{meshes}' {reason}.")
     if not registered.accepted:
         raise UserError(f"expected meshes of one kind in '{meshes}'; no two are alike. Look at {sheets}.")
 
@@ -100,7 +103,8 @@ def build_class(
     of_class = [mesh for mesh in coloured if mesh.design >= 0 and mesh.split == "train"]
     dark = dark_part(of_class, shapes.components.mean, template.faces)
     object_class = object_class_of(settings, shapes, dark, cache, progress)
-    object_class = replace(object_class, size_known=size_known)
+    up_known = settings.up is not None or len(used) > 1
+    object_class = replace(object_class, size_known=size_known, up_known=up_known)
     say(_taken(shapes, len(object_class.families)))
     save_shape_sheets(shapes, sheets)
     if coloured:

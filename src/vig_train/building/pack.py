@@ -17,6 +17,7 @@ from vig_train.building.stage_cache import StageCache
 from vig_train.packs.card import read_sections
 from vig_train.packs.transfer import write_transfer
 from vig_world.assets.held_out import HeldOutDesigns
+from vig_world.assets.own.load import has_one_colour
 from vig_world.assets.source_meshes import FILE, SourceMesh, save
 
 TRAINED_FILES = ("recognition.safetensors", "calibration.json", "reliability.png")
@@ -48,7 +49,7 @@ def write_pack(
     _put_aside_weights(out, staged, say)
     kept = _sections_of_weights(out)
     with atomic_write(staged / "card.md") as temporary:
-        temporary.write_text("\n\n".join([card(result).rstrip(), *kept]) + "\n", encoding="utf-8")
+        temporary.write_text("\n\n".join([card(result).rstrip(), *kept]) + "\n", "utf-8", "backslashreplace")
     for file in sorted(staged.iterdir(), key=lambda path: path.name == "class.json"):
         file.replace(out / file.name)
     shutil.rmtree(staged)
@@ -81,10 +82,10 @@ def source_meshes(shapes: ClassShapes, say: Callable[[str], None]) -> list[Sourc
     meshes: list[SourceMesh] = []
     for number in shapes.registered.qualities:
         scan = shapes.registered.meshes[number].scan
-        if scan.missing:
-            say(f"{scan.name}: {', '.join(scan.missing)} missing or unreadable; grey instead")
-        if not scan.pieces or len(scan.pieces) == 1 and scan.pieces[0].texture.size == 3:
-            continue  # of one colour, as of a format without any
+        for note in scan.notes:
+            say(f"{scan.name}: {note}")
+        if not scan.pieces or has_one_colour(scan.pieces):
+            continue  # as of a format without any
         design = shapes.numbers.index(number) if number in shapes.numbers else -1
         move = shapes.object_from_mesh(number)
         meshes.append(

@@ -36,6 +36,10 @@ SPREAD_STARTS = 400
 """Starts besides the turns of a cube, evenly spread over all rotations."""
 MAX_TILT = math.radians(15.0)
 """Radians; a foot within this of level is put level."""
+UP_FACTORS = np.array([1.0, 1.0, 0.5])
+"""Factors on the breadths of the stances with Y, Z and X up, as files hardly have X up."""
+THIN_FOOT = 0.1
+"""Share of its height below which the width of a thing makes it likely to lie."""
 SYMMETRY_TOLERANCE = 0.022
 """Root mean square radii; a shape that a turn changes by less in the mean has that turn as its symmetry."""
 DETAIL_SHARE, DETAIL_TOLERANCE = 0.02, 0.22
@@ -193,22 +197,27 @@ def usual_axes(rotations: list[np.ndarray]) -> np.ndarray:
 
 
 def up_axis(surfaces: list[SurfaceSample], rotations: list[np.ndarray]) -> np.ndarray:
-    """The axis (3,) of the common pose that points up: Y or Z of most files, where they stand broader."""
-    usual = usual_axes(rotations)
+    """The axis (3,) of the common pose that points up: Y or Z of most files, where they stand broader; or X
+    where they stand far broader on it.
+    """
+    candidates = usual_axes(rotations).T[[1, 2, 0]]
     broad = [
-        float(np.median([stance_breadth(s, r, up) for s, r in zip(surfaces, rotations, strict=True)]))
-        for up in (usual[:, 1], usual[:, 2])
+        np.median([stance_breadth(s, r, up) for s, r in zip(surfaces, rotations, strict=True)])
+        for up in candidates
     ]
-    return np.asarray(usual[:, 1 + int(np.argmax(broad))])
+    return np.asarray(candidates[np.argmax(np.array(broad) * UP_FACTORS)])
 
 
 def stance_breadth(surface: SurfaceSample, rotation: np.ndarray, up: np.ndarray) -> float:
-    """Return the area of the foot's convex hull over that of the whole surface, both seen along an axis."""
+    """Return the area of the foot's convex hull over that of the whole surface, both seen along an axis; less
+    where the surface is a thin sheet on its edge.
+    """
     points = surface.points @ rotation.T
     height = points @ up
     flat = points[:, np.abs(up) < 0.5]
-    low = height < height.min() + 0.015 * np.ptp(height)
-    return _hull_area(flat[low]) / max(_hull_area(flat), 1e-12)
+    low = height <= height.min() + 0.015 * np.ptp(height)
+    slenderness = THIN_FOOT * np.ptp(height) / max(np.ptp(flat, axis=0).min(), 1e-12)
+    return _hull_area(flat[low]) / max(_hull_area(flat), 1e-12) / max(1.0, slenderness)
 
 
 def _hull_area(points: np.ndarray) -> float:

@@ -16,6 +16,8 @@ from vig_world.assets.own.simplify import simplified
 from vig_world.assets.source_meshes import MOST_FACES
 from vig_world.mesh import face_normals
 
+LEAST_WIDTH = 1e-3
+"""Share of its length that a mesh is wide at least; what is narrower is a line."""
 SAME_SHAPE_TOLERANCE = 3e-4
 """Difference of `shape_invariants` up to which two surfaces are one."""
 
@@ -30,7 +32,7 @@ class Scan:
         faces: (F, 3), each with an area.
         content_hash: Of the file's content.
         pieces: What has a material each, of few enough faces for training; none where materials do not count.
-        missing: Names of pictures that were not found or cannot be read.
+        notes: What of its materials was not read, and what was taken instead.
     """
 
     name: str
@@ -38,7 +40,7 @@ class Scan:
     faces: np.ndarray
     content_hash: str
     pieces: tuple[MeshPiece, ...] = ()
-    missing: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def read_scans(
@@ -62,7 +64,7 @@ def read_scans(
     folder = folder.parent if only else folder
     scans: list[Scan] = []
     refused = {} if only else dict(read_sources(folder).left_out)
-    files = [(name, path) for name, path in files_of(folder, SUFFIXES) if only in (None, path)]
+    files = [(only.name, only)] if only else files_of(folder, SUFFIXES)
     with Meter(len(files), 0, progress, "files") as meter:
         for name, path in files:
             try:
@@ -72,7 +74,7 @@ def read_scans(
                 faces = np.concatenate([p.faces + s for p, s in zip(loaded.pieces, starts, strict=False)])
                 pieces = tuple(simplified(loaded.pieces, MOST_FACES)) if materials else ()
                 welded, content = _weld(vertices, faces), fingerprint(loaded.files)
-                scans.append(Scan(name, *welded, content, pieces, tuple(loaded.missing)))
+                scans.append(Scan(name, *welded, content, pieces, tuple(loaded.notes)))
             except UserError as error:
                 refused[name] = str(error).removeprefix(f"{path}: ")
             meter.advance(1)
@@ -134,6 +136,9 @@ def _weld(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarr
     )
     corners = merged.ravel()[faces]
     points = unit[representative]
+    spread = np.sqrt(np.linalg.eigvalsh(np.cov(points[np.unique(corners)].T)).clip(0))
+    if not spread[1] > LEAST_WIDTH * spread[2]:
+        raise UserError("expected triangles with an area; all of them lie on a line.")
     area = np.linalg.norm(face_normals(points, corners), axis=1)
     _, first_of_face = np.unique(np.sort(corners, axis=1), axis=0, return_index=True)
     is_first = np.zeros(len(corners), bool)

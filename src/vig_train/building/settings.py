@@ -13,8 +13,10 @@ from vig_train.building.reading import Scan
 from vig_train.building.template import TEMPLATE_VERTICES
 from vig_world.assets.props.families import ZONE_NAMES
 
-USUAL_LENGTH, LENGTHS = 0.2, (0.001, 10.0)
+USUAL_LENGTH, LENGTHS = 0.2, (0.001, 1000.0)
 """Longest side of a class's mean shape where none is told, and the bounds of one that is, metres."""
+UNIT_CUBE_TOLERANCE = 0.011
+"""Share by which the longest side of a mesh scaled into a unit cube may differ from it: some leave 1 %."""
 MIN_VERTICES = 200
 MAX_VERTICES = 20_000
 AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "-x": (-1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1)}
@@ -54,7 +56,7 @@ class BuildSettings:
     def check(self) -> None:
         """Raise UserError when a setting is out of its range."""
         if self.length is not None and not LENGTHS[0] <= self.length <= LENGTHS[1]:
-            raise UserError(f"expected a length from 0.001 to 10 metres; got {self.length}.")
+            raise UserError(f"expected a length from 0.001 to 1000 metres; got {self.length:g}. Give metres.")
         if not MIN_VERTICES <= self.vertices <= MAX_VERTICES:
             raise UserError(
                 f"expected {MIN_VERTICES} to {MAX_VERTICES} vertices; got {self.vertices}."
@@ -93,8 +95,13 @@ class BuildSettings:
         if len(scans) == 1 and scans[0].name.lower().endswith((".glb", ".gltf")):
             own = float(np.ptp(scans[0].vertices, axis=0).max())
             if LENGTHS[0] <= own <= LENGTHS[1]:
-                return own, True
+                return own, not fills_unit_cube(own)
         return USUAL_LENGTH, False
+
+
+def fills_unit_cube(length: float) -> bool:
+    """Whether a longest side is that of meshes that fill [-0.5, 0.5] or [-1, 1], as generators write them."""
+    return min(abs(length - 1), abs(length / 2 - 1)) < UNIT_CUBE_TOLERANCE
 
 
 def axis_vector(name: str) -> np.ndarray:
@@ -103,9 +110,3 @@ def axis_vector(name: str) -> np.ndarray:
     if axis is None:
         raise UserError(f"expected an axis such as +x, -y or z; got '{name}'.")
     return np.array(axis, float)
-
-
-def axis_name(axis: np.ndarray) -> str:
-    """The axis nearest to a vector (3,), such as "+x"."""
-    best = int(np.abs(axis).argmax())
-    return f"{'+' if axis[best] > 0 else '-'}{'xyz'[best]}"

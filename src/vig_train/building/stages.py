@@ -55,7 +55,7 @@ class StandingMesh:
         points = surface.points @ rotation.T
         scale = 1 / math.sqrt(((points - points.mean(0)) ** 2).sum(1).mean())
         height = points[:, 2] - points[:, 2].min()
-        foot = points[height < 0.02 * height.max()]
+        foot = points[height <= 0.02 * height.max()]
         middle = np.append((foot[:, :2].min(0) + foot[:, :2].max(0)) / 2, points[:, 2].min())
         linear, offset = scale * rotation, -scale * middle
         return StandingMesh(scan, rotation, linear, offset, surface.transformed(linear, offset))

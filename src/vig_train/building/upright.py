@@ -10,6 +10,7 @@ import numpy as np
 
 from vig.io.errors import UserError
 from vig.io.progress import Meter
+from vig.scene.object_class import axis_name
 from vig_train.building.pose import (
     ClassSymmetry,
     PointCloud,
@@ -26,7 +27,7 @@ from vig_train.building.pose import (
     usual_axes,
 )
 from vig_train.building.reading import Scan
-from vig_train.building.settings import BuildSettings, axis_name, axis_vector
+from vig_train.building.settings import BuildSettings, axis_vector
 from vig_train.building.stage_cache import StageCache
 from vig_train.building.surface import SurfaceSample
 from vig_world.rotations import about_z
@@ -77,10 +78,12 @@ def upright_poses(
     up = up_axis(surfaces, to_common) if settings.up is None else from_usual @ axis_vector(settings.up)
     report = [f"up: {axis_name(from_usual.T @ up)} in most files, {_source(settings.up)}"]
     from_common = cube_turn_to_up(up)
-    levelled = [
-        _levelled(surface, from_common @ rotation, from_usual.T @ up, settings.symmetry)
-        for surface, rotation in zip(surfaces, to_common, strict=True)
-    ]
+    levelled = [from_common @ rotation for rotation in to_common]
+    if len(used) > 1 or settings.up is None:  # the axis that is stated of a single mesh is exact
+        levelled = [
+            _levelled(surface, upright, from_usual.T @ up, settings.symmetry)
+            for surface, upright in zip(surfaces, levelled, strict=True)
+        ]
     clouds = [_turned_cloud(surface, turn) for surface, turn in zip(surfaces, levelled, strict=True)]
     say("looking for symmetries and the front ...")
     symmetries = _symmetries(clouds, settings.symmetry)

@@ -15,6 +15,7 @@ from vig.io.errors import UserError
 from vig_train.training.cutouts import render_cutout
 from vig_world import Split
 from vig_world.asset_cache import Arrays, asset_cache
+from vig_world.assets import own
 from vig_world.assets.own.catalogue import mesh_folder
 from vig_world.assets.own.folder import files_of
 from vig_world.assets.own.load import SUFFIXES, load
@@ -120,5 +121,7 @@ def _cutouts(root: Path, name: str) -> tuple[Image.Image, ...]:
 @functools.cache
 def _code() -> str:
     """Under what name the cut-outs of this code are kept."""
-    code = Path(__file__).read_bytes() + Path(__file__).with_name("cutouts.py").read_bytes()
+    reader = sorted(Path(own.__file__).parent.rglob("*.py"))
+    files = [Path(__file__), Path(__file__).with_name("cutouts.py"), *reader]
+    code = b"".join(file.read_bytes() for file in files)
     return f"model-cutouts-{hashlib.sha256(code).hexdigest()[:8]}"

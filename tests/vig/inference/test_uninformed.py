@@ -77,6 +77,7 @@ def test_the_shape_of_one_mesh_is_held_and_its_pose_is_in_its_files_frame() -> N
     K, pose, covariance = found.pinhole_pose()
     assert (np.linalg.eigvalsh(covariance) > 0).all()
     of_mesh = np.array(found.to_dict()["pinhole"]["camera_from_mesh"])
+    assert found.to_dict()["pinhole"]["mesh_up"] == "+z" and found.to_dict()["pinhole"]["mesh_up_known"]
     np.testing.assert_allclose(of_mesh[:3, :3] @ of_mesh[:3, :3].T, np.eye(3), atol=1e-6)
     in_file = np.array([[100.0, 20.0, 30.0], [0.0, 0.0, 0.0]])  # millimetres
     in_class = in_file @ MOVED[:3, :3].T + MOVED[:3, 3]

@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageOps
 from PIL.ExifTags import IFD, Base
 from scipy.spatial.transform import Rotation
 
 from vig.io.errors import UserError
 from vig.photo import Intrinsics, Window, focal_of
+from vig.photo.lens import turned_with
 from vig.photo.pinhole import outline_weights, reprojected, turned_pose
 from vig.scene import Camera
 
@@ -32,7 +33,29 @@ FOUR = (900.0, 880.0, 310.0, 250.0)
         {"k": list(np.ravel(K)), "d": [0.0] * 5, "width": 640, "height": 480},
         dict(zip(("fx", "fy", "cx", "cy"), FOUR, strict=True)),
         {"fl_x": 900.0, "fl_y": 880.0, "cx": 310.0, "cy": 250.0, "w": 640, "h": 480, "k1": 0.0},
-    ],
+        {
+            "camera_matrix": {"rows": 3, "cols": 3, "data": list(np.ravel(K))},
+            "image_width": 640,
+            "distortion_model": "plumb_bob",
+            "distortion_coefficients": {"rows": 1, "cols": 2, "data": [0, 0]},
+        },
+        {
+            "intrinsics": FOUR,
+            "resolution": [640, 480],
+            "distortion_model": "radtan",
+            "distortion_coeffs": [0.0],
+        },
+        {"model": "OPENCV", "params": [*FOUR, 0, 0, 0, 0], "undistorted": True, "distance": 2.0},
+        {
+            "fx": 900,
+            "fy": 880,
+            "ppx": 310,
+            "ppy": 250,
+            "model": "distortion.brown_conrady",
+            "coeffs": [0] * 5,
+        },
+        {"intrinsics": {**dict(zip(("fx", "fy", "cx", "cy"), FOUR, strict=True)), "width": 640}},
+    ],  # fmt: skip
 )
 def test_a_camera_is_taken_in_any_usual_form(camera: object) -> None:
     lens = Intrinsics.of(camera, 640, 480)
@@ -58,11 +81,81 @@ def test_a_camera_is_taken_in_any_usual_form(camera: object) -> None:
         ({"K": K, "width": 1280, "height": 960}, "1280 x 960"),
         ({"fl_x": 900.0, "fl_y": 880.0, "cx": 310.0, "cy": 250.0, "w": 1280, "h": 960}, "1280 x 960"),
         ({"fx": 900.0, "fy": 880.0}, "fx, fy, cx, cy or K"),
+        *[
+            ({"K": K, name: [-0.3, 0.1, 0, 0]}, "distortion")
+            for name in (
+                "D",
+                "dist_coeffs",
+                "distCoeffs",
+                "distortion",
+                "distortion_coefficients",
+                "coeffs",
+                "kc",
+                "RadialDistortion",
+            )
+        ],
+        (
+            {"K": K, "distortion_coefficients": {"rows": 1, "cols": 5, "data": [-0.3, 0, 0, 0, 0]}},
+            "distortion",
+        ),
+        ({"K": K, "distortion": {"model": "radtan", "k1": 0.2}}, "distortion"),
+        ({"K": K, "distortion": "-0.3 0.1"}, "distortion"),
+        ({"K": K, "K3": 0.1}, "distortion"),
+        (
+            {"fx": 9e2, "fy": 9e2, "cx": 3e2, "cy": 2e2, "model": "OPENCV", "params": [*FOUR, 0.1]},
+            "distortion",
+        ),
+        ({"model": "SIMPLE_RADIAL", "params": [900, 310, 250, 0.1]}, "distortion"),
+        ({"K": K, "camera_model": "OPENCV_FISHEYE", "k1": 0}, "pinhole camera; got 'OPENCV_FISHEYE'"),
+        ({"K": K, "distortion_model": "equidistant", "D": []}, "pinhole camera"),
+        *[
+            ({"K": K, **size}, "1280 x 960|1280 x None")
+            for size in (
+                {"image_width": 1280, "image_height": 960},
+                {"resolution": [1280, 960]},
+                {"imageWidth": 1280},
+                {"image_size": {"width": 1280, "height": 960}},
+            )
+        ],
     ],
 )
 def test_what_cannot_be_the_photos_camera_is_refused(camera: object, words: str) -> None:
     with pytest.raises(UserError, match=words):
         Intrinsics.of(camera, 640, 480)
+
+
+def photo_turned(path: Path, orientation: int) -> Path:
+    exif = Image.Exif()
+    exif[Base.Orientation] = orientation
+    Image.new("RGB", (400, 300)).save(path, exif=exif)
+    return path
+
+
+@pytest.mark.parametrize("orientation", [5, 6, 7, 8])
+def test_a_camera_of_the_stored_picture_is_turned_with_it(
+    orientation: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Pillow turns a picture whose one bright pixel is where the principal point is."""
+    path = photo_turned(tmp_path / "a.png", orientation)
+    with Image.open(path) as image:
+        image.putpixel((210, 145), (255, 255, 255))
+        y, x = np.argwhere(np.asarray(ImageOps.exif_transpose(image))[..., 0])[0]
+    shown = (560.0, 550.0, x + 0.5, y + 0.5)
+    for stored in ((550.0, 560.0, 210.5, 145.5), {"K": [[550, 0, 210.5], [0, 560, 145.5], [0, 0, 1]]}):
+        assert turned_with(path, stored) == Intrinsics(*shown)
+    assert "a.png' is that of the stored 400 x 300" in capsys.readouterr().err
+    assert turned_with(path, shown) is shown, "as it is shown"
+    either = dict(zip(("fx", "fy", "cx", "cy"), (550, 560, 172, 178), strict=True))
+    with pytest.raises(
+        UserError, match="as it is shown, 300 x 400; got cx 172, cy 178, which may be of one of 400 x 300"
+    ):
+        turned_with(path, either)
+    sized = either | {"width": 300, "height": 400}
+    assert turned_with(path, sized) is sized
+    assert isinstance(turned_with(path, either | {"w": 400, "h": 300}), Intrinsics)
+    assert turned_with(photo_turned(path, 1), either) is either
+    with pytest.raises(UserError, match="as it is shown, 400 x 300; got cx 151, cy 199"):
+        turned_with(path, (550, 560, 151, 199))
 
 
 def seen(pose: np.ndarray, points: np.ndarray, matrix: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from vig.io.errors import UserError
-from vig.photo.masks import box_of, mask_file, read_mask
+from vig.photo.masks import box_of, mask_files, read_mask
 
 TRUE = np.zeros((40, 60), bool)
 TRUE[10:30, 20:50] = True
@@ -100,12 +100,12 @@ def test_a_masks_file_is_found_by_the_names_that_tools_give(name: str, tmp_path:
     mask = tmp_path / "masks" / name
     mask.parent.mkdir(parents=True)
     mask.write_bytes(b"")
-    assert mask_file(tmp_path / "masks", photo) == mask
+    assert mask_files(tmp_path / "masks", [photo]) == [mask]
 
 
 def test_bops_masks_of_several_objects_and_none_are_told(tmp_path: Path) -> None:
     for number in range(2):
         (tmp_path / f"000007_{number:06}.png").write_bytes(b"")
     with pytest.raises(UserError, match="expected one mask of 000007.jpg; got 2, 000007_000000.png"):
-        mask_file(tmp_path, Path("000007.jpg"))
-    assert mask_file(tmp_path, Path("8.jpg")) == tmp_path / "8.png"
+        mask_files(tmp_path, [Path("000007.jpg")])
+    assert mask_files(tmp_path, [Path("8.jpg")]) == [tmp_path / "8.png"]

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import builtins
 import json
+import re
 import struct
+from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
 from types import SimpleNamespace
@@ -32,7 +34,7 @@ def write_video(path: Path, count: int = COUNT, codec: str = "mjpeg", aspect: Fr
             stream.codec_context.sample_aspect_ratio = aspect
         file.start_encoding()
         for number in range(count):
-            picture = np.full((48, 64, 3), 10 + 10 * number, np.uint8)
+            picture = np.full((48, 64, 3), 10 + 10 * number % 180, np.uint8)
             picture[:, :32] += 60
             file.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
         file.mux(stream.encode())
@@ -258,6 +260,65 @@ def test_sound_alone_is_refused(tmp_path: Path) -> None:
         file.mux(stream.encode(frame))
     with pytest.raises(UserError, match="in which there are no pictures"):
         frames_of(tmp_path / "sound.mkv", tmp_path / "frames")
+
+
+def write_with_cover(path: Path, flagged: bool, count: int = COUNT, times: Sequence[int] = ()) -> Path:
+    """A film of 64 x 48 pixels after a cover of 32 x 16; `times`: of its frames, milliseconds."""
+    with av.open(str(path), "w") as file:
+        cover, film = file.add_stream("mjpeg"), file.add_stream("mpeg4", rate=24)
+        cover.width, cover.height, cover.pix_fmt = 32, 16, "yuvj420p"
+        film.width, film.height, film.pix_fmt = 64, 48, "yuv420p"
+        cover.codec_context.time_base = film.codec_context.time_base = Fraction(1, 1000)
+        if flagged:
+            cover.disposition = av.stream.Disposition.attached_pic
+        for stream, number in ((cover, 1), (film, count)):
+            for at in times[:number] if times else range(0, 40 * number, 40):
+                frame = av.VideoFrame(stream.width, stream.height, stream.pix_fmt)
+                frame.pts, frame.time_base = at, Fraction(1, 1000)
+                file.mux(stream.encode(frame))
+            file.mux(stream.encode())
+    return path
+
+
+@pytest.mark.parametrize("name", ["flagged.mp4", "plain.mkv"])
+def test_a_cover_is_not_the_film(name: str, tmp_path: Path) -> None:
+    paths = frames_of(write_with_cover(tmp_path / name, name == "flagged.mp4"), tmp_path / "frames")
+    assert len(paths) == COUNT and pixels(paths[0]).shape == (48, 64, 3)
+
+
+def test_a_cover_alone_is_refused(tmp_path: Path) -> None:
+    with av.open(str(tmp_path / "song.m4a"), "w", format="mp4") as file:
+        sound, cover = file.add_stream("aac", rate=8000), file.add_stream("mjpeg")
+        cover.width, cover.height, cover.pix_fmt = 32, 16, "yuvj420p"
+        cover.disposition = av.stream.Disposition.attached_pic
+        file.mux(cover.encode(av.VideoFrame(32, 16, "yuvj420p")))
+        noise = av.AudioFrame.from_ndarray(np.zeros((1, 1024), np.float32), format="fltp", layout="mono")
+        noise.sample_rate = 8000
+        file.mux([*sound.encode(noise), *sound.encode()])
+    with pytest.raises(UserError, match="in which there are no pictures"):
+        frames_of(tmp_path / "song.m4a", tmp_path / "frames")
+
+
+def test_a_film_that_was_cut_off_is_said_to_be(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Where ffmpeg reads it to any end."""
+    whole = write_video(tmp_path / "a.mkv", count=20 * COUNT).read_bytes()
+    assert len(frames_of(tmp_path / "a.mkv", tmp_path / "whole")) == 20 * COUNT
+    assert capsys.readouterr().err == ""
+    (tmp_path / "a.mkv").write_bytes(whole[: len(whole) // 2])
+    assert COUNT < len(frames_of(tmp_path / "a.mkv", tmp_path / "cut")) < 12 * COUNT
+    assert re.search(r"a.mkv' ends after \d\.\d s of the 10\.0 s that it states", capsys.readouterr().err)
+
+
+def test_transparent_pixels_are_laid_over_grey(tmp_path: Path) -> None:
+    with av.open(str(tmp_path / "a.mov"), "w") as file:
+        stream = file.add_stream("qtrle", rate=24)
+        stream.width, stream.height, stream.pix_fmt = 64, 48, "argb"
+        picture = np.full((48, 64, 4), 255, np.uint8)
+        picture[:, 32:, 3] = 0
+        file.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgba")))
+        file.mux(stream.encode())
+    found = pixels(frames_of(tmp_path / "a.mov", tmp_path / "frames")[0])
+    assert (found[:, :32] == 255).all() and 100 < found[:, 32:].min() <= found[:, 32:].max() < 200
 
 
 def test_a_video_without_frames_is_refused(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 import vig
 from tests.vig.video.conftest import Video
+from vig.explainer import Box
 from vig.io.errors import UserError
 from vig.photo import Window
 from vig.scene import Camera
@@ -67,6 +69,16 @@ def test_lost_frames_and_outliers_do_not_move_the_place() -> None:
     place = Trajectory.of(seen, views_of(seen)).place
     assert np.abs(place[:, 0] - (50 + 2 * np.arange(20))).max() < 2
     assert np.abs(place[:, 2] - 4.6).max() < 0.01
+
+
+@pytest.mark.parametrize("goes_on", [False, True])
+def test_a_lost_object_that_goes_on_or_stands_is_within_two_deviations(goes_on: bool) -> None:
+    """It came nearer for ten frames."""
+    near = 0.03 * np.arange(10)
+    seen = [sighting(0, camera=replace(Camera.standard(), distance=math.exp(-each))) for each in near]
+    numbers = Trajectory.of([*seen, *[sighting(0, lost=True)] * 20], np.zeros(30)).numbers[:, 4]
+    truth = math.log(Camera.standard().focal) + 0.03 * (np.arange(10, 30) if goes_on else np.full(20, 9.0))
+    assert (np.abs(numbers[0, 10:] - truth) < 2 * numbers[1, 10:]).all()
 
 
 def test_views_that_look_the_same_are_one() -> None:
@@ -196,6 +208,22 @@ def test_frames_of_two_sizes_are_refused(video: Video, explainer: vig.Explainer)
         vig.track([video.frames[0], video.frames[0][:, :140]], explainer, video.box)
 
 
-def test_frames_without_the_object_are_refused(explainer: vig.Explainer) -> None:
-    with pytest.raises(UserError, match="a teapot in the frames; found none"):
-        vig.track([np.full((60, 60, 3), 120, np.uint8)] * 2, explainer)
+@pytest.mark.parametrize(
+    ("box", "remedy"),
+    [(None, "Give its box"), ((10, 10, 40, 40), r"Check that the box \(10, 10, 40, 40\) is round it")],
+)
+def test_frames_without_the_object_are_refused(
+    box: Box | None, remedy: str, explainer: vig.Explainer
+) -> None:
+    with pytest.raises(UserError, match=f"a teapot in the frames; found none. {remedy}"):
+        vig.track([np.full((60, 60, 3), 120, np.uint8)] * 2, explainer, box)
+
+
+def test_a_camera_that_is_given_is_that_of_the_poses(video: Video, explainer: vig.Explainer) -> None:
+    aside = np.array([[300.0, 0, -150], [0, 320.0, 60], [0, 0, 1]])
+    found = vig.track(video.frames[:2], explainer, video.box, camera=aside).frames
+    fitted = explainer.explain(video.frames[0], video.box, camera=aside).camera_from_object
+    for frame in found:
+        assert np.array_equal(frame.camera.K, aside)
+        assert np.abs(frame.camera_from_object[:3, 3] - fitted[:3, 3]).max() < 0.1 * fitted[2, 3]
+    assert found[0].camera_from_object[0, 3] > 0.4 * fitted[2, 3]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,8 @@ from tests.vig.video.conftest import Video
 from tests.vig.video.test_track import off, sighting
 from vig.io.errors import UserError
 from vig.photo.masks import box_of
-from vig.video.tracker import GIVEN_UP, TrackedPose
+from vig.video.following import Follower
+from vig.video.tracker import GIVEN_UP, MEMORY, TrackedPose
 from vig.video.trajectory import view_evidence
 
 K = np.array([[400.0, 0, 75], [0, 400.0, 75], [0, 0, 1]])
@@ -112,6 +114,42 @@ def test_an_object_is_lost_and_found_again(video: Video, explainer: vig.Explaine
     assert after[2].covariance.trace() > after[0].covariance.trace()
     step = after[-1].camera_from_object[:3, 3] - after[0].camera_from_object[:3, 3]
     assert step[0] > 0.02
+
+
+def test_an_object_that_stays_lost_stays_within_its_deviations(
+    video: Video, explainer: vig.Explainer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However long, and whatever the fits of frames without it say."""
+    tracker = vig.Tracker(explainer, K=K)
+    tracker.start(video.frames[0], box=video.box)
+    before = [tracker.step(video.frames[0]) for _ in range(3)][-1]
+    fit = before.explanation.fit
+    wrong = replace(before.explanation, fit=replace(fit, position_deviation=0.01 * fit.position_deviation))
+    sighting_lost = sighting(10, lost=True, place=np.zeros(3))
+
+    def explain(follower: Follower, frame: Any) -> Any:
+        follower.missed += 1
+        return wrong, sighting_lost
+
+    monkeypatch.setattr(Follower, "explain", explain)
+    monkeypatch.setattr(tracker, "_begun", lambda picture: None)
+    after = [tracker.step(video.frames[0]) for _ in range(MEMORY + 6)]
+    depths, deviations = np.array([(p.camera_from_object[2, 3], p.covariance[2, 2] ** 0.5) for p in after]).T
+    depth, deviation = before.camera_from_object[2, 3], before.covariance[2, 2] ** 0.5
+    assert (np.abs(depths - depth) < deviations).all() and (np.diff([deviation, *deviations]) >= 0).all()
+    assert deviations[-1] < depth
+
+
+def test_a_box_with_nothing_in_it_is_lost_and_does_not_count(video: Video, explainer: vig.Explainer) -> None:
+    tracker, empty = vig.Tracker(explainer, K=K), np.full((150, 150, 3), (40, 90, 60), np.uint8)
+    x, y, w, h = video.box
+    first = tracker.start(empty, box=(x + w / 4, y + h / 4, w / 2, h / 2))
+    assert first is not None and first.lost
+    pose, known = tracker.start(video.frames[0], box=video.box), tracker._sightings
+    tracker.start(empty, box=video.box)
+    found = tracker.step(video.frames[0])
+    assert pose is not None and not found.lost and len(tracker._sightings) == len(known) == 1
+    assert abs(found.camera_from_object[2, 3] / pose.camera_from_object[2, 3] - 1) < 0.1
 
 
 def test_an_object_that_went_away_is_sought_everywhere(video: Video, explainer: vig.Explainer) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import os
+import signal
+import socket
 import threading
 import time
 from pathlib import Path
@@ -14,10 +16,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from tests.vig.photo.test_video import write_with_cover
 from tests.vig_app.cli.test_track import fitted
+from vig.io.errors import UserError
 from vig_app.cli.common import FitCommand
 from vig_app.examples import example_photos
-from vig_app.runs.live import CURVES, LIVE_COLUMNS, OVERLAY, LatestFrame
+from vig_app.runs import live
+from vig_app.runs.live import CURVES, LIVE_COLUMNS, OVERLAY, LatestFrame, OverlayVideo
 
 FRAMES = 4
 
@@ -81,6 +86,86 @@ def test_older_frames_are_dropped_where_the_tracker_is_slower(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize(
+    "times",
+    [
+        [60_000, 60_040, 60_080],  # as of a recording of a broadcast
+        [0, 40, 3_600_040],
+    ],
+)
+def test_a_file_is_played_from_its_first_frame_on_without_its_cover(times: list[int], tmp_path: Path) -> None:
+    video, began = write_with_cover(tmp_path / "film.mkv", False, 3, times), time.monotonic()
+    assert {picture.shape for picture in LatestFrame(str(video))} == {(48, 64, 3)}
+    assert time.monotonic() - began < 5
+
+
+def test_a_stream_without_a_clock_is_played(tmp_path: Path) -> None:
+    assert 1 <= len(list(LatestFrame(str(write_stream(tmp_path / "pot.m4v", "m4v"))))) <= FRAMES
+
+
+@pytest.mark.parametrize("kind", ["address", "pipe", "broken off"])
+def test_a_source_that_falls_silent_ends(kind: str, tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    if kind == "broken off":
+        data = 40 * write_stream(tmp_path / "pot.ts", "mpegts").read_bytes()  # so much is probed
+        writer = os.open(pipe, os.O_RDWR)  # stays open
+        threading.Thread(target=os.write, args=(writer, data), daemon=True).start()
+        frames = LatestFrame(str(pipe), timeout=1)
+        assert len(list(frames)) >= 1
+        assert frames.problem is not None and "got none from" in frames.problem
+        os.close(writer)
+        return
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        source = f"http://127.0.0.1:{server.getsockname()[1]}/" if kind == "address" else str(pipe)
+        with pytest.raises(UserError, match=r"got none from '.*' for 0\.5 s"):
+            LatestFrame(source, timeout=0.5)
+
+
+def test_an_address_that_refuses_is_refused() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def answer() -> None:
+            with server.accept()[0] as client:
+                client.recv(1000)
+                client.sendall(b"HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n")
+
+        threading.Thread(target=answer, daemon=True).start()
+        with pytest.raises(UserError, match="which cannot be opened"):
+            LatestFrame(f"http://127.0.0.1:{server.getsockname()[1]}/a.ts")
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_ends_with_whole_files(
+    number: signal.Signals, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def end(pose: object) -> str:
+        os.kill(os.getpid(), number)
+        return ""
+
+    handlers = [(each, signal.getsignal(each)) for each in (signal.SIGINT, signal.SIGTERM)]
+    monkeypatch.setattr(live, "_line", end)
+    out = tmp_path / "out"
+    try:
+        assert fitted("--track", "--live", write_stream(tmp_path / "pot.mp4"), "--out", out) == code
+    finally:
+        for each, handler in handlers:
+            signal.signal(each, handler)
+    with av.open(str(out / OVERLAY)) as video:
+        assert len(list(video.decode(video=0))) == len(rows_of(out)) == 1
+    assert (out / CURVES).exists()
+
+
+def test_what_a_kill_leaves_of_the_overlay_plays(tmp_path: Path) -> None:
+    video = OverlayVideo(tmp_path / OVERLAY)
+    for number in range(5):
+        video.add(np.full((49, 65, 3), 40 * number, np.uint8), 0.1 * number)
+    with av.open(str(tmp_path / OVERLAY)) as left:
+        shown = [frame.to_ndarray(format="rgb24").mean() for frame in left.decode(video=0)]
+    assert len(shown) >= 4 and np.allclose(shown, 40 * np.arange(len(shown)), atol=8)
+    video.close()
+
+
+@pytest.mark.parametrize(
     ("arguments", "words"),
     [
         (("--track", "--live", "99"), "got '99', which cannot be opened"),
@@ -88,6 +173,8 @@ def test_older_frames_are_dropped_where_the_tracker_is_slower(tmp_path: Path) ->
         (("--live", "0"), "expected --track --live SOURCE"),
         (("photo.jpg", "--track", "--live", "0"), "without photos"),
         (("--track", "--live", "0", "--visible"), "--live without --visible"),
+        (("--track", "--live", "0", "--timeout", "nan"), "--timeout in seconds, above 0"),
+        (("photo.jpg", "--timeout", "5"), "--timeout with --live"),
         (("--track", "--live", "0", "--K", "1,2,3,4", "--focal", "5"), "--K, --cameras and --focal"),
     ],
 )

@@ -52,7 +52,7 @@ def test_a_folder_of_frames_is_tracked(
         write_table(out, rows)
 
     monkeypatch.setattr(fit_verb, "write_table", write)
-    assert fitted(frames, "--track", "--out", out) == 0
+    assert fitted(frames, "--track", "--out", out, "--K", "200,200,75,75") == 0
     output = capsys.readouterr()
     assert output.out.splitlines()[-1] == str(out)
     assert output.err.splitlines()[-1] == (
@@ -71,6 +71,7 @@ def test_a_folder_of_frames_is_tracked(
     pose = np.array([float(rows[0][f"camera_from_object_{r}{c}"]) for r in range(3) for c in range(4)])
     turn = pose.reshape(3, 4)[:, :3]
     assert np.allclose(turn @ turn.T, np.eye(3), atol=1e-6)
+    assert float(rows[0]["focal_px"]) == 200 and float(rows[0]["center_x"]) == 75
     content = json.loads((out / "track.json").read_text())
     assert content["class"] == "teapot" and len(content["albedo"]) == 3
     assert (out / "results.csv").exists() and (out / "report.html").exists()
@@ -103,6 +104,7 @@ def test_a_video_is_taken_as_its_frames(tmp_path: Path, capsys: pytest.CaptureFi
         (["pot", "--azimuth", "30"], "expected --track without --azimuth"),
         (["pot", "--workers", "2"], "expected --track with one worker"),
         (["empty"], "expected photos in 'empty'; got none"),
+        (["pot", "--cameras", "c.json"], "expected one camera for all frames"),
         (["one"], "expected two or more frames of a video; got one"),
         (["no.mp4"], "expected an image file; got"),
     ],
@@ -117,6 +119,7 @@ def test_what_cannot_be_tracked_is_refused_in_one_line(
     monkeypatch.chdir(frames.parent)
     Path("empty").mkdir()
     Path("one").mkdir()
+    Path("c.json").write_text(json.dumps({f"{n}.png": [200 + n, 200, 75, 75] for n in range(3)}))
     Path("one/0.png").write_bytes((frames / "0.png").read_bytes())
     assert fitted(*arguments, "--track") == 2
     error = capsys.readouterr().err

@@ -124,6 +124,11 @@ def test_a_mesh_without_a_place_is_refused_before_it_is_made_ready(
     assert not Path("out").exists()
 
 
+def test_an_axis_may_begin_with_minus(capsys, photo):
+    """Which the parser takes for an option."""
+    assert "expected --up with --mesh" in refused(capsys, "fit", photo, "--up", "-z")
+
+
 def test_a_mesh_is_placed_by_what_was_corrected(tmp_path):
     settings = FitCommand((tmp_path / "photo.png",), mesh=tmp_path / "cup.glb")
     teapot, state = vig.ObjectClass.load("teapot"), State(box=(1.0, 2.0, 3.0, 4.0))
@@ -227,6 +232,23 @@ def test_dataset_of_nothing(capsys, tmp_path):
 
 def test_unknown_verb(capsys):
     refused(capsys, "paint")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["fitt", "a.png"], "got 'fitt'. Did you mean vig fit?"),
+        (["class", "biuld"], "got 'class biuld'. Did you mean vig class build?"),
+        (["fit", "a.png", "--focal", "abc"], "expected --focal FLOAT; got 'abc'. See vig fit --help."),
+        (["fit", "a.png", "--foccal", "3"], "--foccal, 3. Did you mean --focal?"),
+        (["fit", "a.png", "--framing", "odd"], "'odd' for argument '--framing'"),
+        (["fit", "http://a.b/c.jpg?d=1"], "got an address. Download it"),
+    ],
+)
+def test_wrong_arguments_are_named_in_one_line(capsys, arguments: list[str], words: str, tmp_path) -> None:
+    options = ["--out", tmp_path / "out"] if arguments[0] == "fit" else []
+    error = refused(capsys, *arguments, *options)
+    assert words in error and error.count("\n") == 1
 
 
 def test_help_loads_nothing_heavy():

@@ -422,6 +422,15 @@ def test_a_run_has_a_gallery(
             main(["gallery", str(bad)])
         error = capsys.readouterr().err
         assert ended.value.code == 2 and error.count("\n") == 1 and str(bad) in error
+    path = tmp_path / "run/two/explanation.json"
+    whole = json.loads(path.read_text())
+    path.write_text(json.dumps(whole | {"hidden_fraction": "0.2"}))
+    with pytest.raises(SystemExit) as ended:
+        main(["gallery", str(tmp_path / "run")])
+    error = capsys.readouterr().err
+    assert ended.value.code == 2 and error.count("\n") == 1 and f"{path}'; got something else" in error
+    assert "got `str` - at `$.hidden_fraction`" in error
+    path.write_text(json.dumps(whole))
     (tmp_path / "run/one/report.html").write_text("<p>mine")
     with pytest.raises(SystemExit) as ended:
         main(["gallery", str(tmp_path / "run")])

@@ -418,9 +418,13 @@ def test_where_there_is_no_cluster_it_is_told(photos: Path, tmp_path: Path) -> N
         list(run([task], tmp_path / "o", RunSettings(), cluster="127.0.0.1:1"))
 
 
-@pytest.mark.parametrize("line", ['{"key": "a", "rows": []}', "[]", "3", '{"rows": [3]}', '{"key": 1, "ro'])
+@pytest.mark.parametrize(
+    "line", ['{"key": "a", "rows": []}', "[]", "3", '{"rows": [3]}', '{"key": 1, "ro', ""]
+)
 def test_a_damaged_line_of_the_ledger_is_passed_over(line: str) -> None:
-    whole = '{"key": "b", "rows": [{"error": null, "folder": "photo/1-mug"}]}'
+    row = {"error": None, "folder": "photo/1-mug", "photo": "a.png", "verdict": "trusted", "roll_deg": 1.5}
+    whole = json.dumps({"key": "b", "rows": [row]})
+    line = line or json.dumps({"key": "b", "rows": [row | {"roll_deg": "1.5", "folder": "text"}]})
     assert list(rows_done(StringIO(f"{line}\n{whole}\n"))) == ["photo"]
 
 

@@ -332,7 +332,7 @@ def test_a_folder_of_results_is_opened_whatever_it_holds(session: Session, tmp_p
         "a"
     ]
     (tmp_path / "run" / "a" / "explanation.json").write_text("{}")
-    with pytest.raises(UserError, match="expected a result of `vig fit` at"):
+    with pytest.raises(UserError, match="expected an explanation of `vig fit` at"):
         Walk.of_folder(tmp_path / "run")
 
 

@@ -189,6 +189,7 @@ def test_round_things_stand_by_their_axis_and_become_round(
         ({"up": "w"}, "axis"),
         ({"front": "+q"}, "axis"),
         ({"length": 0.0}, "length"),
+        ({"length": 1001.0}, "length"),
         ({"vertices": 3}, "vertices"),
         ({"symmetry": "quarter"}, "symmetry"),
         ({"places": {"moon": 1.0}}, "places"),

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from vig.io.checks import read_json, reading
 from vig.io.files import atomic_write
 from vig_app.exports.formats.bop import MILLIMETRES
 from vig_app.exports.run import SCENE_NUMBERS, ExportedRun
+from vig_app.schema import read_explanation
 
 FILE = "bop.csv"
 
@@ -26,18 +26,10 @@ def write(path: Path, run: ExportedRun) -> None:
     with atomic_write(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
         print("scene_id,im_id,obj_id,score,R,t,time", file=file)
         for row in run.objects:
-            pose = _pinhole_pose(run.folder / row["folder"] / "explanation.json")
+            explanation = read_explanation(run.folder / row["folder"])
+            pose = np.array(explanation["pinhole"]["camera_from_object"], float)
             rotation = " ".join(f"{number:.8g}" for number in pose[:3, :3].ravel())
             translation = " ".join(f"{MILLIMETRES * number:.8g}" for number in pose[:3, 3])
             scene, image = numbers[row["photo"]]
             fields = scene, image, run.class_ids[row["class"]], row["score"], rotation, translation
             print(*fields, row["seconds"], sep=",", file=file)
-
-
-def _pinhole_pose(path: Path) -> np.ndarray:
-    """The pose (4, 4) that an explanation.json has of `Explanation.pinhole_pose`."""
-    with reading(path, "an explanation of `vig fit`", "Fit the photo again."):
-        pose = np.array(read_json(path)["pinhole"]["camera_from_object"], float)
-        if pose.shape != (4, 4):
-            raise ValueError(f"its pose has the shape {pose.shape}")
-        return pose

@@ -11,10 +11,10 @@ import json
 from pathlib import Path, PurePath
 
 import numpy as np
-from PIL import Image
 
 from vig.io.checks import reading
 from vig.io.files import atomic_write
+from vig.photo.decoding import opened
 from vig_app.exports.formats.bop import bop_box
 from vig_app.exports.formats.coco import run_lengths
 from vig_app.exports.run import FILE_NUMBERS, ExportedRun
@@ -29,7 +29,7 @@ def write(path: Path, run: ExportedRun) -> None:
         separator = "["
         for row in run.objects:
             picture = run.folder / row["folder"] / "mask.png"
-            with reading(picture, "a mask of `vig fit`", "Fit the photo again."), Image.open(picture) as mask:
+            with reading(picture, "a mask of `vig fit`", "Fit the photo again."), opened(picture) as mask:
                 visible = np.asarray(mask) == 255
             if visible.any():
                 result = {

@@ -5,12 +5,12 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
-from vig.io.checks import parse_json
+from vig.io.checks import name_stand_in, parse_json
 from vig.io.errors import UserError
 from vig_world.assets.own.meshes import count_stl
+from vig_world.assets.own.siblings import MOST_BYTES
 
 MOST_FACES = 1_000_000
-MOST_BYTES = 512 * 2**20
 MOST_VALUES = 20 * MOST_FACES
 LEAST_FACET = 80
 """Bytes of a triangle of an ASCII STL file, at least; files of programs have some 250."""
@@ -27,6 +27,9 @@ def refuse_huge(path: Path) -> None:
         raise UserError(f"{path}: expected a mesh; got an empty file.")
     if size > MOST_BYTES:
         raise UserError(f"{path}: expected at most {MOST_BYTES >> 20} MiB; got {size >> 20}. Simplify it.")
+    with path.open("rb") as file:
+        if instead := name_stand_in(file.read(1024)):
+            raise UserError(f"{path}: expected a mesh; got {instead}.")
     count = {
         ".obj": lambda: _obj(path),
         ".stl": lambda: _stl(path, size),
@@ -48,7 +51,7 @@ def _obj(path: Path) -> int:
     with path.open("rb") as file:
         for line in file:
             if not polygon:
-                word = line.split(None, 1)[:1]
+                word = line.lower().split(None, 1)[:1]
                 polygon = word == [b"f"]
                 vertices += word == [b"v"]
                 triangles -= 3 * polygon
@@ -72,7 +75,7 @@ def _ply(path: Path) -> int:
         header = file.read(_HEADER).split(b"end_header")[0].split()
     counts = [int(header[i + 2]) // share for i, word in enumerate(header) if word == b"element"
               for share in [3 if header[i + 1] == b"vertex" else 1]]  # fmt: skip
-    return max(counts)
+    return max(counts, default=0)
 
 
 def _off(path: Path) -> int:
@@ -85,9 +88,10 @@ def _off(path: Path) -> int:
 
 def _glb_json(path: Path) -> bytes:
     with path.open("rb") as file:
-        magic, _, _, length, _ = struct.unpack("<5I", file.read(20))
-        if magic != 0x46546C67:
+        header = file.read(20)
+        if len(header) < 20 or header[:4] != b"glTF":
             raise ValueError("no GLB header")
+        (length,) = struct.unpack_from("<I", header, 12)
         return file.read(length)
 
 

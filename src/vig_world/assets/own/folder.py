@@ -47,5 +47,5 @@ def fingerprint(files: Mapping[str, bytes | Path]) -> str:
                 digest = hashlib.file_digest(file, "sha256")
         else:
             digest = hashlib.sha256(content)
-        total.update(f"{name}\0{digest.hexdigest()}\n".encode())
+        total.update(f"{name}\0{digest.hexdigest()}\n".encode(errors="surrogateescape"))
     return total.hexdigest()

@@ -1,30 +1,24 @@
 """Loads mesh files as triangles with textures; every failure is a UserError.
 
-Each format is first made plain, or read, by a file of `meshes`, as trimesh drops in silence what it does not
-know; scenes, materials and textures of glTF and OBJ are then trimesh's.
+Each format is read by a file of `meshes`, as libraries drop in silence what they do not know.
 """
 
 from __future__ import annotations
 
-import io
-import logging
-import os
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote
 
 import numpy as np
-from PIL import Image
 
 from vig.io.checks import read_bytes
 from vig.io.errors import UserError
-from vig_world.assets.own.counting import MOST_BYTES, refuse_huge
-from vig_world.assets.own.meshes import plain_gltf, plain_obj, read_off, read_ply, read_stl
-from vig_world.assets.own.surfaces import MOST_PIXELS, opacity_of, painted
+from vig_world.assets.own.counting import refuse_huge
+from vig_world.assets.own.meshes import read_gltf, read_obj, read_off, read_ply, read_stl
+from vig_world.assets.own.siblings import MOST_BYTES, Siblings
+from vig_world.assets.own.surfaces import SurfaceMesh, paint
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".off", ".stl")
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".gif")
@@ -47,11 +41,19 @@ class MeshPiece:
 
 @dataclass(frozen=True)
 class Loaded:
-    """What a mesh file holds: pieces by material, the bytes of all files read, and names not found."""
+    """What a mesh file holds: pieces by material, and the bytes of all files read.
+
+    `notes` are sentences without a full stop: what of its materials was not read, and what was taken instead.
+    """
 
     pieces: list[MeshPiece]
     files: dict[str, bytes]
-    missing: list[str]
+    notes: list[str]
+
+
+def has_one_colour(pieces: Sequence[MeshPiece]) -> bool:
+    """Whether a mesh has no more than one colour, as of a format without any."""
+    return len(pieces) == 1 and pieces[0].texture.size == 3
 
 
 def load(root: Path, path: Path, nodes: tuple[str, ...] = ()) -> Loaded:
@@ -68,10 +70,11 @@ def load(root: Path, path: Path, nodes: tuple[str, ...] = ()) -> Loaded:
     try:
         refuse_huge(path)
         data = read_bytes(path, MOST_BYTES)
-        files = _files(root, path)
-        with _quiet():
-            suffix = path.suffix.lower()
-            pieces = _pieces(path, _scene(suffix, data, files), nodes, suffix in (".glb", ".gltf"))
+        siblings = Siblings(root, path)
+        with warnings.catch_warnings(), np.errstate(all="ignore"):  # problems are reported by the caller
+            warnings.simplefilter("ignore")
+            meshes = _read_meshes(path, data, siblings, nodes)
+            pieces = _join_pieces(path, meshes)
     except UserError:
         raise
     except MemoryError as error:
@@ -81,119 +84,42 @@ def load(root: Path, path: Path, nodes: tuple[str, ...] = ()) -> Loaded:
         raise UserError(f"{path}: expected a readable mesh; got a damaged one ({why[:200]}).") from error
     if not pieces:
         raise UserError(f"{path}: expected triangles; got none.")
-    missing = files.missing + [name for name, read in files.read.items() if not _readable(name, read)]
-    return Loaded(pieces, {path.name: data, **files.read}, sorted(set(missing)))
+    if any(mesh.uv is None and mesh.surface and mesh.surface.picture is not None for mesh in meshes):
+        siblings.note("faces without texture coordinates", "the mean colour of their picture")
+    if max(piece.opacity for piece in pieces) == 0:
+        siblings.note("all of its materials are wholly transparent", "opaque ones")
+        pieces = [replace(piece, opacity=1.0) for piece in pieces]
+    return Loaded(pieces, {path.name: data, **siblings.read}, sorted(set(siblings.notes)))
 
 
-def _scene(suffix: str, data: bytes, files: Any) -> Any:
-    """A file's scene as trimesh has it."""
-    import trimesh  # takes half a second, so only when custom meshes are read
-
-    if suffix in (".glb", ".gltf", ".obj"):
-        plain = plain_obj(data) if suffix == ".obj" else plain_gltf(data, files.get)
-        kind = "obj" if suffix == ".obj" else "glb"
-        return trimesh.load_scene(io.BytesIO(plain), file_type=kind, resolver=files, process=False)
-    colours: dict[str, Any] = {}
-    if suffix == ".stl":
-        vertices, faces = read_stl(data)
-    elif suffix == ".off":
-        vertices, faces = read_off(data)
+def _read_meshes(path: Path, data: bytes, siblings: Siblings, nodes: tuple[str, ...]) -> list[SurfaceMesh]:
+    suffix = path.suffix.lower()
+    if suffix in (".stl", ".off"):
+        meshes = [SurfaceMesh(*(read_stl if suffix == ".stl" else read_off)(data))]
     else:
-        ply = read_ply(data)
-        vertices, faces = ply.vertices, ply.faces
-        colours = {"vertex_colors": ply.vertex_colours, "face_colors": ply.face_colours}
-    if faces.size == 0:
-        return trimesh.Scene()
-    return trimesh.Scene(trimesh.Trimesh(vertices, faces, process=False, **colours))
+        meshes = {".obj": read_obj, ".ply": read_ply}.get(suffix, read_gltf)(data, siblings)
+    if unknown := sorted(set(nodes) - {name for mesh in meshes for name in mesh.names}):
+        names = " ".join(sorted({mesh.names[-1] for mesh in meshes if mesh.names}))
+        raise UserError(f"{path}: expected nodes among {names[:300]}; got {' '.join(unknown)}.")
+    return [mesh for mesh in meshes if not nodes or set(nodes) & set(mesh.names)]
 
 
-def _files(root: Path, path: Path) -> Any:
-    """A resolver of trimesh's that reads below `root` only and keeps what it read and what was missing."""
-    from trimesh.resolvers import FilePathResolver
-
-    top, folder = os.path.realpath(root), os.path.realpath(path.parent)
-
-    class Files(FilePathResolver):
-        def __init__(self) -> None:
-            super().__init__(folder)
-            self.read: dict[str, bytes] = {}
-            self.missing: list[str] = []
-
-        def get(self, name: str) -> bytes:
-            plain = name.strip().replace("\\", "/")
-            for candidate in (plain, unquote(plain), plain.lstrip("/"), plain.split("/")[-1]):
-                place = os.path.realpath(os.path.join(folder, candidate))
-                if os.path.commonpath([top, place]) == top and os.path.isfile(place):
-                    data = read_bytes(place, MOST_BYTES)
-                    if not plain.lower().endswith(PICTURES) or _opens(data):
-                        self.read[plain] = data
-                        return data
-                    break
-            self.missing.append(plain)
-            raise FileNotFoundError(name)
-
-    return Files()
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Silence log lines and warnings of trimesh and pillow: problems are reported by the caller."""
-    logger = logging.getLogger("trimesh")
-    was_disabled, logger.disabled = logger.disabled, True
-    try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
-            yield
-    finally:
-        logger.disabled = was_disabled
-
-
-def _opens(data: bytes) -> bool:
-    """Whether a picture's header is one of a size that is decoded."""
-    try:
-        with Image.open(io.BytesIO(data)) as image:
-            return image.width * image.height <= MOST_PIXELS
-    except Exception:  # a decoder may raise anything on a damaged file
-        return False
-
-
-def _readable(name: str, data: bytes) -> bool:
-    if not name.lower().endswith(PICTURES):
-        return True
-    try:
-        with Image.open(io.BytesIO(data)) as image:
-            image.load()
-        return True
-    except Exception:  # a decoder may raise anything on a damaged file
-        return False
-
-
-def _pieces(path: Path, scene: Any, nodes: tuple[str, ...], gltf: bool) -> list[MeshPiece]:
-    """The scene's triangles in its own frame, those of one texture together."""
-    names = sorted(scene.graph.nodes_geometry)
-    unknown = sorted(set(nodes) - set(scene.graph.nodes))
-    if unknown:
-        raise UserError(f"{path}: expected nodes among {' '.join(names)[:300]}; got {' '.join(unknown)}.")
+def _join_pieces(path: Path, meshes: list[SurfaceMesh]) -> list[MeshPiece]:
+    """Return all triangles, those of one texture together."""
     groups: dict[Any, list[MeshPiece]] = {}
-    for node in names:
-        transform, geometry_name = scene.graph[node]
-        if nodes and not any(node in (name, *scene.graph.transforms.successors(name)) for name in nodes):
+    for mesh in meshes:
+        points, faces = mesh.vertices, mesh.faces
+        if not len(faces):
             continue
-        geometry = scene.geometry[geometry_name]
-        if not hasattr(geometry, "faces") or not len(geometry.faces):
-            continue
-        points, faces = np.asarray(geometry.vertices, np.float64), np.asarray(geometry.faces, np.int64)
         if faces.min() < 0 or faces.max() >= len(points):
             raise UserError(f"{path}: expected faces between its {len(points)} vertices; got others.")
         if not np.isfinite(points[np.unique(faces)]).all():
             raise UserError(f"{path}: expected finite vertices; got NaN or infinite ones.")
-        if np.linalg.det(transform[:3, :3]) < 0:
-            faces = faces[:, ::-1]
-        points = points @ transform[:3, :3].T + transform[:3, 3]
-        points, faces, uv, texture = painted(points, faces, geometry.visual, gltf)
-        opacity = opacity_of(geometry.visual, gltf)
-        key = (texture.shape, texture.tobytes(), opacity)
-        groups.setdefault(key, []).append(MeshPiece(points, faces, uv, texture, opacity))
+        opacity = 1.0 if mesh.surface is None else mesh.surface.opacity
+        for painted in paint(mesh):
+            texture = painted[3]
+            key = (texture.shape, texture.tobytes(), opacity)
+            groups.setdefault(key, []).append(MeshPiece(*painted, opacity))
     return [_joined(group) for group in groups.values()]
 
 

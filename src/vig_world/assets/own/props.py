@@ -91,10 +91,7 @@ def read_each(
             problems.append(f"{error} Left out.")
             continue
         results.append(result)
-        problems += [f"{path}: {note}." for note in guesses + notes]
-        problems += [
-            f"{path}: its file {lost} is missing or unreadable; grey instead." for lost in loaded.missing
-        ]
+        problems += [f"{path}: {note}." for note in guesses + notes + loaded.notes]
     if not results:
         skips = f"{skipped} with skip = true. " if skipped else ""
         raise UserError(f"{folder}: not one usable {kind.noun}. {skips}{' '.join(problems)}")

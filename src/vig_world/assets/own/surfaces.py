@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+import io
+from dataclasses import dataclass
 
 import numpy as np
 from PIL import Image
@@ -16,71 +17,119 @@ MOST_PIXELS = 50_000_000
 GREY = 0.5
 """Albedo where a file has no readable colour."""
 _PALETTE = 64
+_TINTS = 8
+"""Colours of a mesh's faces at most where these tint a picture, as each needs a copy of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """What a file states of a material.
+
+    Attributes:
+        colour: (3,) linear albedo, a factor of the picture where there is one.
+        picture: (h, w, 3) linear albedo, or None.
+        opacity: From 0 to 1; below 1 for glass.
+        uv_scale, uv_offset: The picture lies at `uv * uv_scale + uv_offset`.
+    """
+
+    colour: np.ndarray
+    picture: np.ndarray | None = None
+    opacity: float = 1.0
+    uv_scale: np.ndarray | float = 1.0
+    uv_offset: np.ndarray | float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceMesh:
+    """Triangles of one material.
+
+    Attributes:
+        vertices: (V, 3) float64.
+        faces: (F, 3).
+        uv: (V, 2), (0, 0) at the picture's bottom left; None where the file has none.
+        surface: The material; None where the file has none.
+        colours: (F, 3) uint8 of the faces, or None; a factor of the surface.
+        linear: Whether the colours are linear light, not sRGB.
+        names: Node of a scene behind those that it is below, or material of an OBJ file.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    uv: np.ndarray | None = None
+    surface: Surface | None = None
+    colours: np.ndarray | None = None
+    linear: bool = False
+    names: tuple[str, ...] = ()
+
 
 Painted = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""Vertices, faces, texture coordinates (V, 2) and texture (h, w, 3)."""
 
 
-def painted(vertices: np.ndarray, faces: np.ndarray, visual: Any, gltf: bool) -> Painted:
-    """Vertices, faces, texture coordinates (V, 2) and texture (h, w, 3) of a mesh with trimesh's visual.
+def paint(mesh: SurfaceMesh) -> list[Painted]:
+    """Give a mesh one texture; or several, with its faces divided, where colours of faces tint a picture.
 
-    A mesh coloured by vertex or face gets a palette for a texture, its vertices doubled between colours.
+    A mesh coloured by face gets a palette for a texture, its vertices doubled between colours. A picture
+    without texture coordinates counts by its mean colour.
     """
-    blank = np.zeros((len(vertices), 2), np.float32)
-    material, uv = getattr(visual, "material", None), getattr(visual, "uv", None)
-    if material is not None:
-        image = getattr(material, "baseColorTexture", None) if gltf else getattr(material, "image", None)
-        colour = getattr(material, "baseColorFactor" if gltf else "diffuse", None)
-        rgb = _rgb(colour, linear=gltf)
-        texture = _linear(image) if image is not None else None
-        if texture is not None and uv is not None and len(uv) == len(vertices):
-            coordinates = np.nan_to_num(np.asarray(uv, np.float32)[:, :2], posinf=0.0, neginf=0.0)
-            # Many programs leave MTL's Kd at 0 or 0.8 beside a picture, so the picture alone counts.
-            return vertices, faces, coordinates, _albedo(texture * rgb if gltf else texture)
-        return vertices, faces, blank, _albedo(rgb[None, None])
-    if getattr(visual, "kind", None) in ("vertex", "face"):
-        return _by_palette(vertices, faces, np.asarray(visual.face_colors)[:, :3], linear=gltf)
-    return vertices, faces, blank, _albedo(np.full((1, 1, 3), GREY))
+    surface, colours, uv = mesh.surface, mesh.colours, mesh.uv
+    if surface is None:
+        surface = Surface(np.full(3, GREY if colours is None else 1.0))
+    texture = np.broadcast_to(surface.colour, (1, 1, 3)) * (
+        1.0 if surface.picture is None else surface.picture
+    )
+    if surface.picture is None or uv is None or len(uv) != len(mesh.vertices):
+        texture = texture.mean((0, 1), keepdims=True)
+        uv = np.zeros((len(mesh.vertices), 2), np.float32)
+    else:
+        uv = np.asarray(uv)[:, :2] * surface.uv_scale + surface.uv_offset
+        uv = np.nan_to_num(uv.astype(np.float32), posinf=0.0, neginf=0.0)
+    if colours is None:
+        return [(mesh.vertices, mesh.faces, uv, _albedo(texture))]
+    index, palette = _quantized(colours, _PALETTE if texture.size == 3 else _TINTS)
+    tints = palette if mesh.linear else linear_from_srgb(palette)
+    if texture.size == 3:
+        vertices, faces, palette_uv = _by_palette(mesh.vertices, mesh.faces, index, len(palette))
+        return [(vertices, faces, palette_uv, _albedo(texture * tints))]
+    painted = []
+    for number in np.unique(index):
+        used, faces = np.unique(mesh.faces[index == number], return_inverse=True)
+        painted.append(
+            (mesh.vertices[used], faces.reshape(-1, 3), uv[used], _albedo(texture * tints[number]))
+        )
+    return painted
 
 
-def opacity_of(visual: Any, gltf: bool) -> float:
-    """Of a mesh with trimesh's visual, from 0 to 1: a glTF's factor where it blends, MTL's d or 1 - Tr."""
-    material = getattr(visual, "material", None)
-    try:
-        if gltf:
-            blends = getattr(material, "alphaMode", None) == "BLEND"
-            colour = getattr(material, "baseColorFactor", None)
-            if not blends or colour is None:
-                return 1.0
-            opacity = np.asarray(colour).ravel()[3] / (255 if np.asarray(colour).dtype.kind in "iu" else 1)
-        else:
-            stated = getattr(material, "kwargs", {})
-            opacity = float(stated["d"][0]) if "d" in stated else 1 - float(stated["tr"][0])
-    except (KeyError, IndexError, TypeError, ValueError):
-        return 1.0
-    return float(np.clip(opacity, 0.0, 1.0)) if np.isfinite(opacity) else 1.0
+def colour_vertices(values: np.ndarray) -> np.ndarray:
+    """Return colours (V, 3) as bytes; floats and doubles are fractions unless one is above 1."""
+    if values.dtype.kind == "f":
+        values = np.nan_to_num(values)
+        values = 255 * values if values.size and values.max() <= 1 else values
+    elif values.dtype.itemsize == 2:
+        values = values / 257
+    return np.clip(np.rint(values), 0, 255).astype(np.uint8)
 
 
-def _albedo(values: np.ndarray) -> np.ndarray:
-    return np.clip(values, DARKEST, BRIGHTEST).astype(np.float32)
+def colour_faces(colours: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return the colours (F, 3) of faces, as bytes, from those of vertices."""
+    return colours[faces].mean(axis=1).astype(np.uint8)
 
 
-def _rgb(colour: Any, linear: bool) -> np.ndarray:
-    """A colour (3,) in linear light of trimesh's, bytes or fractions; white when there is none."""
-    if colour is None:
-        return np.ones(3)
-    values = np.asarray(colour)
-    values = values[:3].astype(np.float64) / (255 if np.issubdtype(values.dtype, np.integer) else 1)
-    return np.clip(values if linear else linear_from_srgb(values), 0, 1)
+class TooManyPixelsError(ValueError):
+    """A picture is larger than what is decoded."""
 
 
-def _linear(image: Image.Image) -> np.ndarray | None:
-    """A picture as linear RGB, each side at most MOST_TEXELS; None when it cannot be decoded."""
+def open_picture(data: bytes) -> Image.Image:
+    """Decode a picture. TooManyPixelsError, or any other exception for a damaged one."""
+    image = Image.open(io.BytesIO(data))
     if image.width * image.height > MOST_PIXELS:
-        return None
-    try:
-        image.load()
-    except Exception:  # a decoder may raise anything on a damaged picture
-        return None
+        raise TooManyPixelsError(f"a picture of {image.width} x {image.height} pixels")
+    image.load()
+    return image
+
+
+def linear_picture(image: Image.Image) -> np.ndarray:
+    """Return a picture as linear RGB, each side at most MOST_TEXELS."""
     small = image.convert("RGBA") if image.mode in ("P", "PA") else image
     if small.mode.startswith("I") or small.mode == "F":
         levels = np.asarray(small, np.float64)
@@ -90,14 +139,22 @@ def _linear(image: Image.Image) -> np.ndarray | None:
     return linear_from_srgb(np.asarray(small, np.float32) / 255)
 
 
-def _by_palette(vertices: np.ndarray, faces: np.ndarray, colours: np.ndarray, linear: bool) -> Painted:
-    """A mesh with colours (F, 3), uint8, of its faces: each vertex once per colour that meets there."""
+def _albedo(values: np.ndarray) -> np.ndarray:
+    return np.clip(values, DARKEST, BRIGHTEST).astype(np.float32)
+
+
+def _quantized(colours: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return of colours (F, 3), uint8, their numbers (F,) in a palette (n, 3) of fractions."""
     row = Image.fromarray(np.ascontiguousarray(colours[None], np.uint8))
-    reduced = row.quantize(_PALETTE, dither=Image.Dither.NONE)
-    index = np.asarray(reduced)[0].astype(np.int64)
+    reduced = row.quantize(most, dither=Image.Dither.NONE)
     palette = np.asarray(reduced.getpalette(), np.float64).reshape(-1, 3) / 255
-    count = len(palette)
+    return np.asarray(reduced)[0].astype(np.int64), palette
+
+
+def _by_palette(
+    vertices: np.ndarray, faces: np.ndarray, index: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return vertices, faces and uv: each vertex once per colour of `count` that meets there."""
     corners, inverse = np.unique(faces * count + index[:, None], return_inverse=True)
     uv = np.stack([(corners % count + 0.5) / count, np.full(len(corners), 0.5)], axis=1)
-    texture = _albedo((palette if linear else linear_from_srgb(palette))[None])
-    return vertices[corners // count], inverse.reshape(-1, 3), uv.astype(np.float32), texture
+    return vertices[corners // count], inverse.reshape(-1, 3), uv.astype(np.float32)

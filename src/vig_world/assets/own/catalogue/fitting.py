@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from vig_world.assets.own.meshes import plain_obj
+from vig_world.assets.own.meshes.mtl import library_names, picture_name, plain_lines
+from vig_world.assets.own.siblings import readings
 
 _UPRIGHT = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], np.float64)
 """From a catalogue's axes (Y up, front +Z) to those of vig's own furniture (Z up, front -Y)."""
@@ -53,20 +55,16 @@ def fitted_obj(data: bytes, rotation: np.ndarray, size: np.ndarray) -> bytes:
 
 
 def material_files(obj: bytes) -> list[str]:
-    """The names of the files of materials that an OBJ file gives, as it writes them."""
-    return _names(obj, ("mtllib",))
+    """Return the names of the files of materials that an OBJ file may give."""
+    return [readings(name)[0] for rest in _rests(obj, (b"mtllib",)) for name in library_names(rest)]
 
 
 def picture_files(mtl: bytes) -> list[str]:
-    """The names of the pictures that a file of materials gives, without the options before them."""
-    return _names(mtl, ("map_", "bump", "disp", "refl", "norm"))
+    """Return the names of the pictures that a file of materials may give."""
+    rests = _rests(mtl, (b"map_", b"bump", b"disp", b"refl", b"norm"))
+    return [readings(name)[0] for rest in rests for name in picture_name(rest)[0]]
 
 
-def _names(data: bytes, keywords: tuple[str, ...]) -> list[str]:
-    """What stands behind a keyword: all of the line, and its last word where there are several."""
-    names: dict[str, None] = {}
-    for line in data.decode("utf-8", "replace").splitlines():
-        keyword, _, rest = line.strip().partition(" ")
-        if keyword.lower().startswith(keywords) and (rest := rest.strip()):
-            names |= {rest: None, rest.split()[-1]: None}
-    return list(names)
+def _rests(data: bytes, keywords: tuple[bytes, ...]) -> list[bytes]:
+    lines = [line.strip().split(None, 1) for line in plain_lines(data)]
+    return [words[1] for words in lines if len(words) == 2 and words[0].lower().startswith(keywords)]

@@ -1,35 +1,39 @@
 """glTF files: what a reader may drop in silence is decoded, or refused by its name.
 
-The result holds float positions, texture coordinates and colours, and triangles by uint32 indices, as the
-specification says to read them: https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html.
+They are read as the specification says: https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html.
 """
 
 from __future__ import annotations
 
 import base64
-import json
 import struct
-from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from vig.io.checks import parse_json
+from vig_world.assets.own.siblings import Siblings
+from vig_world.assets.own.surfaces import GREY, Surface, SurfaceMesh, linear_picture
 
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 SIZES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+MOST_NESTED = 500
+"""Nodes, one within the other."""
 POINTS_AND_LINES = (0, 1, 2, 3)
 TRIANGLES, STRIP, FAN = 4, 5, 6
 DRACO, TRANSFORM = "KHR_draco_mesh_compression", "KHR_texture_transform"
+GLOSSINESS, WEBP = "KHR_materials_pbrSpecularGlossiness", "EXT_texture_webp"
 INSTANCING = "EXT_mesh_gpu_instancing"
 HONOURED = {
     DRACO,
     TRANSFORM,
     "KHR_mesh_quantization",
     "KHR_materials_unlit",
-    "KHR_materials_pbrSpecularGlossiness",
-    "EXT_texture_webp",
+    GLOSSINESS,
+    WEBP,
 }
 """Extensions that may be required: they are decoded, or say nothing of shape and colour that is dropped."""
 REMEDIES = {
@@ -42,17 +46,17 @@ WITHIN = 0.01
 """Of a mesh's extent, by which its positions may lie beyond the bounds that its accessors state: of Draco."""
 
 
-def plain_gltf(data: bytes, read: Callable[[str], bytes]) -> bytes:
-    """A GLB file that any reader reads alike, from a `.gltf` or `.glb` file.
+def read_gltf(data: bytes, siblings: Siblings) -> list[SurfaceMesh]:
+    """Read the scene of a `.gltf` or `.glb` file: a mesh for each primitive, in the order of nodes' names.
 
     Args:
         data: Of the file.
-        read: Gives the bytes of another file by the name that this one has for it.
+        siblings: Reads the other files that it names.
 
     Raises:
         ValueError: It is damaged, its positions lie elsewhere than it states, or it needs what is not read.
     """
-    return _Plain(*_opened(data), read).written()
+    return _Reader(*_opened(data), siblings).meshes()
 
 
 def _opened(data: bytes) -> tuple[dict[str, Any], bytes]:
@@ -73,40 +77,54 @@ def _opened(data: bytes) -> tuple[dict[str, Any], bytes]:
     return tree, chunk
 
 
-class _Plain:
-    """One file being made plain: its tree is changed in place, new arrays go behind its buffers."""
+class _Reader:
+    """Reader of one file."""
 
-    def __init__(self, tree: dict[str, Any], chunk: bytes, read: Callable[[str], bytes]):
-        self.tree, self.chunk, self.read = tree, chunk, read
-        self.added: list[bytes] = []
+    def __init__(self, tree: dict[str, Any], chunk: bytes, siblings: Siblings):
+        self.tree, self.chunk, self.siblings = tree, chunk, siblings
         self._check_extensions()
         self.buffers = [self._buffer(buffer) for buffer in tree.get("buffers", [])]
+        for material in tree.get("materials", []):
+            _use_diffuse(material)
+        self.surfaces: dict[int, Surface] = {}
 
-    def written(self) -> bytes:
-        done: set[int] = set()
-        for node in self.tree.get("nodes", []):
+    def meshes(self) -> list[SurfaceMesh]:
+        nodes, scenes = self.tree.get("nodes", []), self.tree.get("scenes")
+        children = {child for node in nodes for child in node.get("children", [])}
+        roots = (
+            scenes[self.tree.get("scene", 0)].get("nodes", [])
+            if scenes
+            else set(range(len(nodes))) - children
+        )
+        primitives: dict[tuple[int, ...], list[SurfaceMesh]] = {}
+        meshes: list[SurfaceMesh] = []
+        pending = [(root, np.eye(4), tuple[str, ...]()) for root in roots]
+        seen: set[int] = set()
+        while pending:
+            number, frame, names = pending.pop()
+            if number in seen:  # a node has one parent, and is not its own ancestor
+                continue
+            if len(names) > MOST_NESTED:
+                raise ValueError(f"nodes nested more than {MOST_NESTED} deep")
+            seen.add(number)
+            node = nodes[number]
+            frame, names = frame @ _matrix(node), (*names, str(node.get("name", number)))
+            pending += [(child, frame, names) for child in node.get("children", [])]
             if "mesh" not in node:
                 continue
             if "skin" in node:
                 raise ValueError("a skinned mesh, which is not read; export it with its pose applied")
-            if node.get("weights") and "targets" in self.tree["meshes"][node["mesh"]]["primitives"][0]:
-                self.tree["meshes"].append(json.loads(json.dumps(self.tree["meshes"][node["mesh"]])))
-                node["mesh"] = len(self.tree["meshes"]) - 1
-                self.tree["meshes"][-1]["weights"] = node.pop("weights")
-        for number, mesh in enumerate(self.tree.get("meshes", [])):
-            if number not in done:
-                done.add(number)
-                mesh["primitives"] = [
-                    self._primitive(primitive, mesh.get("weights", []))
+            mesh = self.tree["meshes"][node["mesh"]]
+            weights = node.get("weights") or mesh.get("weights", [])
+            key = (node["mesh"], *weights)
+            if key not in primitives:
+                primitives[key] = [
+                    self._primitive(primitive, weights)
                     for primitive in mesh["primitives"]
                     if primitive.get("mode", TRIANGLES) not in POINTS_AND_LINES
                 ]
-        self.tree["meshes"] = self.tree.get("meshes", [])
-        for mesh in self.tree["meshes"]:
-            mesh.pop("weights", None)
-        for key in ("extensionsRequired", "animations", "skins"):
-            self.tree.pop(key, None)
-        return self._packed()
+            meshes += [_place(part, frame, names) for part in primitives[key]]
+        return sorted(meshes, key=lambda mesh: mesh.names[-1])
 
     def _check_extensions(self) -> None:
         required = [name for name in self.tree.get("extensionsRequired", []) if name not in HONOURED]
@@ -117,17 +135,39 @@ class _Plain:
             )
 
     def _buffer(self, buffer: dict[str, Any]) -> bytes:
-        uri = buffer.get("uri")
-        if uri is None:
-            content = self.chunk
-        elif uri.startswith("data:"):
-            head, _, body = uri.partition(",")
-            content = base64.b64decode(body) if head.endswith(";base64") else unquote(body).encode("latin-1")
-        else:
-            content = self.read(uri)
+        content = self.chunk if buffer.get("uri") is None else self._resource(buffer["uri"])
         if len(content) < int(buffer["byteLength"]):
             raise ValueError(f"a buffer of {len(content)} bytes where it states {buffer['byteLength']}")
         return content
+
+    def _resource(self, uri: str) -> bytes:
+        if not uri.startswith("data:"):
+            return self.siblings.get(uri.encode("utf-8", "replace"))
+        head, _, body = uri.partition(",")
+        return base64.b64decode(body) if head.endswith(";base64") else unquote(body).encode("latin-1")
+
+    def _surface(self, material: dict[str, Any]) -> Surface:
+        """Return a base colour, with opacity where it blends; grey in place of an unreadable picture."""
+        stated = material.get("pbrMetallicRoughness", {})
+        factor = [*np.clip(np.array(stated.get("baseColorFactor", []), float), 0, 1), 1.0, 1.0, 1.0, 1.0]
+        colour, opacity = np.array(factor[:3]), factor[3] if material.get("alphaMode") == "BLEND" else 1.0
+        if (texture := stated.get("baseColorTexture")) is None:
+            return Surface(colour, None, opacity)
+        source = self.tree["textures"][texture["index"]]
+        number = source.get("extensions", {}).get(WEBP, source).get("source")
+        image = {} if number is None else self.tree["images"][number]
+        name = str(image.get("uri", image.get("name", f"picture {number}")))
+        name = "a picture within the file" if name.startswith("data:") else name
+        try:
+            data = self._resource(image["uri"]) if "uri" in image else self._view(image["bufferView"])[0]
+        except (KeyError, ValueError) as error:
+            is_file = not str(image.get("uri", "data:")).startswith("data:")
+            self.siblings.note(error if is_file else f"{name} is missing or unreadable")
+            return Surface(GREY * colour, None, opacity)
+        picture = self.siblings.decode(data, name)
+        if picture is None:
+            return Surface(GREY * colour, None, opacity)
+        return Surface(colour, linear_picture(picture), opacity)
 
     def _view(self, number: int) -> tuple[bytes, dict[str, Any]]:
         view = self.tree["bufferViews"][number]
@@ -176,7 +216,7 @@ class _Plain:
         fractions: np.ndarray = np.maximum(values.astype(np.float64) / most, -1.0)
         return fractions
 
-    def _primitive(self, primitive: dict[str, Any], weights: list[float]) -> dict[str, Any]:
+    def _primitive(self, primitive: dict[str, Any], weights: list[float]) -> SurfaceMesh:
         attributes, mode = dict(primitive["attributes"]), primitive.get("mode", TRIANGLES)
         indices: np.ndarray | None = None
         arrays: dict[str, np.ndarray] = {}
@@ -194,22 +234,19 @@ class _Plain:
         for weight, target in zip(weights, primitive.get("targets", []), strict=False):
             if weight and "POSITION" in target:
                 positions = positions + weight * self._numbers(target["POSITION"])
-        arrays["POSITION"] = positions
-        self._transform(primitive, arrays)
         faces = _faces(indices, mode)
         if len(faces) and faces.max() >= len(positions):
             raise ValueError(f"a face with corner {faces.max()} of {len(positions)}")
-        plain: dict[str, Any] = {
-            "mode": TRIANGLES,
-            "indices": self._added(faces.reshape(-1, 1), "<u4", "SCALAR"),
-        }
-        if "material" in primitive:
-            plain["material"] = primitive["material"]
-        kinds = {2: "VEC2", 3: "VEC3", 4: "VEC4"}
-        plain["attributes"] = {
-            name: self._added(values, "<f4", kinds[values.shape[1]]) for name, values in arrays.items()
-        }
-        return plain
+        uv = self._coordinates(primitive, arrays)
+        number = primitive.get("material")
+        if number is not None and number not in self.surfaces:
+            self.surfaces[number] = self._surface(self.tree["materials"][number])
+        surface = None if number is None else self.surfaces[number]
+        colours = None
+        if "COLOR_0" in arrays and len(faces):
+            fractions = arrays["COLOR_0"][faces][..., :3].mean(1)
+            colours = np.clip(np.rint(255 * fractions), 0, 255).astype(np.uint8)
+        return SurfaceMesh(positions, faces, uv, surface, colours, linear=True)
 
     def _check_bounds(self, accessor: dict[str, Any], positions: np.ndarray) -> None:
         """ValueError where positions lie elsewhere than the file states: they were not read as they are."""
@@ -249,10 +286,10 @@ class _Plain:
             arrays[name] = values.astype(np.float64)
         return np.asarray(mesh.faces, np.int64).ravel(), arrays
 
-    def _transform(self, primitive: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
-        """Apply KHR_texture_transform of the material's colour to its texture coordinates."""
+    def _coordinates(self, primitive: dict[str, Any], arrays: dict[str, np.ndarray]) -> np.ndarray | None:
+        """Return the texture coordinates of the material's colour, transformed, v upwards; None without."""
         if "material" not in primitive:
-            return
+            return None
         surface = self.tree["materials"][primitive["material"]].get("pbrMetallicRoughness", {})
         texture = surface.get("baseColorTexture", {})
         place = texture.get("texCoord", 0)
@@ -261,50 +298,39 @@ class _Plain:
             place = change.get("texCoord", place)
         coordinates = arrays.get(f"TEXCOORD_{place}")
         if coordinates is None:
-            return
+            return None
         if change is not None:
             turn = float(change.get("rotation", 0.0))
             u, v = (coordinates * np.array(change.get("scale", [1.0, 1.0]), float)).T
             cos, sin = np.cos(turn), np.sin(turn)
             offset = np.array(change.get("offset", [0.0, 0.0]), float)
             coordinates = np.stack([cos * u + sin * v, -sin * u + cos * v], axis=1) + offset
-        for name in [name for name in arrays if name.startswith("TEXCOORD_")]:
-            del arrays[name]
-        arrays["TEXCOORD_0"] = coordinates  # the one that the colour is by
+        return coordinates * [1.0, -1.0] + [0.0, 1.0]
 
-    def _added(self, values: np.ndarray, kind: str, form: str) -> int:
-        """The number of a new accessor of an array (count, size)."""
-        content = np.ascontiguousarray(values, kind).tobytes()
-        views, accessors = self.tree.setdefault("bufferViews", []), self.tree.setdefault("accessors", [])
-        views.append({"buffer": -1, "byteOffset": sum(map(len, self.added)), "byteLength": len(content)})
-        self.added.append(content + b"\0" * (-len(content) % 4))
-        accessor = {
-            "bufferView": len(views) - 1,
-            "componentType": 5125 if kind == "<u4" else 5126,
-            "count": len(values),
-            "type": form,
-        }
-        accessors.append(accessor)
-        return len(accessors) - 1
 
-    def _packed(self) -> bytes:
-        starts, whole = [], b""
-        for buffer in [*self.buffers, b"".join(self.added)]:
-            starts.append(len(whole))
-            whole += buffer + b"\0" * (-len(buffer) % 4)
-        for view in self.tree.get("bufferViews", []):
-            view["byteOffset"] = int(view.get("byteOffset", 0)) + starts[view["buffer"]]
-            view["buffer"] = 0
-        for material in self.tree.get("materials", []):
-            texture = material.get("pbrMetallicRoughness", {}).get("baseColorTexture", {})
-            texture.pop("texCoord", None)
-            texture.pop("extensions", None)
-        self.tree["buffers"] = [{"byteLength": len(whole)}]
-        text = json.dumps(self.tree).encode()
-        text += b" " * (-len(text) % 4)
-        chunks = (text, b"JSON"), (whole, b"BIN\0")
-        body = b"".join(struct.pack("<I4s", len(each), kind) + each for each, kind in chunks)
-        return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
+def _matrix(node: dict[str, Any]) -> np.ndarray:
+    """Return a node's transform (4, 4) into its parent's frame."""
+    if "matrix" in node:
+        return np.array(node["matrix"], float).reshape(4, 4).T
+    matrix = np.eye(4)
+    turn = Rotation.from_quat(node.get("rotation", [0.0, 0.0, 0.0, 1.0])).as_matrix()
+    matrix[:3, :3] = turn * np.array(node.get("scale", [1.0, 1.0, 1.0]), float)
+    matrix[:3, 3] = node.get("translation", [0.0, 0.0, 0.0])
+    return matrix
+
+
+def _place(mesh: SurfaceMesh, frame: np.ndarray, names: tuple[str, ...]) -> SurfaceMesh:
+    """Return a mesh moved into a frame (4, 4), turned back where that mirrors it."""
+    vertices = mesh.vertices @ frame[:3, :3].T + frame[:3, 3]
+    faces = mesh.faces[:, ::-1] if np.linalg.det(frame[:3, :3]) < 0 else mesh.faces
+    return replace(mesh, vertices=vertices, faces=faces, names=names)
+
+
+def _use_diffuse(material: dict[str, Any]) -> None:
+    """Replace a material's base colour by that of specular and glossiness, where it has these."""
+    if gloss := material.get("extensions", {}).get(GLOSSINESS):
+        names = {"diffuseFactor": "baseColorFactor", "diffuseTexture": "baseColorTexture"}
+        material["pbrMetallicRoughness"] = {new: gloss[old] for old, new in names.items() if old in gloss}
 
 
 def _strided(

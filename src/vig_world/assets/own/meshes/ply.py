@@ -1,56 +1,86 @@
-"""PLY files: polygons of any shape, triangle strips, colours of vertices."""
+"""PLY files: polygons of any shape, triangle strips, colours of vertices, pictures."""
 
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass
+import re
 
 import numpy as np
 
 from vig_world.assets.own.meshes.polygons import owners, triangles_of
+from vig_world.assets.own.siblings import Siblings, shown
+from vig_world.assets.own.surfaces import Surface, SurfaceMesh, colour_faces, colour_vertices, linear_picture
 
 CORNERS = ("vertex_indices", "vertex_index")
 COLOURS = ("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue"), ("r", "g", "b")
+COORDINATES = ("texture_u", "texture_v"), ("s", "t"), ("u", "v"), ("texture_s", "texture_t")
+_REMARK = re.compile(rb"(?<=[\r\n])(?:comment|obj_info)\b([^\r\n]*)(?:\r\n|\n|\r)")
 
 
-@dataclass(frozen=True)
-class Ply:
-    """What a file holds.
+def read_ply(data: bytes, siblings: Siblings) -> list[SurfaceMesh]:
+    """Read a PLY file, a mesh for each of its pictures; colours count where those cannot be read.
 
-    Attributes:
-        vertices: (V, 3) float64.
-        faces: (F, 3) triangles.
-        vertex_colours: (V, 3) uint8, or None.
-        face_colours: (F, 3) uint8, or None.
+    Pictures are named by comments (TextureFile) and placed by coordinates of vertices or of faces' corners.
+
+    Raises:
+        ValueError: It is damaged.
     """
-
-    vertices: np.ndarray
-    faces: np.ndarray
-    vertex_colours: np.ndarray | None
-    face_colours: np.ndarray | None
-
-
-def read_ply(data: bytes) -> Ply:
-    """Read a PLY file; ValueError for a damaged one."""
     from plyfile import PlyData, PlyParseError
 
+    head, end, body = data.removeprefix(b"\xef\xbb\xbf").partition(b"end_header")
+    remarks = [remark.split(None, 1) for remark in _REMARK.findall(head)]
+    pictures = [words[1].strip(b" \t\"'") for words in remarks
+                if len(words) == 2 and words[0].lower().rstrip(b":") == b"texturefile"]  # fmt: skip
+    wedges, numbers, coloured = None, None, None
     try:
-        ply = PlyData.read(io.BytesIO(data.removeprefix(b"\xef\xbb\xbf")))
+        ply = PlyData.read(io.BytesIO(_REMARK.sub(b"", head) + end + body))  # its remarks may be no ASCII
         elements = {element.name: element.data for element in ply.elements}
-        points, polygons, coloured = elements["vertex"], list[np.ndarray](), None
+        points, polygons = elements["vertex"], list[np.ndarray]()
         vertices = np.stack([points[axis] for axis in "xyz"], axis=1).astype(np.float64)
         if "face" in elements and len(rows := _corners(elements["face"])):
             polygons += list(rows)
             coloured = _colours(elements["face"])
+            wedges, numbers = (_values(elements["face"], name) for name in ("texcoord", "texnumber"))
         for name in ("tristrips", "tristrip"):
             for row in _corners(elements[name]) if name in elements else ():
                 polygons += strip_triangles(np.asarray(row, np.int64))
-                coloured = None
+                coloured = wedges = numbers = None
     except (PlyParseError, KeyError, IndexError) as error:
         raise ValueError(str(error) or type(error).__name__) from error
     faces, places = triangles_of(vertices, polygons)
-    face_colours = None if coloured is None else coloured[owners(polygons, places)]
-    return Ply(vertices, faces, _colours(points), face_colours)
+    owner = owners(polygons, places)
+    colours = None if coloured is None else coloured[owner]
+    if colours is None and (of_vertices := _colours(points)) is not None:
+        colours = colour_faces(of_vertices, faces)
+    uv = next((np.stack([points[u], points[v]], axis=1) for u, v in COORDINATES
+               if {u, v} <= set(points.dtype.names or ())), None)  # fmt: skip
+    if wedges is not None:
+        # A face without a picture may have no coordinates.
+        corners = [wedge if len(wedge) else np.zeros(2 * len(polygon))
+                   for wedge, polygon in zip(wedges, polygons, strict=True)]  # fmt: skip
+        if all(len(wedge) == 2 * len(polygon) for wedge, polygon in zip(corners, polygons, strict=True)):
+            uv = np.concatenate([np.zeros(0), *corners]).reshape(-1, 2)[places.ravel()]
+            vertices, faces = vertices[faces.ravel()], np.arange(faces.size).reshape(-1, 3)
+    siblings.instead = "grey" if colours is None else "the colours of its vertices or faces"
+    if uv is None or not pictures:
+        if pictures:
+            siblings.note(f"{shown(pictures[0])} without texture coordinates")
+        elif uv is not None and colours is None:
+            siblings.note("texture coordinates without a picture (TextureFile)")
+        return [SurfaceMesh(vertices, faces, colours=colours)]
+    meshes = []
+    number = np.zeros(len(faces), np.int64) if numbers is None else numbers[owner].astype(np.int64)
+    for picture in np.unique(number):
+        chosen = number == picture
+        image = siblings.image(pictures[picture]) if 0 <= picture < len(pictures) else None
+        surface = None if image is None else Surface(np.ones(3), linear_picture(image))
+        tints = None if surface or colours is None else colours[chosen]
+        meshes.append(SurfaceMesh(vertices, faces[chosen], uv, surface, tints))
+    return meshes
+
+
+def _values(element: np.ndarray, name: str) -> np.ndarray | None:
+    return element[name] if name in (element.dtype.names or ()) else None
 
 
 def _corners(element: np.ndarray) -> np.ndarray:
@@ -75,10 +105,5 @@ def strip_triangles(indices: np.ndarray) -> list[np.ndarray]:
 def _colours(points: np.ndarray) -> np.ndarray | None:
     for names in COLOURS:
         if set(names) <= set(points.dtype.names or ()):
-            values = np.stack([points[name] for name in names], axis=1)
-            if values.dtype.kind == "f":
-                values = 255 * values
-            elif values.dtype.itemsize == 2:
-                values = values / 257
-            return np.clip(np.rint(values), 0, 255).astype(np.uint8)
+            return colour_vertices(np.stack([points[name] for name in names], axis=1))
     return None
