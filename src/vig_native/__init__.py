@@ -20,8 +20,8 @@ def _load() -> ModuleType:
         except ModuleNotFoundError:
             continue
     raise ImportError(
-        f"expected vig's native library for {wanted or ' or '.join(instruction_sets())}; this installation has"
-        " none. Install vig again on this machine: pip install --force-reinstall --no-deps vig"
+        f"expected vig's native library for {wanted or ' or '.join(instruction_sets())}; this installation"
+        " has none. Install vig again on this machine: pip install --force-reinstall --no-deps vig"
     )
 
 

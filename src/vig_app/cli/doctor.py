@@ -1,4 +1,4 @@
-"""`vig doctor`: what a bug report needs, whether native code works on this machine, and what is slow on it."""
+"""`vig doctor`: what a bug report needs, whether native code works here, and what is slow."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ from vig_native import ISA
 def doctor() -> dict[str, Any]:
     """Collect versions, and draw one triangle with the renderer.
 
-    Returns what `machine` does and `{"instruction_set": str, "classes": {name: "ok" or what is wrong with its pack}, "kernels": {"ok", "detail"}, "speed": [{"what", "state", "do"}], "extras":
-    {name: {"missing": [modules], "brings", "install"}}, "ok"}`, ready for JSON. Nothing is raised: what fails
-    is a line in the place of its result.
+    Returns what `machine` does and `{"instruction_set": str, "classes": {name: "ok" or what is wrong with its
+    pack}, "kernels": {"ok", "detail"}, "speed": [{"what", "state", "do"}], "extras": {name: {"missing":
+    [modules], "brings", "install"}}, "ok"}`, ready for JSON. Nothing is raised: what fails is a line in the
+    place of its result.
     """
     described = machine()
     findings = [asdict(finding) for finding in speed.findings(described["cpus"])]

@@ -7,8 +7,8 @@ channels of linear RGB. NAME.py has
     log_density(s)    as above, a function of tensors: the reference of native code
 
 and vig_native/densities/NAME.h a struct of that name with `log_density(s)` and `pull(s)`, which is
-- d log_density / d s: 1 for a Gaussian, less for what forgives large errors. It weighs a pixel in the gradient
-and in the Gauss-Newton matrix (iteratively reweighted least squares).
+- d log_density / d s: 1 for a Gaussian, less for what forgives large errors. It weighs a pixel in the
+gradient and in the Gauss-Newton matrix (iteratively reweighted least squares).
 """
 
 from __future__ import annotations
