@@ -6,6 +6,7 @@ import errno
 import os
 import secrets
 import shutil
+import unicodedata
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -33,6 +34,13 @@ _REMEDIES = {
 # The process's umask can only be read by setting it; done once, before there are threads.
 _UMASK = os.umask(0o022)
 os.umask(_UMASK)
+
+
+def composed(name: str) -> str:
+    """A file's name in Unicode's composed form (NFC), in which names are compared: systems and tools store
+    accents as one character with their letter, or as two.
+    """
+    return unicodedata.normalize("NFC", name)
 
 
 @contextmanager

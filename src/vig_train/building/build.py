@@ -57,8 +57,13 @@ def build_class(
 
     say(f"reading meshes of {meshes} ...")
     scans, unreadable = read_scans(meshes, settings.materials, progress)
-    for name, reason in unreadable.items():
-        say(f"left out {name}: {reason}")
+    for reason in dict.fromkeys(unreadable.values()):
+        names = [name for name, other in unreadable.items() if other == reason]
+        more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+        say(f"left out {', '.join(names[:MOST_NAMED])}{more}: {reason}")
+    for scan in scans:
+        for note in scan.notes:
+            say(f"{scan.name}: {note}")
     used = settings.used(len(scans))
     say(f"{_counted(len(scans), 'mesh')} from {meshes}")
     with atomic_write(out / BUILD_COMMAND) as temporary:
@@ -124,6 +129,8 @@ def build_class(
     return result
 
 
+MOST_NAMED = 8
+"""Files that are named in one line."""
 STEP = " ..."
 """Ends the lines of `build_class` with which a step begins that takes a while; others say what was found."""
 

@@ -10,9 +10,9 @@ import io
 import logging
 import os
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -23,10 +23,17 @@ from PIL import Image
 from vig.io.checks import read_bytes
 from vig.io.errors import UserError
 from vig_world.assets.own.counting import MOST_BYTES, refuse_huge
+from vig_world.assets.own.folder import files_of
 from vig_world.assets.own.meshes import plain_gltf, plain_obj, read_off, read_ply, read_stl
 from vig_world.assets.own.surfaces import MOST_PIXELS, opacity_of, painted
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".off", ".stl")
+UNREAD = tuple(
+    ".fbx .usd .usda .usdc .usdz .dae .3mf .amf .step .stp .iges .igs .brep .blend .max .ma .mb .c4d .3ds"
+    " .3dm .x3d .wrl .vrml .abc .lwo .skp .dxf .dwg .vtk .vtp .x_t .x_b .sldprt .ipt .fcstd .ifc .pcd .zip"
+    " .7z .rar .gz .tgz .tar .xz .bz2".split()
+)
+"""Suffixes of other formats of meshes, and of archives, which are named where they are passed over."""
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".gif")
 
 
@@ -47,11 +54,27 @@ class MeshPiece:
 
 @dataclass(frozen=True)
 class Loaded:
-    """What a mesh file holds: pieces by material, the bytes of all files read, and names not found."""
+    """What a mesh file holds: pieces by material, the bytes of all files read, and names not found.
+
+    `notes` are sentences without a full stop: what was left out.
+    """
 
     pieces: list[MeshPiece]
     files: dict[str, bytes]
     missing: list[str]
+    notes: list[str] = field(default_factory=list)
+
+
+def mesh_files(folder: str | Path) -> tuple[list[tuple[str, Path]], list[str]]:
+    """Return names and paths of the meshes below a folder, and names of files in formats that are not read.
+
+    The latter without those that lie beside a mesh of the same name. UserError as `files_of`.
+    """
+    listed = files_of(folder, SUFFIXES, also=UNREAD)
+    meshes = [(name, path) for name, path in listed if path.suffix.lower() in SUFFIXES]
+    stems = {os.path.splitext(name)[0] for name, _ in meshes}
+    unread = [name for name, path in listed if path.suffix.lower() in UNREAD]
+    return meshes, [name for name in unread if os.path.splitext(name)[0] not in stems]
 
 
 def load(root: Path, path: Path, nodes: tuple[str, ...] = ()) -> Loaded:
@@ -68,10 +91,11 @@ def load(root: Path, path: Path, nodes: tuple[str, ...] = ()) -> Loaded:
     try:
         refuse_huge(path)
         data = read_bytes(path, MOST_BYTES)
-        files = _files(root, path)
+        files, notes = _files(root, path), list[str]()
         with _quiet():
             suffix = path.suffix.lower()
-            pieces = _pieces(path, _scene(suffix, data, files), nodes, suffix in (".glb", ".gltf"))
+            scene = _scene(suffix, data, files, None if nodes else notes.append)
+            pieces = _pieces(path, scene, nodes, suffix in (".glb", ".gltf"))
     except UserError:
         raise
     except MemoryError as error:
@@ -82,15 +106,15 @@ def load(root: Path, path: Path, nodes: tuple[str, ...] = ()) -> Loaded:
     if not pieces:
         raise UserError(f"{path}: expected triangles; got none.")
     missing = files.missing + [name for name, read in files.read.items() if not _readable(name, read)]
-    return Loaded(pieces, {path.name: data, **files.read}, sorted(set(missing)))
+    return Loaded(pieces, {path.name: data, **files.read}, sorted(set(missing)), notes)
 
 
-def _scene(suffix: str, data: bytes, files: Any) -> Any:
+def _scene(suffix: str, data: bytes, files: Any, note: Callable[[str], None] | None) -> Any:
     """A file's scene as trimesh has it."""
     import trimesh  # takes half a second, so only when custom meshes are read
 
     if suffix in (".glb", ".gltf", ".obj"):
-        plain = plain_obj(data) if suffix == ".obj" else plain_gltf(data, files.get)
+        plain = plain_obj(data) if suffix == ".obj" else plain_gltf(data, files.get, note)
         kind = "obj" if suffix == ".obj" else "glb"
         return trimesh.load_scene(io.BytesIO(plain), file_type=kind, resolver=files, process=False)
     colours: dict[str, Any] = {}

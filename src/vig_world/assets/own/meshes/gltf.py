@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 import json
 import struct
+from collections import Counter
 from collections.abc import Callable
 from typing import Any
 from urllib.parse import unquote
@@ -16,6 +17,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from vig.io.checks import parse_json
+from vig_world.assets.own.copies import COPY, cut_at_level, shape_copies
 
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 SIZES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
@@ -23,7 +25,9 @@ POINTS_AND_LINES = (0, 1, 2, 3)
 TRIANGLES, STRIP, FAN = 4, 5, 6
 DRACO, TRANSFORM = "KHR_draco_mesh_compression", "KHR_texture_transform"
 INSTANCING = "EXT_mesh_gpu_instancing"
+LEVELS = "MSFT_lod"
 HONOURED = {
+    LEVELS,
     DRACO,
     TRANSFORM,
     "KHR_mesh_quantization",
@@ -42,17 +46,22 @@ WITHIN = 0.01
 """Of a mesh's extent, by which its positions may lie beyond the bounds that its accessors state: of Draco."""
 
 
-def plain_gltf(data: bytes, read: Callable[[str], bytes]) -> bytes:
+def plain_gltf(data: bytes, read: Callable[[str], bytes], note: Callable[[str], None] | None = None) -> bytes:
     """A GLB file that any reader reads alike, from a `.gltf` or `.glb` file.
+
+    It holds what a viewer shows, the default scene, each node of several levels of detail at the finest.
 
     Args:
         data: Of the file.
         read: Gives the bytes of another file by the name that this one has for it.
+        note: Called with a sentence for each node that is left out as a copy by its name; None: these stay.
 
     Raises:
         ValueError: It is damaged, its positions lie elsewhere than it states, or it needs what is not read.
     """
-    return _Plain(*_opened(data), read).written()
+    plain = _Plain(*_opened(data), read)
+    plain.leave_out_nodes(note)
+    return plain.written()
 
 
 def _opened(data: bytes) -> tuple[dict[str, Any], bytes]:
@@ -81,6 +90,35 @@ class _Plain:
         self.added: list[bytes] = []
         self._check_extensions()
         self.buffers = [self._buffer(buffer) for buffer in tree.get("buffers", [])]
+
+    def leave_out_nodes(self, note: Callable[[str], None] | None) -> None:
+        """Take their meshes from nodes that a viewer does not show, and from copies."""
+        nodes = self.tree.get("nodes", [])
+        coarser = {id for node in nodes for id in node.get("extensions", {}).get(LEVELS, {}).get("ids", [])}
+        children = {child for node in nodes for child in node.get("children", [])}
+        roots = [number for number in range(len(nodes)) if number not in children]
+        if scenes := self.tree.get("scenes"):
+            roots = scenes[self.tree.get("scene", 0)].get("nodes", [])
+        pending, paths = [(number, "") for number in roots], dict[int, str]()
+        while pending:
+            number, path = pending.pop()
+            if number not in coarser and number not in paths:
+                paths[number] = f"{path}/{nodes[number].get('name', number)}".lstrip("/")
+                pending += [(child, paths[number]) for child in nodes[number].get("children", [])]
+        shown = {number: cut_at_level(path) for number, path in paths.items() if "mesh" in nodes[number]}
+        faces = Counter[str]()
+        for number, name in shown.items():
+            for primitive in self.tree["meshes"][nodes[number]["mesh"]]["primitives"]:
+                corners = primitive.get("indices", primitive["attributes"]["POSITION"])
+                faces[name] += self.tree["accessors"][corners]["count"]
+        names = list(faces)
+        pairs = shape_copies(names, list(faces.values())) if note else {}
+        copies = {names[copy]: names[original] for copy, original in pairs.items()}
+        for number, node in enumerate(nodes):
+            if shown and (number not in shown or shown[number] in copies):
+                node.pop("mesh", None)
+        for copy, original in copies.items() if note else ():
+            note(f"left out its node {copy}: {COPY.format(original)}")
 
     def written(self) -> bytes:
         done: set[int] = set()
