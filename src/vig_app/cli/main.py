@@ -43,6 +43,9 @@ GROUPS = {
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line; exits with an `ExitCode`."""
+    # Threads of torch that spin while they wait take the core of the one that they wait for: a step of a
+    # training takes up to ten times as long on a busy machine. It is read when torch is loaded.
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
     arguments = sys.argv[1:] if arguments is None else arguments
     if arguments == ["--version"]:
         print(f"vig {__version__}")
