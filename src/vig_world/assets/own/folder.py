@@ -11,6 +11,7 @@ from typing import NoReturn
 
 from vig.io.errors import UserError
 from vig.io.files import composed
+from vig.io.printing import in_one_line
 
 
 def files_of(
@@ -24,8 +25,9 @@ def files_of(
         also: Suffixes of others that are listed, where there is a file with one of `suffixes`.
 
     Returns:
-        Names relative to the folder with `/` between, composed characters in them (NFC), in their
-        alphabetical order, and paths. A link to a missing file is listed: reading it tells what is wrong.
+        Names relative to the folder with `/` between, in alphabetical order, and paths. Characters in names
+        are composed (NFC), and escaped where they cannot be printed. A link to a missing file is listed:
+        reading it tells what is wrong.
 
     Raises:
         UserError: When the folder is missing, is a file, or holds no such file.
@@ -39,7 +41,8 @@ def files_of(
     named: dict[str, Path] = {}
     for name in sorted(there, key=lambda name: (composed(name) != name, name)):
         if there[name].suffix.lower() in suffixes + also:
-            named[name if composed(name) in named else composed(name)] = there[name]
+            shown = in_one_line(composed(name))
+            named[name if shown in named else shown] = there[name]
     if not any(path.suffix.lower() in suffixes for path in named.values()):
         others = Counter(path.suffix.lower() for path in there.values() if path.suffix).most_common(5)
         came = ", ".join(f"{count} {suffix}" for suffix, count in others)
@@ -86,5 +89,5 @@ def fingerprint(files: Mapping[str, bytes | Path]) -> str:
                 digest = hashlib.file_digest(file, "sha256")
         else:
             digest = hashlib.sha256(content)
-        total.update(f"{name}\0{digest.hexdigest()}\n".encode())
+        total.update(f"{name}\0{digest.hexdigest()}\n".encode("utf-8", "surrogateescape"))
     return total.hexdigest()

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from vig.io.errors import UserError
-from vig_world.assets.own.folder import files_of
+from vig_world.assets.own.folder import files_of, fingerprint
 
 
 def test_links_are_followed_and_each_folder_is_listed_once(tmp_path: Path) -> None:
@@ -33,6 +33,13 @@ def test_names_are_composed_and_none_is_lost(tmp_path: Path) -> None:
     listed = files_of(tmp_path, (".obj",))
     assert sorted(path for _, path in listed) == sorted(tmp_path.iterdir())
     assert {name for name, _ in listed} == {"Kännchen.obj", f"{decomposed}.obj"}
+
+
+def test_names_of_bytes_that_are_no_text_can_be_printed_and_written(tmp_path: Path) -> None:
+    (Path(os.fsdecode(os.fsencode(tmp_path) + b"/caf\xe9\n.obj"))).write_text("x")
+    ((name, path),) = files_of(tmp_path, (".obj",))
+    assert name.isprintable() and name.encode() and path.read_text() == "x"
+    assert len(fingerprint({path.name: path})) == 64
 
 
 def test_what_is_there_instead_is_named(tmp_path: Path) -> None:

@@ -117,8 +117,9 @@ class _Plain:
         for number, node in enumerate(nodes):
             if shown and (number not in shown or shown[number] in copies):
                 node.pop("mesh", None)
-        for copy, original in copies.items() if note else ():
-            note(f"left out its node {copy}: {COPY.format(original)}")
+        if note:
+            for copy, original in copies.items():
+                note(f"left out its node {copy}: {COPY.format(original)}")
 
     def written(self) -> bytes:
         done: set[int] = set()
