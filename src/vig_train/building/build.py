@@ -33,6 +33,7 @@ def build_class(
     say: Callable[[str], None] = print,
     progress: bool = False,
     command: str = "",
+    whole: bool = True,
 ) -> BuildResult:
     """Build a class pack from a folder of meshes or from furniture catalogues.
 
@@ -44,6 +45,7 @@ def build_class(
         say: Called with a line for each step.
         progress: Whether standard error shows how far a step is.
         command: What who uses the pack too early is told to run again; by default the shortest for these.
+        whole: Whether the pack is whole when this ends; else it is when it gets its recognizer.
 
     Returns:
         The class as written.
@@ -82,7 +84,15 @@ def build_class(
     for line in upright.report:
         say(line)
     standing = [StandingMesh.of(*each) for each in zip(scans, surfaces, upright.rotations, strict=True)]
-    pictures.save_mesh_sheet(sheets / "2-upright.png", [mesh.triangles for mesh in standing], above=True)
+    arrow = "" if upright.symmetries.symmetry == "any-turn" else settings.shows or "the front"
+    pictures.save_mesh_sheet(
+        sheets / "2-upright.png", [mesh.triangles for mesh in standing], above=True, arrow=arrow
+    )
+    if arrow and settings.front is None:
+        say(
+            f"the front is a guess: where the arrows of {sheets / '2-upright.png'} do not point to {arrow},"
+            f" state --front={upright.back} for the opposite of all, --turn NUMBER:180 for a mesh"
+        )
 
     others = " most like the others" if len(used) > 1 else ""
     say(f"making a template: the mesh{others}, closed, of about {settings.vertices} vertices ...")
@@ -91,7 +101,8 @@ def build_class(
         raise UserError(f"expected a mesh in '{meshes}' that can be closed; none can. Mend one of them.")
     medoid, closed = standing[template.medoid], (template.vertices, template.faces)
     say(f"template: {medoid.scan.name}, {len(closed[0])} vertices, {len(closed[1])} faces")
-    pictures.save_mesh_sheet(sheets / "3-template.png", [medoid.triangles, closed], side=320)
+    labels = [str(template.medoid + 1), "template"]
+    pictures.save_mesh_sheet(sheets / "3-template.png", [medoid.triangles, closed], side=320, labels=labels)
 
     say("carrying the template onto each mesh ...")
     registered = register(standing, used, template, upright.symmetries.symmetry, cache, say, progress)
@@ -126,6 +137,8 @@ def build_class(
         sources=read_sources(folder).of({scan.name for scan in scans}),
     )
     write_pack(result, shapes, out, cache, say, progress)
+    if whole:
+        (out / BUILD_COMMAND).unlink()
     return result
 
 

@@ -114,6 +114,7 @@ def save_shape_sheets(shapes: ClassShapes, sheets: Path) -> None:
         sheets / "4-registered.png",
         [(registered.vertices[number], template.faces) for number in shapes.numbers],
         checks=template.vertices,
+        labels=[str(number + 1) for number in shapes.numbers],
     )
     refused = [number for number in registered.qualities if number not in shapes.numbers]
     if refused:
@@ -125,6 +126,7 @@ def save_shape_sheets(shapes: ClassShapes, sheets: Path) -> None:
                 (registered.vertices[number], template.faces),
             )
         ]
-        pictures.save_mesh_sheet(sheets / "5-refused.png", pairs)
+        labels = [label for number in refused for label in (str(number + 1), f"{number + 1}: template")]
+        pictures.save_mesh_sheet(sheets / "5-refused.png", pairs, labels=labels)
     pictures.save_component_sheet(sheets / "6-components.png", shapes.components, template.faces)
     pictures.save_error_curve(sheets / "7-leave-one-out.png", shapes.components)

@@ -21,8 +21,8 @@ _ONE_OF = f"one of {' '.join(SUFFIXES)}"
 SAME_SHAPE_TOLERANCE = 3e-4
 """Difference of `shape_invariants` up to which two surfaces are one."""
 ALIKE_TOLERANCE = 0.1
-"""The same up to which surfaces with names as of one at several levels of detail are one. Levels of mugs, down
-to a tenth of the faces, differ by up to .06, different cups by .003 to .7."""
+"""The same up to which surfaces with names as of one at several levels of detail are one. Levels of mugs,
+down to a tenth of the faces, differ by up to .06, different cups by .003 to .7."""
 
 
 @dataclass(frozen=True, eq=False)
