@@ -248,7 +248,7 @@ class ObjectClass:
             )
         folder = Path(name_or_folder)
         if (folder / BUILD_COMMAND).is_file() and not (unfinished and (folder / "class.json").is_file()):
-            command = (folder / BUILD_COMMAND).read_text(errors="replace").strip()
+            command = (folder / BUILD_COMMAND).read_text("utf-8", "replace").strip()
             raise UserError(
                 f"expected a class; the build of '{folder}' is unfinished. Run it again: {command}"
             )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import sys
@@ -46,6 +47,9 @@ def main(arguments: list[str] | None = None) -> None:
     # Threads of torch that spin while they wait take the core of the one that they wait for: a step of a
     # training takes up to ten times as long on a busy machine. It is read when torch is loaded.
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+    for stream in (sys.stdout, sys.stderr):  # a name of a file may have letters that a terminal has not
+        if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
+            stream.reconfigure(errors="backslashreplace")
     arguments = sys.argv[1:] if arguments is None else arguments
     if arguments == ["--version"]:
         print(f"vig {__version__}")

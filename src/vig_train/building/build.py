@@ -68,9 +68,9 @@ def build_class(
             say(f"{scan.name}: {note}")
     used = settings.used(len(scans))
     say(f"{_counted(len(scans), 'mesh')} from {meshes}")
-    with atomic_write(out / BUILD_COMMAND) as temporary:
-        shortest = shlex.join(["vig", "class", "build", str(meshes), "--out", str(out)])
-        temporary.write_text(f"{command or shortest}\n")
+    command = command or shlex.join(["vig", "class", "build", str(meshes), "--out", str(out)])
+    if not (out / "class.json").exists():  # a pack of an earlier build is whole until its files are replaced
+        _write_command(out, command)
     say("drawing what was read, build/1-as-they-are.png ...")
     pictures.save_mesh_sheet(sheets / "1-as-they-are.png", [(scan.vertices, scan.faces) for scan in scans])
 
@@ -136,6 +136,7 @@ def build_class(
         components=shapes.components,
         sources=read_sources(folder).of({scan.name for scan in scans}),
     )
+    _write_command(out, command)
     write_pack(result, shapes, out, cache, say, progress)
     if whole:
         (out / BUILD_COMMAND).unlink()
@@ -151,6 +152,12 @@ STEP = " ..."
 def is_step(line: str) -> bool:
     """Whether a line of `build_class` is that of a step that begins."""
     return line.endswith(STEP)
+
+
+def _write_command(out: Path, command: str) -> None:
+    """Mark a pack as unfinished, with the command that finishes it."""
+    with atomic_write(out / BUILD_COMMAND) as temporary:
+        temporary.write_text(f"{command}\n", encoding="utf-8", errors="surrogateescape")
 
 
 def check_folder(out: Path) -> None:
