@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import secrets
 import shutil
 import unicodedata
@@ -12,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+from safetensors import SafetensorError
 from safetensors.numpy import save_file
 
 from vig.io.errors import UserError
@@ -74,6 +76,9 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
         os.replace(temporary, path)
     except OSError as error:
         raise _for_user(error, path) from error
+    except SafetensorError as error:  # has the system's error in words alone
+        number = re.search(r"os error (\d+)", str(error))
+        raise _for_user(OSError(int(number[1]), str(error)), path) if number else error from error
     finally:
         if os.path.lexists(temporary):
             temporary.unlink()

@@ -15,7 +15,7 @@ SECONDS = 30.0
 SHARE = 0.1
 """Of the run after which a log gets a line."""
 BETWEEN_MARKS = 1.0
-"""Seconds between the times that a meter remembers, at least."""
+"""Seconds between the times that a meter remembers, and of those that a rate is of, at least."""
 
 
 class Meter:
@@ -87,9 +87,10 @@ class Meter:
         start, done_then = self.started, self.done_at_start
         for marked_at, done in self.marks:
             early = marked_at - self.started <= (now - self.started) / 2
-            if (early or done_then == self.done_at_start) and done < self.done:
+            long = now - marked_at >= BETWEEN_MARKS  # several may be done at once
+            if (early or done_then == self.done_at_start) and done < self.done and long:
                 start, done_then = marked_at, done
-        rate = (self.done - done_then) / (now - start) if now > start else 0.0
+        rate = (self.done - done_then) / (now - start) if now - start >= BETWEEN_MARKS else 0.0
         if rate == 0:
             return ""
         speed = f"{rate:.1f}/s" if rate >= 1 else f"{1 / rate:.1f} s each"
@@ -97,7 +98,8 @@ class Meter:
 
     def _report(self) -> None:
         self.reported, self.reported_at = self.done, time.monotonic()
-        print(f"{self.done} of {self.total} {self.unit}, {self.pace()}", file=sys.stderr, flush=True)
+        words = [f"{self.done} of {self.total} {self.unit}", self.pace()]
+        print(", ".join(filter(None, words)), file=sys.stderr, flush=True)
 
 
 def _clock(seconds: float) -> str:

@@ -22,8 +22,8 @@ from vig.scene.shape_model import ShapeModel
 from vig.scene.symmetry import Symmetry
 
 TRANSFER_FILE = "transfer.safetensors"
-BUILD_COMMAND = Path("build", "command.txt")
-"""Of a pack that `vig class build` makes: the command, there before class.json is."""
+BUILD_COMMAND = Path("build", "unfinished.txt")
+"""Of a pack that `vig class build` makes: the command, there until the pack is whole."""
 PACKAGED = Path(__file__).parents[1] / "classes"
 FORMAT = 1
 _DAMAGED = "Build or copy it again."
@@ -240,16 +240,19 @@ class ObjectClass:
             Path(temporary).write_text(json.dumps(written, indent=1) + "\n")
 
     @staticmethod
-    def load(name_or_folder: str | Path) -> ObjectClass:
-        """Read a packaged class by name, or a class pack from a folder. UserError when it is not one."""
+    def load(name_or_folder: str | Path, unfinished: bool = False) -> ObjectClass:
+        """Read a packaged class by name, or a class pack from a folder. UserError when it is not one.
+
+        unfinished: Whether to read also one whose build was stopped before it had a recognizer.
+        """
         if not isinstance(name_or_folder, str | Path):
             kind = type(name_or_folder).__name__
             raise UserError(
                 f"expected a class's name or folder; got a {kind}. Pass its name, such as 'teapot'."
             )
         folder = Path(name_or_folder)
-        if not (folder / "class.json").is_file() and (folder / BUILD_COMMAND).is_file():
-            command = (folder / BUILD_COMMAND).read_text(errors="replace").strip()
+        if (folder / BUILD_COMMAND).is_file() and not (unfinished and (folder / "class.json").is_file()):
+            command = (folder / BUILD_COMMAND).read_text("utf-8", "replace").strip()
             raise UserError(
                 f"expected a class; the build of '{folder}' is unfinished. Run it again: {command}"
             )

@@ -50,6 +50,12 @@ AXIS_OPTIONS = ("--up", "--front")
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line; exits with an `ExitCode`."""
+    # Threads of torch that spin while they wait take the core of the one that they wait for: a step of a
+    # training takes up to ten times as long on a busy machine. It is read when torch is loaded.
+    os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+    for stream in (sys.stdout, sys.stderr):  # a name of a file may have letters that a terminal has not
+        if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
+            stream.reconfigure(errors="backslashreplace")
     arguments = sys.argv[1:] if arguments is None else arguments
     for at in reversed(range(len(arguments) - 1)):  # a parser takes -z for an option of its own
         if arguments[at] in AXIS_OPTIONS and re.fullmatch("-[xyzXYZ]", arguments[at + 1]):

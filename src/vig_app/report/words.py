@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from vig.explainer import LEAST_PRESENT
 from vig.scene import Latents
 from vig.scene.light import srgb8_from_linear
 
@@ -62,7 +63,8 @@ def summary(described: dict[str, Any]) -> str:
     confidence, hidden = described["confidence"], described["hidden_fraction"]
     if described["verdict"] == "absent":
         return (
-            f"{described['class']}: in the photo with a probability of {described['present']:.0%};"
+            f"{described['class']}: in the photo with a probability of {described['present']:.0%}, below the"
+            f" {LEAST_PRESENT:.0%} needed;"
             " below is the fit at the likeliest place, which was rejected"
         )
     if confidence is None:
@@ -88,7 +90,7 @@ def probabilities(described: dict[str, Any]) -> list[tuple[str, float]]:
     named = (("in the photo", "present"), ("view right", "confidence"), ("mask right", "mask_confidence"))
     known = [(name, described[key]) for name, key in named if described[key] is not None]
     if described["verdict"] == "absent":
-        return known[:1]
+        return [(f"in the photo ({LEAST_PRESENT:.0%} needed)", described["present"])]
     others = [
         (f"or azimuth {view['azimuth_deg']:.0f}°", view["probability"]) for view in described["alternatives"]
     ]

@@ -33,6 +33,7 @@ def build_class(
     say: Callable[[str], None] = print,
     progress: bool = False,
     command: str = "",
+    whole: bool = True,
 ) -> BuildResult:
     """Build a class pack from a folder of meshes or from furniture catalogues.
 
@@ -44,6 +45,7 @@ def build_class(
         say: Called with a line for each step.
         progress: Whether standard error shows how far a step is.
         command: What who uses the pack too early is told to run again; by default the shortest for these.
+        whole: Whether the pack is whole when this ends; else it is when it gets its recognizer.
 
     Returns:
         The class as written.
@@ -57,13 +59,18 @@ def build_class(
 
     say(f"reading meshes of {meshes} ...")
     scans, unreadable = read_scans(meshes, settings.materials, progress)
-    for name, reason in unreadable.items():
-        say(f"left out {name}: {reason}")
+    for reason in dict.fromkeys(unreadable.values()):
+        names = [name for name, other in unreadable.items() if other == reason]
+        more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+        say(f"left out {', '.join(names[:MOST_NAMED])}{more}: {reason}")
+    for scan in scans:
+        for note in scan.notes:
+            say(f"{scan.name}: {note}")
     used = settings.used(len(scans))
     say(f"{_counted(len(scans), 'mesh')} from {meshes}")
-    with atomic_write(out / BUILD_COMMAND) as temporary:
-        shortest = shlex.join(["vig", "class", "build", str(meshes), "--out", str(out)])
-        temporary.write_text(f"{command or shortest}\n", "utf-8", "backslashreplace")
+    command = command or shlex.join(["vig", "class", "build", str(meshes), "--out", str(out)])
+    if not (out / "class.json").exists():  # a pack of an earlier build is whole until its files are replaced
+        _write_command(out, command)
     say("drawing what was read, build/1-as-they-are.png ...")
     pictures.save_mesh_sheet(sheets / "1-as-they-are.png", [(scan.vertices, scan.faces) for scan in scans])
 
@@ -77,7 +84,15 @@ def build_class(
     for line in upright.report:
         say(line)
     standing = [StandingMesh.of(*each) for each in zip(scans, surfaces, upright.rotations, strict=True)]
-    pictures.save_mesh_sheet(sheets / "2-upright.png", [mesh.triangles for mesh in standing], above=True)
+    arrow = "" if upright.symmetries.symmetry == "any-turn" else settings.shows or "the front"
+    pictures.save_mesh_sheet(
+        sheets / "2-upright.png", [mesh.triangles for mesh in standing], above=True, arrow=arrow
+    )
+    if arrow and settings.front is None:
+        say(
+            f"the front is a guess: where the arrows of {sheets / '2-upright.png'} do not point to {arrow},"
+            f" state --front={upright.back} for the opposite of all, --turn NUMBER:180 for a mesh"
+        )
 
     others = " most like the others" if len(used) > 1 else ""
     say(f"making a template: the mesh{others}, closed, of about {settings.vertices} vertices ...")
@@ -86,7 +101,8 @@ def build_class(
         raise UserError(f"expected a mesh in '{meshes}' that can be closed; none can. Mend one of them.")
     medoid, closed = standing[template.medoid], (template.vertices, template.faces)
     say(f"template: {medoid.scan.name}, {len(closed[0])} vertices, {len(closed[1])} faces")
-    pictures.save_mesh_sheet(sheets / "3-template.png", [medoid.triangles, closed], side=320)
+    labels = [str(template.medoid + 1), "template"]
+    pictures.save_mesh_sheet(sheets / "3-template.png", [medoid.triangles, closed], side=320, labels=labels)
 
     say("carrying the template onto each mesh ...")
     registered = register(standing, used, template, upright.symmetries.symmetry, cache, say, progress)
@@ -99,7 +115,7 @@ def build_class(
     say("making the class: components, materials, holes through each mesh ...")
     (length, size_known), folder = settings.length_of(scans), folder_of(meshes)
     shapes = ClassShapes.of(registered, upright.symmetries, length)
-    coloured = source_meshes(shapes, say) if settings.materials else []
+    coloured = source_meshes(shapes) if settings.materials else []
     of_class = [mesh for mesh in coloured if mesh.design >= 0 and mesh.split == "train"]
     dark = dark_part(of_class, shapes.components.mean, template.faces)
     object_class = object_class_of(settings, shapes, dark, cache, progress)
@@ -124,10 +140,15 @@ def build_class(
         components=shapes.components,
         sources=read_sources(folder).of({scan.name for scan in scans}),
     )
+    _write_command(out, command)
     write_pack(result, shapes, out, cache, say, progress)
+    if whole:
+        (out / BUILD_COMMAND).unlink()
     return result
 
 
+MOST_NAMED = 8
+"""Files that are named in one line."""
 STEP = " ..."
 """Ends the lines of `build_class` with which a step begins that takes a while; others say what was found."""
 
@@ -135,6 +156,12 @@ STEP = " ..."
 def is_step(line: str) -> bool:
     """Whether a line of `build_class` is that of a step that begins."""
     return line.endswith(STEP)
+
+
+def _write_command(out: Path, command: str) -> None:
+    """Mark a pack as unfinished, with the command that finishes it."""
+    with atomic_write(out / BUILD_COMMAND) as temporary:
+        temporary.write_text(f"{command}\n", encoding="utf-8", errors="surrogateescape")
 
 
 def check_folder(out: Path) -> None:

@@ -77,13 +77,11 @@ def _sections_of_weights(out: Path) -> list[str]:
     return [sections[heading].strip() for heading in CARD_SECTIONS if heading in sections]
 
 
-def source_meshes(shapes: ClassShapes, say: Callable[[str], None]) -> list[SourceMesh]:
+def source_meshes(shapes: ClassShapes) -> list[SourceMesh]:
     """The used meshes that have materials, in metres; refused ones are for training."""
     meshes: list[SourceMesh] = []
     for number in shapes.registered.qualities:
         scan = shapes.registered.meshes[number].scan
-        for note in scan.notes:
-            say(f"{scan.name}: {note}")
         if not scan.pieces or has_one_colour(scan.pieces):
             continue  # as of a format without any
         design = shapes.numbers.index(number) if number in shapes.numbers else -1
@@ -115,6 +113,7 @@ def save_shape_sheets(shapes: ClassShapes, sheets: Path) -> None:
         sheets / "4-registered.png",
         [(registered.vertices[number], template.faces) for number in shapes.numbers],
         checks=template.vertices,
+        labels=[str(number + 1) for number in shapes.numbers],
     )
     refused = [number for number in registered.qualities if number not in shapes.numbers]
     if refused:
@@ -126,6 +125,7 @@ def save_shape_sheets(shapes: ClassShapes, sheets: Path) -> None:
                 (registered.vertices[number], template.faces),
             )
         ]
-        pictures.save_mesh_sheet(sheets / "5-refused.png", pairs)
+        labels = [label for number in refused for label in (str(number + 1), f"{number + 1}: template")]
+        pictures.save_mesh_sheet(sheets / "5-refused.png", pairs, labels=labels)
     pictures.save_component_sheet(sheets / "6-components.png", shapes.components, template.faces)
     pictures.save_error_curve(sheets / "7-leave-one-out.png", shapes.components)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -71,21 +72,24 @@ def save_mesh_sheet(
     above: bool = False,
     side: int = 150,
     checks: np.ndarray | None = None,
+    labels: Sequence[str] = (),
+    arrow: str = "",
 ) -> None:
-    """Write a sheet of meshes with their numbers from 1 on.
+    """Write a sheet of meshes with their labels, by default their numbers from 1 on.
 
-    above: Show each from above too. checks: (V, 3) places on the template by which each vertex is coloured,
-    so that the same colours are the same places.
+    above: Show each from above too. arrow: What is at +X, to which an arrow then points. checks: (V, 3)
+    places on the template by which each vertex is coloured, so that the same colours are the same places.
     """
     colours = None
     if checks is not None:
         colours = 0.55 + 0.45 * np.sin(30 * (checks - checks.min(0)) / np.ptp(checks, axis=0).max())
     tiles = []
-    for number, (vertices, faces) in enumerate(meshes, 1):
+    for number, (vertices, faces) in enumerate(meshes):
         views = [shade_mesh(vertices, faces, ASIDE, side, colours)]
         if above:
             views.append(shade_mesh(vertices, faces, ABOVE, side, colours))
-        tiles.append(_labelled(np.concatenate(views), str(number)))
+        tile = _labelled(np.concatenate(views), labels[number] if labels else str(number + 1))
+        tiles.append(_with_arrow(tile, arrow) if arrow else tile)
     _save(path, _grid(tiles))
 
 
@@ -123,6 +127,17 @@ def save_error_curve(path: Path, model: Components) -> None:
 def _labelled(tile: np.ndarray, text: str) -> np.ndarray:
     image = Image.fromarray(tile)
     ImageDraw.Draw(image).text((4, 2), text, fill=(200, 30, 30))
+    return np.asarray(image)
+
+
+def _with_arrow(tile: np.ndarray, text: str) -> np.ndarray:
+    """A tile with an arrow to the right at its foot, in whose views +X is on the right."""
+    height, width = tile.shape[:2]
+    image, y, tip = Image.fromarray(tile), height - 8, width - 6
+    draw, colour = ImageDraw.Draw(image), (30, 60, 200)
+    draw.line([(width * 0.55, y), (tip, y)], fill=colour, width=2)
+    draw.polygon([(tip + 3, y), (tip - 6, y - 4), (tip - 6, y + 4)], fill=colour)
+    draw.text((width * 0.55, y - 4), text[:13], fill=colour, anchor="rm")
     return np.asarray(image)
 
 

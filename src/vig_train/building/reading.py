@@ -10,16 +10,21 @@ import numpy as np
 from vig.io.errors import UserError
 from vig.io.progress import Meter
 from vig_world.assets.own.catalogue import mesh_folder, read_sources
-from vig_world.assets.own.folder import files_of, fingerprint
-from vig_world.assets.own.load import SUFFIXES, MeshPiece, load
+from vig_world.assets.own.copies import COPY, shape_copies
+from vig_world.assets.own.folder import fingerprint
+from vig_world.assets.own.load import SUFFIXES, MeshPiece, load, mesh_files
 from vig_world.assets.own.simplify import simplified
 from vig_world.assets.source_meshes import MOST_FACES
 from vig_world.mesh import face_normals
 
 LEAST_WIDTH = 1e-3
 """Share of its length that a mesh is wide at least; what is narrower is a line."""
+_ONE_OF = f"one of {' '.join(SUFFIXES)}"
 SAME_SHAPE_TOLERANCE = 3e-4
 """Difference of `shape_invariants` up to which two surfaces are one."""
+ALIKE_TOLERANCE = 0.1
+"""The same up to which surfaces with names as of one at several levels of detail are one. Levels of mugs,
+down to a tenth of the faces, differ by up to .06, different cups by .003 to .7."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +37,7 @@ class Scan:
         faces: (F, 3), each with an area.
         content_hash: Of the file's content.
         pieces: What has a material each, of few enough faces for training; none where materials do not count.
-        notes: What of its materials was not read, and what was taken instead.
+        notes: What of the file was left out, and what was taken in place of materials that were not read.
     """
 
     name: str
@@ -60,11 +65,14 @@ def read_scans(
         UserError: There is no such folder, or it holds no usable mesh.
     """
     folder = mesh_folder(meshes)
-    only = folder if folder.is_file() else None
-    folder = folder.parent if only else folder
     scans: list[Scan] = []
-    refused = {} if only else dict(read_sources(folder).left_out)
-    files = [(only.name, only)] if only else files_of(folder, SUFFIXES)
+    if folder.is_file():
+        files, refused, folder = [(folder.name, folder)], {}, folder.parent
+        if Path(files[0][0]).suffix.lower() not in SUFFIXES:
+            raise UserError(f"expected a mesh, {_ONE_OF}; got '{meshes}'. Convert it.")
+    else:
+        files, others = mesh_files(folder)
+        refused = read_sources(folder).left_out | dict.fromkeys(others, f"expected {_ONE_OF}; convert it")
     with Meter(len(files), 0, progress, "files") as meter:
         for name, path in files:
             try:
@@ -78,10 +86,14 @@ def read_scans(
             except UserError as error:
                 refused[name] = str(error).removeprefix(f"{path}: ")
             meter.advance(1)
-    copies = same_shapes(scans)
-    for number, original in copies.items():
-        refused[scans[number].name] = f"the same shape as {scans[original].name}, which counts once"
-    scans = [scan for number, scan in enumerate(scans) if number not in copies]
+    for find_copies, what in (
+        (copies_by_name, COPY),
+        (same_shapes, "the same shape as {}, which counts once"),
+    ):
+        copies = find_copies(scans)
+        for number, original in copies.items():
+            refused[scans[number].name] = what.format(scans[original].name)
+        scans = [scan for number, scan in enumerate(scans) if number not in copies]
     if not scans:
         first = next(iter(refused.items()))
         raise UserError(f"expected meshes in '{meshes}'; not one is usable. {first[0]}: {first[1]}")
@@ -109,6 +121,17 @@ def shape_invariants(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     distance = (middles**2).sum(1) / second.sum()
     higher = [float(weight @ distance**power) ** (1 / power) for power in (2, 3, 5)]
     return np.array([*(second[:2] / second[2]), *higher])
+
+
+def copies_by_name(scans: list[Scan]) -> dict[int, int]:
+    """Which scans repeat another one at fewer faces or as a collision hull, by its number."""
+
+    def alike(*pair: int) -> bool:
+        one, other = (shape_invariants(scans[each].vertices, scans[each].faces) for each in pair)
+        return bool(np.abs(one - other).max() < ALIKE_TOLERANCE)
+
+    names = [scan.name[: -len(Path(scan.name).suffix)] for scan in scans]
+    return shape_copies(names, [len(scan.faces) for scan in scans], alike)
 
 
 def same_shapes(scans: list[Scan]) -> dict[int, int]:

@@ -41,11 +41,13 @@ class UprightPoses:
         rotations: (N, 3, 3) from each file's axes; the identity for dropped meshes.
         symmetries: Of the class.
         report: Axes and symmetries, and whether each was estimated or given, one line each.
+        back: The axis opposite to the front in most files, such as "-x"; empty where any turn looks the same.
     """
 
     rotations: np.ndarray
     symmetries: ClassSymmetry
     report: tuple[str, ...]
+    back: str = ""
 
 
 def upright_poses(
@@ -87,7 +89,9 @@ def upright_poses(
     clouds = [_turned_cloud(surface, turn) for surface, turn in zip(surfaces, levelled, strict=True)]
     say("looking for symmetries and the front ...")
     symmetries = _symmetries(clouds, settings.symmetry)
-    report.append(f"symmetry: {symmetries.symmetry}, {_source(settings.symmetry)}")
+    lathe = "; of pots and the like, whatever their handles, state --symmetry any-turn"
+    unsure = settings.symmetry is None and symmetries.symmetry == "none"
+    report.append(f"symmetry: {symmetries.symmetry}, {_source(settings.symmetry)}{lathe if unsure else ''}")
     if settings.front is None:
         front = _estimated_front(clouds, symmetries)
     else:
@@ -95,15 +99,17 @@ def upright_poses(
         if abs(ahead[2]) > 0.5:
             raise UserError(f"expected a front that is level; got {settings.front} with {report[0]}.")
         front = math.atan2(ahead[1], ahead[0])
+    back = ""
     if symmetries.symmetry != "any-turn":
         ahead = from_usual.T @ from_common.T @ np.array([math.cos(front), math.sin(front), 0.0])
         report.append(f"front: {axis_name(ahead)} in most files, {_source(settings.front)}")
+        back = axis_name(-ahead)
         report.append(f"mirror plane: {'yes' if symmetries.mirror else 'none'}")
     rotations = np.tile(np.eye(3), (len(scans), 1, 1))
     for number, surface, rotation in zip(used, surfaces, levelled, strict=True):
         turned = _faced(surface, about_z(-front) @ rotation, symmetries)
         rotations[number] = about_z(math.radians(settings.turns.get(number + 1, 0.0))) @ turned
-    return UprightPoses(rotations, symmetries, tuple(report))
+    return UprightPoses(rotations, symmetries, tuple(report), back)
 
 
 def _common_pose(

@@ -28,6 +28,7 @@ from vig.parallel import map_in_processes
 from vig.recognition import WEIGHTS_FILE, Recognizer
 from vig.recognition.weights import shared_trunk
 from vig.scene import ObjectClass
+from vig.scene.object_class import BUILD_COMMAND
 from vig_train.calibration import StudioPhotos, calibrate_fits, fit_count
 from vig_train.calibration.studio_errors import studio_errors
 from vig_train.class_training import card
@@ -121,7 +122,7 @@ class ClassTraining:
         props: str = "",
     ) -> None:
         self.pack, self.minutes, self.seed, self.say, self.props = Path(pack), minutes, seed, say, props
-        self.object_class = ObjectClass.load(pack)
+        self.object_class = ObjectClass.load(pack, unfinished=True)
         self.workers = workers or os.cpu_count() or 1
         self.folder = self.pack / "training"
         self.images, self.run_folder = self.folder / "images", self.folder / "run"
@@ -325,6 +326,7 @@ class ClassTraining:
         for name in (WEIGHTS_FILE, RELIABILITY_FILE, CALIBRATION_FILE):
             with atomic_write(self.pack / name) as temporary:
                 shutil.copyfile(self.run_folder / name, temporary)
+        (self.pack / BUILD_COMMAND).unlink(missing_ok=True)
         if self.quick:
             quick = card.quick_section(self.pack, self.image_count)
             replace_section(self.pack, self.object_class, quick)
@@ -347,7 +349,7 @@ def _photo_drawer(
 ) -> Callable[[tuple[Split, int, int, tuple[int, int] | None]], tuple[StudioPhotos, dict[str, np.ndarray]]]:
     """The work of a process: photos, and their examples as arrays."""
     pack, props, things = shared
-    object_class = ObjectClass.load(pack)
+    object_class = ObjectClass.load(pack, unfinished=True)
 
     def draw(
         item: tuple[Split, int, int, tuple[int, int] | None],

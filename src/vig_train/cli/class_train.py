@@ -30,7 +30,7 @@ def train_class(settings: TrainClass) -> int:
     if settings.seed < 0:
         raise UserError(f"expected --seed of at least 0; got {settings.seed}.")
     check_workers(settings.workers)
-    ObjectClass.load(settings.pack)
+    ObjectClass.load(settings.pack, unfinished=True)
     check_writable(settings.pack)
     with contextlib.redirect_stdout(sys.stderr) if settings.json else contextlib.nullcontext():
         training = ClassTraining(

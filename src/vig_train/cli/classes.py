@@ -6,7 +6,8 @@ import json
 import re
 
 from vig.io.errors import UserError
-from vig.io.printing import end
+from vig.io.printing import end, in_one_line
+from vig.scene.object_class import BUILD_COMMAND
 from vig_train.cli.common import check_workers, command_line
 from vig_train.cli.settings import Build
 
@@ -35,11 +36,15 @@ def build(settings: Build) -> int:
         dict.fromkeys(settings.places, 1.0),
         settings.materials,
     )
-    say = (lambda line: None) if settings.json else (lambda line: print(line, flush=True))
+    say = (lambda line: None) if settings.json else (lambda line: print(in_one_line(line), flush=True))
     command = command_line("vig class build", settings, positional=("meshes",))
-    result = build_class(settings.meshes, settings.out, build_settings, say, not settings.json, command)
+    whole = not settings.recognizer
+    result = build_class(
+        settings.meshes, settings.out, build_settings, say, not settings.json, command, whole
+    )
     if settings.recognizer and not (settings.out / WEIGHTS_FILE).exists():
         ClassTraining(settings.out, QUICK, workers=settings.workers, say=say).run()
+    (settings.out / BUILD_COMMAND).unlink(missing_ok=True)
     is_trained = (settings.out / WEIGHTS_FILE).exists()
     if settings.json:
         errors = result.components.errors
@@ -61,10 +66,13 @@ def build(settings: Build) -> int:
     upright = settings.out / "build" / "2-upright.png"
     print(f"look at {settings.out / 'card.md'}; where {upright} is wrong: --up, --front, --turn, --drop")
     train = f"vig class train {settings.out} gives it a good recognizer"
+    taken, refused = len(result.splits), len(result.refused)
+    of = f" of {taken} of {taken + refused} meshes, {refused} refused (see {settings.out / 'card.md'})"
+    made = "made a class" + (of if refused else "")
     if is_trained:
-        end(settings.out, f"made a class: vig fit photo.jpg --class {settings.out} takes it; {train}")
+        end(settings.out, f"{made}: vig fit photo.jpg --class {settings.out} takes it; {train}")
     else:
-        end(settings.out, f"made a class without a recognizer: {train}")
+        end(settings.out, f"{made}, without a recognizer: {train}")
     return 0
 
 

@@ -122,7 +122,7 @@ def chunk_path(folder: Path, chunk: int) -> Path:
 
 def _prepare(shared: tuple[str, str, int, str]) -> Callable[[int], None]:
     pack, folder, seed, props = shared
-    object_class = ObjectClass.load(pack)
+    object_class = ObjectClass.load(pack, unfinished=True)
     studio = Studio(object_class, replace(STUDIO, props=props))
     network = new_network(object_class).eval()
     augment = Augmentation() if object_class.mirror else replace(Augmentation(), flip=0.0)

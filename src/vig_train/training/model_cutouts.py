@@ -76,11 +76,11 @@ def model_cutouts(source: str, split: Split, class_name: str) -> ModelCutouts:
         UserError: There is no such folder, or no model in it that falls into the split.
     """
     root = mesh_folder(source)
-    names = [name for name, _ in files_of(root, SUFFIXES) if not _is_like(name, class_name)]
-    files = tuple(name for name in names if _split_of(name) == split)
+    listed = [each for each in files_of(root, SUFFIXES) if not _is_like(each[0], class_name)]
+    files = tuple(path.relative_to(root).as_posix() for name, path in listed if _split_of(name) == split)
     if not files:
         raise UserError(
-            f"{source}: expected models for the {split} split; got none of {len(names)}. Give more."
+            f"{source}: expected models for the {split} split; got none of {len(listed)}. Give more."
         )
     return ModelCutouts(root, files)
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from safetensors import SafetensorError
 
 from vig.io.checks import read_tensors
 from vig.io.errors import UserError
@@ -45,6 +46,10 @@ def test_a_full_disk_is_one_line_for_the_user(tmp_path: Path) -> None:
 def test_the_operating_systems_own_full_disk_is_recognised(tmp_path: Path) -> None:
     with pytest.raises(UserError, match="the disk is full"), atomic_write(tmp_path / "result.png"):
         Path("/dev/full").write_bytes(b"anything")
+    with pytest.raises(UserError, match="the disk is full"), atomic_write(tmp_path / "result.safetensors"):
+        raise SafetensorError("I/O error: No space left on device (os error 28)")
+    with pytest.raises(SafetensorError), atomic_write(tmp_path / "result.safetensors"):
+        raise SafetensorError("of another kind")
 
 
 def test_a_parent_that_is_a_file_is_the_users_error(tmp_path: Path) -> None:

@@ -9,13 +9,40 @@ def lines(capsys: pytest.CaptureFixture[str]) -> list[str]:
     return capsys.readouterr().err.splitlines()
 
 
-def test_a_log_gets_a_line_for_each_tenth(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_log_gets_a_line_for_each_tenth(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = [0.0]
+    monkeypatch.setattr("time.monotonic", lambda: clock[0])
     with Meter(200, 40) as meter:
         for _ in range(160):
+            clock[0] += 0.1
             meter.advance(1)
-    said = lines(capsys)
-    assert [line.split(",")[0] for line in said] == [f"{n} of 200 samples" for n in range(60, 201, 20)]
-    assert all(line.endswith("left") and "/s" in line for line in said)
+    assert lines(capsys) == [
+        f"{n} of 200 samples, 10.0/s, 0:{(200 - n) // 10:02d} left" for n in range(60, 201, 20)
+    ]
+
+
+def test_what_is_done_at_once_has_no_rate(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two networks trained side by side for 60 s, of 100 steps each, then steps one by one."""
+    clock = [0.0]
+    monkeypatch.setattr("time.monotonic", lambda: clock[0])
+    with Meter(400, 0, unit="steps") as meter:
+        meter.advance(40)  # there from an earlier run
+        clock[0] += 60
+        for _ in range(2):
+            meter.advance(100)
+            clock[0] += 1e-5
+        clock[0] += 2
+        meter.advance(40)
+    assert lines(capsys) == [
+        "40 of 400 steps",
+        "140 of 400 steps, 1.7/s, 2:36 left",
+        "240 of 400 steps, 3.3/s, 0:48 left",
+        "280 of 400 steps, 3.9/s, 0:31 left",
+    ]
 
 
 def test_a_slow_run_says_that_it_lives(

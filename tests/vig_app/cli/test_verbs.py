@@ -1,5 +1,6 @@
 """The command line as its user meets it: one clear line and exit code 2 for a mistake."""
 
+import io
 import json
 import re
 import shutil
@@ -374,3 +375,12 @@ def test_a_photo_fitted_with_its_camera_has_it_in_all_its_files(tmp_path: Path) 
     lines = export_run(out, ["bop"])[0].read_text().splitlines()
     place = [float(number) / 1000 for number in lines[1].split(",")[5].split()]
     assert place == pytest.approx([row[3] for row in described["camera"]["camera_from_object"][:3]], abs=1e-6)
+
+
+def test_letters_that_a_terminal_has_not_are_escaped(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = io.TextIOWrapper(io.BytesIO(), encoding="latin-1")
+    monkeypatch.setattr("sys.stderr", terminal)
+    with pytest.raises(SystemExit) as ended:
+        main(["fit", "Ω.jpg"])
+    terminal.flush()
+    assert ended.value.code == 2 and b"\\u03a9.jpg" in terminal.buffer.getvalue()  # type: ignore[attr-defined]

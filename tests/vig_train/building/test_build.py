@@ -10,13 +10,16 @@ import numpy as np
 import pytest
 import torch
 import trimesh
+from PIL import Image
 
 from tests.vig_train.building.conftest import SETTINGS
 from tests.vig_train.building.things import finned
 from vig.io.errors import UserError
 from vig.scene import ObjectClass, Symmetry
+from vig.scene.object_class import BUILD_COMMAND
 from vig_train.building import BuildResult, BuildSettings, build_class
 from vig_train.building.build import check_folder, is_step
+from vig_train.building.pictures import save_mesh_sheet
 from vig_train.cli.classes import build
 from vig_train.cli.common import command_line
 from vig_train.cli.settings import Build
@@ -45,6 +48,29 @@ def test_what_does_not_belong_is_refused_with_the_reason(built: tuple[BuildResul
     assert set(result.refused) == {"ball.off", "notes.obj"}
     assert "far" in result.refused["ball.off"] or "template" in result.refused["ball.off"]
     assert "triangles" in result.refused["notes.obj"]
+
+
+def test_the_last_line_counts_what_was_refused(
+    built: tuple[BuildResult, Path], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("vig_train.building.build_class", lambda *given: built[0])
+    assert build(Build(Path("meshes"), built[1], recognizer=False)) == 0
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert f"6 of 8 meshes, 2 refused (see {built[1] / 'card.md'})" in last
+
+
+def test_a_sheet_has_its_labels_and_an_arrow_to_the_front(tmp_path: Path) -> None:
+    """A fin on +X is on the right, where the arrow's tip is."""
+    mesh, sheets = finned(1.0, 1.5, 0.4), []
+    drawn = [(np.asarray(mesh.vertices), np.asarray(mesh.faces))]
+    for number, more in enumerate(({}, {"labels": ["7"]}, {"arrow": "the fin"})):
+        save_mesh_sheet(tmp_path / f"{number}.png", drawn, above=True, **more)  # type: ignore[arg-type]
+        sheets.append(np.asarray(Image.open(tmp_path / f"{number}.png")).astype(int))
+    assert np.argwhere((sheets[1] != sheets[0]).any(2)).max() < 20
+    rows, columns = np.nonzero((sheets[2] != sheets[0]).any(2))
+    assert rows.min() > 280 and columns.max() > 145
+    tip = (sheets[2] != sheets[0]).any(2)[:, 135:].sum(0)
+    assert tip[tip > 0][-1] < tip.max(), "it narrows to the right"
 
 
 def test_lying_and_tilted_meshes_stand_with_the_fin_to_the_front(built: tuple[BuildResult, Path]) -> None:
@@ -118,7 +144,7 @@ def test_a_build_that_was_interrupted_gives_the_same_pack(
         ObjectClass.load(pack)
     build_class(folder, pack, SETTINGS, lambda line: None)
     files = [path for path in whole.rglob("*") if path.is_file() and "kept" not in path.parts]
-    files.remove(whole / "build" / "command.txt")  # which has the pack's name
+    assert not (whole / BUILD_COMMAND).exists()
     assert len(files) >= 12
     for path in files:
         assert (pack / path.relative_to(whole)).read_bytes() == path.read_bytes(), path.name

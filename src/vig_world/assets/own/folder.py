@@ -3,17 +3,31 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+import os
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import NoReturn
 
 from vig.io.errors import UserError
+from vig.io.files import composed
+from vig.io.printing import in_one_line
 
 
-def files_of(folder: str | Path, suffixes: tuple[str, ...]) -> list[tuple[str, Path]]:
-    """List the files below a folder with one of the suffixes, except hidden ones.
+def files_of(
+    folder: str | Path, suffixes: tuple[str, ...], also: tuple[str, ...] = ()
+) -> list[tuple[str, Path]]:
+    """List the files below a folder with one of the suffixes, except hidden ones; links are followed.
+
+    Args:
+        folder: To look into.
+        suffixes: Of the files, in small letters.
+        also: Suffixes of others that are listed, where there is a file with one of `suffixes`.
 
     Returns:
-        Names relative to the folder with `/` between, in their alphabetical order, and paths.
+        Names relative to the folder with `/` between, in alphabetical order, and paths. Characters in names
+        are composed (NFC), and escaped where they cannot be printed. A link to a missing file is listed:
+        reading it tells what is wrong.
 
     Raises:
         UserError: When the folder is missing, is a file, or holds no such file.
@@ -23,18 +37,46 @@ def files_of(folder: str | Path, suffixes: tuple[str, ...]) -> list[tuple[str, P
     if not root.is_dir():
         came = "a file" if root.exists() else "nothing of that name"
         raise UserError(f"{root}: expected a folder of files {kinds}; got {came}. Check the path.")
-    try:
-        files = [
-            (path.relative_to(root).as_posix(), path)
-            for path in root.rglob("*")
-            if path.suffix.lower() in suffixes and path.is_file()
-        ]
-    except OSError as error:
-        raise UserError(f"{root}: cannot be listed ({error.strerror}). Check its permissions.") from error
-    files = [(name, path) for name, path in files if not any(p.startswith(".") for p in name.split("/"))]
-    if not files:
-        raise UserError(f"{root}: expected files {kinds}; got none. Check the path.")
-    return sorted(files)
+    there = {path.relative_to(root).as_posix(): path for path in _walk(root)}
+    named: dict[str, Path] = {}
+    for name in sorted(there, key=lambda name: (composed(name) != name, name)):
+        if there[name].suffix.lower() in suffixes + also:
+            shown = in_one_line(composed(name))
+            named[name if shown in named else shown] = there[name]
+    if not any(path.suffix.lower() in suffixes for path in named.values()):
+        others = Counter(path.suffix.lower() for path in there.values() if path.suffix).most_common(5)
+        came = ", ".join(f"{count} {suffix}" for suffix, count in others)
+        raise UserError(
+            f"{root}: expected files {kinds}; got {came or 'none'}. Convert them, or check the path."
+        )
+    return sorted(named.items())
+
+
+def _walk(root: Path) -> Iterator[Path]:
+    """Yield the files below a folder but hidden ones; of a folder that links lead to again, once."""
+    pending, seen = [str(root)], set[str]()
+    while pending:
+        linked = []
+        for folder, folders, files in os.walk(pending.pop(0), onerror=_refuse_unlisted):
+            place = os.path.realpath(folder)
+            if place in seen:
+                folders.clear()
+                continue
+            seen.add(place)
+            folders[:] = sorted(name for name in folders if not name.startswith("."))
+            paths = [os.path.join(folder, name) for name in folders]
+            linked += [path for path in paths if os.path.islink(path)]
+            for name in files:
+                path = Path(folder, name)
+                if not name.startswith(".") and (path.is_file() or path.is_symlink()):
+                    yield path
+        pending += linked
+
+
+def _refuse_unlisted(error: OSError) -> NoReturn:
+    raise UserError(
+        f"{error.filename}: cannot be listed ({error.strerror}). Check its permissions."
+    ) from error
 
 
 def fingerprint(files: Mapping[str, bytes | Path]) -> str:

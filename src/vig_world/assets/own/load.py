@@ -5,6 +5,7 @@ Each format is read by a file of `meshes`, as libraries drop in silence what the
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,11 +17,18 @@ import numpy as np
 from vig.io.checks import read_bytes
 from vig.io.errors import UserError
 from vig_world.assets.own.counting import refuse_huge
+from vig_world.assets.own.folder import files_of
 from vig_world.assets.own.meshes import read_gltf, read_obj, read_off, read_ply, read_stl
 from vig_world.assets.own.siblings import MOST_BYTES, Siblings
 from vig_world.assets.own.surfaces import SurfaceMesh, paint
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".off", ".stl")
+UNREAD = tuple(
+    ".fbx .usd .usda .usdc .usdz .dae .3mf .amf .step .stp .iges .igs .brep .blend .max .ma .mb .c4d .3ds"
+    " .3dm .x3d .wrl .vrml .abc .lwo .skp .dxf .dwg .vtk .vtp .x_t .x_b .sldprt .ipt .fcstd .ifc .pcd .zip"
+    " .7z .rar .gz .tgz .tar .xz .bz2".split()
+)
+"""Suffixes of other formats of meshes, and of archives, which are named where they are passed over."""
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp", ".gif")
 
 
@@ -43,7 +51,8 @@ class MeshPiece:
 class Loaded:
     """What a mesh file holds: pieces by material, and the bytes of all files read.
 
-    `notes` are sentences without a full stop: what of its materials was not read, and what was taken instead.
+    `notes` are sentences without a full stop: what was left out, and what was taken in place of materials
+    that were not read.
     """
 
     pieces: list[MeshPiece]
@@ -54,6 +63,18 @@ class Loaded:
 def has_one_colour(pieces: Sequence[MeshPiece]) -> bool:
     """Whether a mesh has no more than one colour, as of a format without any."""
     return len(pieces) == 1 and pieces[0].texture.size == 3
+
+
+def mesh_files(folder: str | Path) -> tuple[list[tuple[str, Path]], list[str]]:
+    """Return names and paths of the meshes below a folder, and names of files in formats that are not read.
+
+    The latter without those that lie beside a mesh of the same name. UserError as `files_of`.
+    """
+    listed = files_of(folder, SUFFIXES, also=UNREAD)
+    meshes = [(name, path) for name, path in listed if path.suffix.lower() in SUFFIXES]
+    stems = {os.path.splitext(name)[0] for name, _ in meshes}
+    unread = [name for name, path in listed if path.suffix.lower() in UNREAD]
+    return meshes, [name for name in unread if os.path.splitext(name)[0] not in stems]
 
 
 def load(root: Path, path: Path, nodes: tuple[str, ...] = ()) -> Loaded:
@@ -96,8 +117,10 @@ def _read_meshes(path: Path, data: bytes, siblings: Siblings, nodes: tuple[str, 
     suffix = path.suffix.lower()
     if suffix in (".stl", ".off"):
         meshes = [SurfaceMesh(*(read_stl if suffix == ".stl" else read_off)(data))]
+    elif suffix in (".obj", ".ply"):
+        meshes = (read_obj if suffix == ".obj" else read_ply)(data, siblings)
     else:
-        meshes = {".obj": read_obj, ".ply": read_ply}.get(suffix, read_gltf)(data, siblings)
+        meshes = read_gltf(data, siblings, leave_out_copies=not nodes)
     if unknown := sorted(set(nodes) - {name for mesh in meshes for name in mesh.names}):
         names = " ".join(sorted({mesh.names[-1] for mesh in meshes if mesh.names}))
         raise UserError(f"{path}: expected nodes among {names[:300]}; got {' '.join(unknown)}.")

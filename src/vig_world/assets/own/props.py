@@ -11,8 +11,8 @@ import numpy as np
 
 from vig.io.errors import UserError
 from vig_world.assets.own.catalogue import mesh_folder, read_sources
-from vig_world.assets.own.folder import files_of, fingerprint
-from vig_world.assets.own.load import SUFFIXES, MeshPiece, load
+from vig_world.assets.own.folder import fingerprint
+from vig_world.assets.own.load import SUFFIXES, MeshPiece, load, mesh_files
 from vig_world.assets.own.settings import FileSettings, settings_of
 from vig_world.assets.own.simplify import outward
 from vig_world.assets.own.standing import SizedKind, stand
@@ -77,7 +77,9 @@ def read_each(
     results, cache = [], {}  # type: ignore[var-annotated]
     problems = [f"{model}: {why} Left out." for model, why in read_sources(root).left_out.items()]
     skipped = 0
-    for name, path in files_of(root, SUFFIXES):
+    files, unread = mesh_files(root)
+    problems += [f"{name}: expected one of {' '.join(SUFFIXES)}. Left out." for name in unread]
+    for name, path in files:
         settings = settings_of(root, path, cache)
         if settings.skip:
             skipped += 1
@@ -91,7 +93,7 @@ def read_each(
             problems.append(f"{error} Left out.")
             continue
         results.append(result)
-        problems += [f"{path}: {note}." for note in guesses + notes + loaded.notes]
+        problems += [f"{path}: {note}." for note in loaded.notes + guesses + notes]
     if not results:
         skips = f"{skipped} with skip = true. " if skipped else ""
         raise UserError(f"{folder}: not one usable {kind.noun}. {skips}{' '.join(problems)}")

@@ -16,9 +16,11 @@ import tomllib
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, NoReturn
+from unicodedata import normalize
 
 from vig.io.checks import read_bytes
 from vig.io.errors import UserError
+from vig.io.files import composed
 from vig_world.assets.props.families import ZONE_NAMES
 
 FILE = "vig.toml"
@@ -59,7 +61,7 @@ def settings_of(root: Path, path: Path, cache: dict[Path, dict[str, Any]]) -> Fi
         if folder not in cache:
             cache[folder] = _read(folder / FILE)
         table = cache[folder]
-        name = path.relative_to(folder).as_posix()
+        name = composed(path.relative_to(folder).as_posix())
         for settings in (table.get("defaults", {}), table.get("files", {}).get(name, {})):
             result = replace(result, **settings)
     return result
@@ -91,10 +93,11 @@ def _read(path: Path) -> dict[str, Any]:
             _refuse(path, f"a table {name}", repr(settings)[:100], "Write it in brackets")
     tables["defaults"] = _checked(path, "[defaults]", tables["defaults"])
     tables["files"] = {
-        name: _checked(path, f"[files.{name!r}]", settings) for name, settings in files.items()
+        composed(name): _checked(path, f"[files.{name!r}]", settings) for name, settings in files.items()
     }
     for name in files:
-        if not (path.parent / name).is_file():
+        forms = name, *(normalize(form, name) for form in ("NFC", "NFD"))
+        if not any((path.parent / form).is_file() for form in forms):
             _refuse(path, f"a file {name} beside it", "none of that name", "Correct the name")
     return tables
 

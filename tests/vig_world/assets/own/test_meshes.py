@@ -398,6 +398,37 @@ def test_gltf_that_would_lose_what_it_shows_is_refused(tmp_path: Path) -> None:
     assert "a buffer of 40 bytes" in refusal(scene.path)
 
 
+@pytest.mark.parametrize(
+    ("names", "extension", "scene_nodes"),
+    [
+        (("box_LOD0", "box_LOD1"), {}, [0, 1]),
+        (("box", "UCX_box"), {}, [0, 1]),
+        (("a", "b"), {"MSFT_lod": {"ids": [1]}}, [0, 1]),
+        (("a", "b"), {}, [0]),
+    ],
+    ids=["level", "hull", "extension", "other scene"],
+)
+def test_a_node_that_repeats_another_or_is_not_shown_is_left_out(
+    names: tuple[str, str], extension: dict[str, Any], scene_nodes: list[int], tmp_path: Path
+) -> None:
+    """The second node is a single triangle, twice as large."""
+    scene = Scene(tmp_path)
+    scene.box()
+    corners = {"POSITION": scene.accessor(np.float32([[0, 0, 0], [4, 0, 0], [0, 4, 0]]), 5126, "VEC3", True)}
+    scene.tree["meshes"].append({"primitives": [{"attributes": corners}]})
+    scene.tree["nodes"] = [
+        {"mesh": number, "name": name} | ({"extensions": extension} if number == 0 else {})
+        for number, name in enumerate(names)
+    ]
+    scene.tree["scenes"] = [{"nodes": scene_nodes}]
+    is_box(scene.write())
+    loaded = load(tmp_path, scene.path)
+    by_name = names[0] != "a"
+    assert [names[1] in note and names[0] in note for note in loaded.notes] == [True] * by_name
+    if by_name:
+        assert sum(len(piece.faces) for piece in load(tmp_path, scene.path, (names[1],)).pieces) == 1
+
+
 def test_a_texture_is_where_its_transform_puts_it(tmp_path: Path) -> None:
     """The right half of a picture, red and blue, is blue."""
     from PIL import Image
@@ -419,6 +450,23 @@ def test_a_texture_is_where_its_transform_puts_it(tmp_path: Path) -> None:
     (piece,) = load(tmp_path, scene.write()).pieces
     assert piece.uv[:, 0].min() == pytest.approx(0.55) and piece.uv[:, 0].max() == pytest.approx(0.95)
     assert piece.texture[0, -1, 2] > 0.5 > piece.texture[0, -1, 0]
+
+
+def test_what_is_passed_over_in_a_folder_is_named(tmp_path: Path) -> None:
+    """Other formats, but not those of meshes that are read; copies; a damaged finest level is replaced."""
+    for number in (1, 2):
+        trimesh.creation.box((1, 2, 2 + number)).subdivide().export(tmp_path / f"{number}_LOD0.obj")
+        trimesh.creation.box((1, 2, 2.3 + number)).export(tmp_path / f"{number}_LOD1.obj")
+    (tmp_path / "2_LOD0.obj").write_text("v 0 0\n")
+    for name in ("3.fbx", "4.step", "1_LOD0.blend", "1_LOD0.mtl", "read me.txt"):
+        (tmp_path / name).touch()
+    scans, refused = read_scans(tmp_path)
+    assert [scan.name for scan in scans] == ["1_LOD0.obj", "2_LOD1.obj"]
+    assert set(refused) == {"1_LOD1.obj", "2_LOD0.obj", "3.fbx", "4.step"}
+    assert "1_LOD0.obj" in refused["1_LOD1.obj"] and refused["3.fbx"] == refused["4.step"]
+    for name, words in (("3.fbx", r"\.glb \.gltf .* got '.*3\.fbx'"), ("5.obj", "got nothing of that name")):
+        with pytest.raises(UserError, match=words):
+            read_scans(tmp_path / name)
 
 
 def test_one_shape_in_several_files_counts_once(tmp_path: Path) -> None:

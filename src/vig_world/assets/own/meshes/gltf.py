@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 import struct
+from collections import Counter
 from dataclasses import replace
 from typing import Any
 from urllib.parse import unquote
@@ -15,6 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from vig.io.checks import parse_json
+from vig_world.assets.own.copies import COPY, cut_at_level, shape_copies
 from vig_world.assets.own.siblings import Siblings
 from vig_world.assets.own.surfaces import GREY, Surface, SurfaceMesh, linear_picture
 
@@ -27,7 +29,9 @@ TRIANGLES, STRIP, FAN = 4, 5, 6
 DRACO, TRANSFORM = "KHR_draco_mesh_compression", "KHR_texture_transform"
 GLOSSINESS, WEBP = "KHR_materials_pbrSpecularGlossiness", "EXT_texture_webp"
 INSTANCING = "EXT_mesh_gpu_instancing"
+LEVELS = "MSFT_lod"
 HONOURED = {
+    LEVELS,
     DRACO,
     TRANSFORM,
     "KHR_mesh_quantization",
@@ -46,17 +50,36 @@ WITHIN = 0.01
 """Of a mesh's extent, by which its positions may lie beyond the bounds that its accessors state: of Draco."""
 
 
-def read_gltf(data: bytes, siblings: Siblings) -> list[SurfaceMesh]:
-    """Read the scene of a `.gltf` or `.glb` file: a mesh for each primitive, in the order of nodes' names.
+def read_gltf(data: bytes, siblings: Siblings, leave_out_copies: bool = True) -> list[SurfaceMesh]:
+    """Read what a viewer shows of a `.gltf` or `.glb` file: a mesh for each primitive, by nodes' names.
+
+    This is the default scene, each node of several levels of detail at the finest.
+
+    It holds what a viewer shows, the default scene, each node of several levels of detail at the finest.
 
     Args:
         data: Of the file.
         siblings: Reads the other files that it names.
+        leave_out_copies: Whether nodes that are called a level of detail or a collision hull are left out.
 
     Raises:
         ValueError: It is damaged, its positions lie elsewhere than it states, or it needs what is not read.
     """
-    return _Reader(*_opened(data), siblings).meshes()
+    meshes = _Reader(*_opened(data), siblings).meshes()
+    return _without_copies(meshes, siblings) if leave_out_copies else meshes
+
+
+def _without_copies(meshes: list[SurfaceMesh], siblings: Siblings) -> list[SurfaceMesh]:
+    """Leave out nodes that repeat another by their names, with a note on each."""
+    paths = [cut_at_level("/".join(mesh.names)) for mesh in meshes]
+    faces = Counter[str]()
+    for path, mesh in zip(paths, meshes, strict=True):
+        faces[path] += len(mesh.faces)
+    names = list(faces)
+    pairs = shape_copies(names, list(faces.values()))
+    copies = {names[copy]: names[original] for copy, original in pairs.items()}
+    siblings.notes += [f"left out its node {copy}: {COPY.format(of)}" for copy, of in copies.items()]
+    return [mesh for path, mesh in zip(paths, meshes, strict=True) if path not in copies]
 
 
 def _opened(data: bytes) -> tuple[dict[str, Any], bytes]:
@@ -96,10 +119,11 @@ class _Reader:
             if scenes
             else set(range(len(nodes))) - children
         )
+        coarser = {id for node in nodes for id in node.get("extensions", {}).get(LEVELS, {}).get("ids", [])}
         primitives: dict[tuple[int, ...], list[SurfaceMesh]] = {}
         meshes: list[SurfaceMesh] = []
         pending = [(root, np.eye(4), tuple[str, ...]()) for root in roots]
-        seen: set[int] = set()
+        seen: set[int] = set(coarser)
         while pending:
             number, frame, names = pending.pop()
             if number in seen:  # a node has one parent, and is not its own ancestor
