@@ -18,6 +18,7 @@ class Geometry:
         native: The same for the native library.
         positions: (K + 1, V, 3) mean and components; (1, coefficients) times these are the vertices.
         faces, edges: (F, 3), (E, 5) int32, see `edges_of`.
+        rings: (V + 1,), (R, 3) int32, see `rings_of`.
         transfer: (K + 1, V, 9) what self-shadowing and interreflection add to the lobes A_l Y_lm of each
             vertex, of the mean shape and per component, see `ObjectClass.transfer`; None for none.
         reflectance: (V,) by which irradiance is multiplied, see `ObjectClass.reflectance`.
@@ -46,14 +47,14 @@ class Geometry:
         self.transfer = None if transfer is None else np.ascontiguousarray(transfer, real)
         self.reflectance = np.ascontiguousarray(reflectance, real)
         self.faces = np.ascontiguousarray(model.faces, np.int32)
-        self.edges = edges_of(self.faces)
+        self.edges, self.rings = edges_of(self.faces), rings_of(self.faces, count)
         blocks = [self.layout.at(name) for name in ("azimuth", "elevation", "albedo", "light", "framing")]
         self.native = engine.geometry(
             [self.layout.size, self.layout.at("shape"), model.modes, *blocks],
             self.positions,
             self.faces,
             self.edges,
-            *rings_of(self.faces, count),
+            *self.rings,
             self.reflectance,
             self.transfer,
         )

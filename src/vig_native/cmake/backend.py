@@ -43,7 +43,7 @@ def _compiler() -> Iterator[None]:
             script.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m ziglang {name} "$@"\n')
             script.chmod(0o755)
         os.environ["CXX"] = f"{folder}/c++"
-        tools = f"-DCMAKE_AR={folder}/ar -DCMAKE_RANLIB={folder}/ranlib"
+        tools = f"-DVIG_ZIG=ON -DCMAKE_AR={folder}/ar -DCMAKE_RANLIB={folder}/ranlib"
         os.environ["CMAKE_ARGS"] = f"{tools} {before.get('CMAKE_ARGS', '')}".strip()
         try:
             yield

@@ -1,0 +1,145 @@
+"""The native library as a module: what it refuses, and that every instruction set gives the same bits."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+import vig_native
+from vig.likelihood import Geometry
+from vig.likelihood.densities import density_of
+from vig.scene import ObjectClass
+from vig_native.processor import instruction_sets
+
+BUILT = [name for name in instruction_sets() if find_spec(f"vig_native._{name}")]
+SIZE = 60
+
+
+def arguments(teapot: ObjectClass, real: type = np.float32) -> dict[str, dict[str, Any]]:
+    """Of `geometry`, `photos` and a few points of a teapot, by these names."""
+    model, rng = teapot.shape_model, np.random.default_rng(0)
+    made = Geometry(model)
+    layout = made.layout
+    blocks = [layout.at(name) for name in ("azimuth", "elevation", "albedo", "light", "framing")]
+    rings = made.rings
+    geometry = {
+        "layout": [layout.size, layout.at("shape"), model.modes, *blocks],
+        "positions": made.positions.astype(real),
+        "faces": made.faces,
+        "edges": made.edges,
+        "ring_start": rings[0],
+        "ring": rings[1],
+        "reflectance": made.reflectance.astype(real),
+        "transfer": teapot.transfer.astype(real),
+    }
+    camera = teapot.camera(SIZE)
+    eye = camera.focal, camera.cx, camera.cy, camera.target_height, camera.distance, SIZE, SIZE
+    photos = {
+        "camera": eye,
+        "observed": rng.uniform(0.2, 0.7, (1, SIZE * SIZE, 3)).astype(real),
+        "log_prior": np.log(rng.dirichlet([2, 2, 2], (1, SIZE * SIZE))).astype(real),
+        "stride": 1,
+        "exact": True,
+        "density": 0,
+        "log_unit": density_of("gaussian").LOG_UNIT,
+    }
+    points = np.zeros((4, layout.size), real)
+    points[:, layout["shape"]] = rng.normal(0, 0.5, (4, model.modes))
+    points[:, layout.at("azimuth")] = rng.uniform(0, 6, 4)
+    points[:, layout.at("elevation")] = rng.uniform(0, 1.2, 4)
+    points[:, layout["albedo"]] = rng.uniform(0.3, 0.7, (4, 3))
+    points[:, layout["light"]] = rng.normal(0, 0.2, (4, 9))
+    points[:, layout.at("light")] = 2.3
+    at = {"points": points, "photo": np.zeros(4, np.int32), "sigma": np.full(4, 0.05)}
+    return {"geometry": geometry, "photos": photos, "points": at}
+
+
+def results(engine: ModuleType, given: dict[str, dict[str, Any]], threads: int = 1) -> list[np.ndarray]:
+    """An evaluation of the points and a search from them."""
+    geometry, photos = engine.geometry(**given["geometry"]), engine.photos(**given["photos"])
+    points = given["points"]["points"]
+    size, none = points.shape[1], np.zeros(0, points.dtype)
+    azimuth, light = given["geometry"]["layout"][3], given["geometry"]["layout"][6]
+    mean, precision = np.zeros(size, points.dtype), np.eye(size, dtype=points.dtype)
+    prior = engine.prior(mean, precision, none, none, none, 0.0, 1.0, azimuth, light)
+    bound = np.full(size, 9, points.dtype)
+    searched = engine.search(
+        geometry, photos, prior, 0, 0.05, points, -bound, bound, 5, 0.1, 0.1, 1e4, threads
+    )
+    return [
+        *engine.evaluate(geometry, photos, **given["points"], order=2, images=True, threads=threads),
+        *searched,
+    ]
+
+
+@pytest.mark.parametrize("real", [np.float32, np.float64])
+@pytest.mark.parametrize("name", BUILT[1:])
+def test_every_instruction_set_gives_the_same_bits(name: str, real: type, teapot: ObjectClass) -> None:
+    given = arguments(teapot, real)
+    widest, other = (importlib.import_module(f"vig_native._{each}") for each in (BUILT[0], name))
+    for one, two in zip(results(widest, given), results(other, given), strict=True):
+        np.testing.assert_array_equal(one, two)
+
+
+def test_threads_give_the_same_bits(teapot: ObjectClass) -> None:
+    given = arguments(teapot)
+    for one, two in zip(results(vig_native.engine, given), results(vig_native.engine, given, 3), strict=True):
+        np.testing.assert_array_equal(one, two)
+
+
+@pytest.mark.parametrize(
+    ("part", "name", "value", "message"),
+    [
+        ("geometry", "faces", np.full((3, 3), 10**6, np.int32), "faces must hold numbers from 0 to"),
+        ("geometry", "faces", np.zeros((3, 4), np.int32), r"faces must be \(any, 3\); got \(3, 4\)"),
+        (
+            "geometry",
+            "edges",
+            np.array([[0, 1, 0, 5, -9]], np.int32),
+            "edges has numbers out of range in row 0",
+        ),
+        ("geometry", "layout", [3, 0, 16, 1, 1, 1, 1, 1], "layout has blocks beyond its size"),
+        ("photos", "observed", np.zeros((1, 5, 3), np.float32), r"observed must be \(any, 3600, 3\)"),
+        ("photos", "stride", 0, "stride must be 1 or more"),
+        ("points", "photo", np.full(4, 7, np.int32), "photo must hold numbers from 0 to 0; got 7"),
+        ("points", "points", np.zeros((4, 5), np.float32), "points must be"),
+        ("points", "sigma", np.zeros(3), r"sigma must be \(4\); got \(3\)"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused(
+    part: str, name: str, value: Any, message: str, teapot: ObjectClass
+) -> None:
+    given = arguments(teapot)
+    given[part][name] = value
+    with pytest.raises(ValueError, match=message):
+        results(vig_native.engine, given)
+
+
+def test_the_widest_set_that_the_processor_has_is_taken(tmp_path: Path) -> None:
+    (tmp_path / "cpuinfo").write_text("model name: x\nflags\t\t: fpu sse2 avx2 fma\n")
+    assert instruction_sets(tmp_path / "cpuinfo") == ["avx2", "plain"]
+    assert instruction_sets(tmp_path / "none") == ["plain"]
+    if "VIG_ISA" not in os.environ:
+        assert vig_native.ISA == BUILT[0]
+
+
+def test_a_set_that_is_not_installed_is_named() -> None:
+    run = subprocess.run(
+        [sys.executable, "-c", "import vig_native"],
+        env=os.environ | {"VIG_ISA": "avx1024"},
+        capture_output=True,
+        text=True,
+    )
+    last = run.stderr.strip().splitlines()[-1]
+    assert last.startswith(
+        "ImportError: expected vig's native library for avx1024; this installation has none."
+    )
