@@ -21,7 +21,7 @@ PACKAGES = {
     "vig_paper": ("vig", "vig_native", "vig_renderer", "vig_world", "vig_train"),
 }
 ORDER = {
-    "vig_native": ("processor",),
+    "vig_native": ("processor", "cmake"),
     "vig_renderer": (
         "errors", "checks", "internals", "harmonics", "device", "raster", "templates", "primitives", "scene",
         "packing", "shading", "general", "native", "rendering",

@@ -66,19 +66,18 @@ def arguments(teapot: ObjectClass, real: type = np.float32) -> dict[str, dict[st
 def results(engine: ModuleType, given: dict[str, dict[str, Any]], threads: int = 1) -> list[np.ndarray]:
     """An evaluation of the points and a search from them."""
     geometry, photos = engine.geometry(**given["geometry"]), engine.photos(**given["photos"])
+    valued = engine.evaluate(
+        geometry, photos, **given["points"], order=2, images=True, threads=threads
+    )
     points = given["points"]["points"]
     size, none = points.shape[1], np.zeros(0, points.dtype)
     azimuth, light = given["geometry"]["layout"][3], given["geometry"]["layout"][6]
     mean, precision = np.zeros(size, points.dtype), np.eye(size, dtype=points.dtype)
     prior = engine.prior(mean, precision, none, none, none, 0.0, 1.0, azimuth, light)
     bound = np.full(size, 9, points.dtype)
-    searched = engine.search(
-        geometry, photos, prior, 0, 0.05, points, -bound, bound, 5, 0.1, 0.1, 1e4, threads
-    )
-    return [
-        *engine.evaluate(geometry, photos, **given["points"], order=2, images=True, threads=threads),
-        *searched,
-    ]
+    limits = 5, 0.1, 0.1, 1e4  # iterations, tolerance, damping, give_up
+    searched = engine.search(geometry, photos, prior, 0, 0.05, points, -bound, bound, *limits, threads)
+    return [*valued, *searched]
 
 
 @pytest.mark.parametrize("real", [np.float32, np.float64])
