@@ -1,6 +1,5 @@
 """Texture look-up: bilinear in two levels of a mip pyramid, linear between them (trilinear)."""
 
-import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -18,6 +17,7 @@ from vig_renderer.device import (
     opaque,
     vector_types,
 )
+from vig_renderer.once import make_once
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ def stack_pyramids(pyramids: list[Pyramid]) -> Pyramid:
     )
 
 
-@functools.cache
+@make_once
 def _kernels(dtype: torch.dtype) -> Any:
     return instantiate([TEMPLATES / "texture.py"], kernel_module("texture", dtype), **vector_types(dtype))
 
