@@ -37,6 +37,7 @@ from vig.photo.images import coded_photo
 from vig.photo.window import DISTANCE_RATIO_BOUNDS
 from vig.recognition import WEIGHTS_FILE, Recognizer, UninformedRecognizer, find, upright
 from vig.scene import Latents, ObjectClass
+from vig_renderer.defaults import with_default_settings
 from vig_renderer.device import compute_device
 
 Photo = str | Path | Image.Image | np.ndarray | torch.Tensor
@@ -51,6 +52,7 @@ decorated mugs .54."""
 TOO_WIDE = "; the lens is so near to it that a weaker perspective than the lens's was fitted"
 
 
+@with_default_settings
 class Explainer:
     """Explains photos of one class of objects.
 
@@ -265,6 +267,7 @@ class Explainer:
             else:
                 skip(place, result)
 
+    @with_default_settings
     def _tried(self, item: Item) -> Explanation | UserError:
         photo, box, lens, hints = item
         try:

@@ -20,6 +20,7 @@ from vig.io.files import atomic_write, write_arrays
 from vig.scene.camera import DISTANCE, IMAGE_SIZE, Camera
 from vig.scene.shape_model import ShapeModel
 from vig.scene.symmetry import Symmetry
+from vig_renderer.defaults import with_default_settings
 
 TRANSFER_FILE = "transfer.safetensors"
 BUILD_COMMAND = Path("build", "command.txt")
@@ -84,6 +85,7 @@ class _Description(msgspec.Struct, frozen=True, kw_only=True):
     size_known: bool = True
 
 
+@with_default_settings
 @dataclass(frozen=True, eq=False)
 class ObjectClass:
     """What is known of a class before any photo.

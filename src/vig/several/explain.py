@@ -18,11 +18,13 @@ from vig.photo.images import coded_photo
 from vig.recognition.find import apart, find_several
 from vig.several.joint import fit_jointly
 from vig.several.scene import SceneExplanation
+from vig_renderer.defaults import with_default_settings
 
 MOST_OBJECTS = 16
 """Objects of one photo, at most."""
 
 
+@with_default_settings
 def explain_together(
     photo: Photo,
     explainers: Sequence[Explainer],
@@ -56,6 +58,7 @@ def explain_together(
     return on_one_core(partial(fit_jointly, alone, explainers))
 
 
+@with_default_settings
 def explain_found(
     photo: Photo,
     explainers: Sequence[Explainer],

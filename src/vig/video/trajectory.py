@@ -19,6 +19,7 @@ from vig.photo import Window
 from vig.scene import Camera
 from vig.video.following import Follower, Sighting, window_at
 from vig.video.smoothing import BINS, LikeliestPath, smoothed
+from vig_renderer.defaults import with_default_settings
 
 UNKNOWN = 0.05
 """Probability that a view is none of a frame's, beside what its confidence leaves."""
@@ -197,6 +198,7 @@ def _listed(frames: Iterable[Photo]) -> Sequence[Photo]:
     return listed
 
 
+@with_default_settings
 def track(
     frames: Iterable[Photo],
     explainer: Explainer,
