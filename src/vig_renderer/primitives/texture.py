@@ -53,6 +53,11 @@ def pyramid(texture: torch.Tensor) -> Pyramid:
 
     Differentiable in the texture. Make it once for a texture that stays the same.
     """
+    if not isinstance(texture, torch.Tensor) or texture.dtype not in (torch.float32, torch.float64):
+        raise ValueError(
+            "a texture must be a float32 or float64 tensor of linear values; got"
+            f" {getattr(texture, 'dtype', type(texture).__name__)}. Of 8-bit sRGB, decode texture / 255."
+        )
     if texture.ndim != 3 or min(texture.shape) < 1:
         raise ValueError(f"a texture must be (H, W, C) with at least one texel; got {tuple(texture.shape)}")
     level = texture.permute(2, 0, 1)[None]
