@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -14,6 +15,7 @@ import torch
 from PIL import Image
 
 import vig
+from vig.scene.object_class import PACKAGED
 from vig_renderer import MeshObject, Pinhole, Scene, Topology, jacobian, render
 from vig_renderer.defaults import default_settings
 
@@ -102,3 +104,15 @@ def test_a_default_dtype_returns_when_the_last_thread_leaves() -> None:
         leave.set()
         thread.join()
         assert torch.get_default_dtype() == torch.float64
+
+
+def test_a_pack_named_from_a_folder_is_of_use_in_another(
+    photo: np.ndarray, usual: vig.Explanation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its calibration is read at the first fit."""
+    shutil.copytree(PACKAGED / "teapot", tmp_path / "pot")
+    (tmp_path / "other").mkdir()
+    monkeypatch.chdir(tmp_path)
+    explainer = vig.Explainer("pot")
+    monkeypatch.chdir(tmp_path / "other")
+    assert explainer.explain(photo).confidence == pytest.approx(usual.confidence, abs=0.02)

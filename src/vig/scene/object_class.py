@@ -286,7 +286,7 @@ class ObjectClass:
                 shape_model=model,
                 light_prior_mean=mean,
                 light_prior_covariance=covariance,
-                folder=folder,
+                folder=folder.absolute(),  # of use after another os.chdir
                 transfer=transfer,
                 object_from_mesh=None if moved is None else np.array(moved, np.float64),
                 **shared,
