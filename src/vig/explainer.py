@@ -282,6 +282,7 @@ class Explainer:
         return Explanation(picture, window, _unpacked(fit), self.object_class, *others)
 
 
+@with_default_settings
 def recognizer_of(object_class: ObjectClass, device: str = "cpu") -> Recognizer:
     """The class's network, or what stands in for it in a pack for which none was trained.
 

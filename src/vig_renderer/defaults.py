@@ -66,7 +66,7 @@ def with_default_settings(public: Public) -> Public:
     """
     if isinstance(public, type):
         for name, member in list(vars(public).items()):
-            if name.startswith("_") and name not in ("__init__", "__call__"):
+            if name.startswith("_") and name != "__call__":
                 continue
             if isinstance(member, property) and member.fget is not None:
                 setattr(public, name, member.getter(with_default_settings(member.fget)))
