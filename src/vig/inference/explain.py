@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Iterator
 
 import torch
@@ -21,11 +20,12 @@ from vig.likelihood.image_kernels import image_kernels
 from vig.parallel.threads import map_on_threads, on_one_core
 from vig.recognition import Prediction, Recognizer
 from vig.scene import ObjectClass
+from vig_renderer.once import make_once
 
 
-@functools.cache
+@make_once
 def load_fit_kernels(modes: int, device: str = "cpu", density: str = "gaussian") -> None:
-    """Compile or load all kernels of fits of so many shape components, once: threads must not do it."""
+    """Compile or load all kernels of fits of so many shape components, once."""
     load_kernels(torch.float32, modes, device, density)
     load_search_kernels(torch.float32, device)
     wp.force_load("cpu", modules=[image_kernels()["minimum_cut"].module])  # whatever the device

@@ -1,17 +1,17 @@
 """The kernel of a prior's value and derivatives."""
 
-import functools
 from pathlib import Path
 from typing import Any
 
 import torch
 import warp as wp
 
-from vig.search.damped_step import LOADING, search_kernels
+from vig.search.damped_step import search_kernels
 from vig_renderer.device import initialise, kernel_module, native_code, scalar_type
+from vig_renderer.once import make_once
 
 
-@functools.cache
+@make_once
 def prior_kernel(dtype: torch.dtype) -> Any:
     """The kernel for one scalar type; a thread for each point. Empty Gaussians of the heading frame, or no
     azimuths, add nothing."""
@@ -72,13 +72,8 @@ def prior_kernel(dtype: torch.dtype) -> Any:
     return add
 
 
+@make_once
 def load_search_kernels(dtype: torch.dtype, device: str) -> None:
-    """Make and load the kernels of priors and searches, one module, before threads launch them."""
-    with LOADING:
-        _load(dtype, device)
-
-
-@functools.cache
-def _load(dtype: torch.dtype, device: str) -> None:
+    """Make and load the kernels of priors and searches, one module."""
     search_kernels(dtype)
     wp.force_load(device, modules=[prior_kernel(dtype).module])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from array import array
 from pathlib import Path
 from typing import Any
@@ -10,13 +9,14 @@ from typing import Any
 import torch
 import warp as wp
 
-from vig_renderer.device import initialise, kernel_module, native_code
+from vig_renderer.device import initialise, kernel_module, native_code, start
+from vig_renderer.once import make_once
 
 CELLS = 24
 """Cells of the colour cube along each channel: about the robust model's noise, 0.03, each."""
 
 
-@functools.cache
+@make_once
 def image_kernels() -> dict[str, Any]:
     """Kernels by the names of their `.cc` files; a thread for each image. They take addresses of memory."""
     initialise()
@@ -41,7 +41,7 @@ def _kernel(name: str, **constants: int) -> Any:
 def _launch(name: str, size: torch.Size, *tensors: torch.Tensor) -> None:
     count, height, width = size
     places = array("Q", [tensor.data_ptr() for tensor in tensors])
-    wp.launch(image_kernels()[name], count, [height, width, places.buffer_info()[0]], device="cpu")
+    start(image_kernels()[name], count, [height, width, places.buffer_info()[0]])
 
 
 def minimum_cut(free: torch.Tensor, alone: torch.Tensor, links: torch.Tensor) -> torch.Tensor:

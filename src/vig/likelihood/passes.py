@@ -14,7 +14,7 @@ from vig.likelihood.kernels.layout import LANES
 from vig.likelihood.kernels.load import CUDA_PARTS, PARTS, likelihood_kernels
 from vig.search.native_descent import CLEAR, COMBINE, COPY, FILL, LAUNCH, PROJECT, SQUARE, Valuation
 from vig_renderer import NOTHING, warp_array
-from vig_renderer.device import Prepared
+from vig_renderer.device import Prepared, record
 from vig_renderer.internals import group_fields, type_parts
 from vig_renderer.raster import KEYS_MARGIN
 
@@ -282,7 +282,7 @@ class Pass:
             name: self._group(name, arguments) if name in k.structs else arguments[name] for name in names
         }
         inputs = list(arguments.values())
-        launch = Prepared(wp.launch(kernel, dim, inputs, device=self.geometry.device, record_cmd=True))
+        launch = Prepared(record(kernel, dim, inputs, self.geometry.device))
         self._launches.append((launch, arguments))
         looked_at = self._likelihood()
         assert looked_at is not None

@@ -1,7 +1,5 @@
 """Damped steps of Levenberg-Marquardt searches and their acceptance, each of all searches in one launch."""
 
-import functools
-import threading
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +9,7 @@ import warp as wp
 
 from vig.search.optimizer import Problem, Valued
 from vig_renderer.device import initialise, kernel_module, launch, native_code, scalar_type
+from vig_renderer.once import make_once
 
 ROUNDS = 3
 """How often a step is solved, numbers at a bound held."""
@@ -22,8 +21,6 @@ LANES = 16
 """Numbers in a padded vector, and pixels taken at a time: whole vector registers of a processor."""
 TILE = 8
 """Vectors that a product sums at once; for 16 there are too few registers, and it takes twice as long."""
-LOADING = threading.Lock()
-"""Held while kernels are made and loaded, which threads must not do at the same time."""
 TABLE = (
     *("steps", "trial", "tried_value", "tried_gradient", "tried_normal"),
     *("point", "value", "gradient", "normal", "damping", "growth", "step", "done"),
@@ -35,7 +32,7 @@ TABLE = (
 """What `descend.cc` is given, in this order: addresses, then numbers."""
 
 
-@functools.cache
+@make_once
 def search_kernels(dtype: torch.dtype) -> tuple[Any, Any, Any]:
     """For one scalar type the kernels of a step and of its acceptance, a thread for each search, and that of
     whole searches one after the other, on the processor."""

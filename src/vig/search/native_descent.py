@@ -5,7 +5,6 @@ Python would take longer to ask for the small products and copies of a search th
 
 from __future__ import annotations
 
-import functools
 import threading
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
@@ -16,9 +15,10 @@ import torch
 import warp as wp
 
 from vig.parallel.threads import run_on_threads, thread_count
-from vig.search.damped_step import KINDS, LOADING, STEP_NUMBERS, TABLE, Standing, search_kernels
+from vig.search.damped_step import KINDS, STEP_NUMBERS, TABLE, Standing, search_kernels
 from vig.search.optimizer import Budget, Descent, Problem
 from vig_renderer.device import Prepared, recorded
+from vig_renderer.once import make_once
 
 LAUNCH, FILL, CLEAR, COPY, COMBINE, PROJECT, SQUARE = KINDS.values()
 
@@ -108,7 +108,7 @@ class _Search:
         recorded(self.launches, descent_kernel, 1, numbers, damping)()
 
 
-@functools.cache
+@make_once
 def _load(dtype: torch.dtype) -> None:
     wp.force_load("cpu", modules=[search_kernels(dtype)[2].module])
 
@@ -143,8 +143,7 @@ def descend(
     evaluations, converged = torch.empty(count, dtype=torch.int64), torch.empty(count, dtype=torch.bool)
     ends = path, value, normal, evaluations, converged
     threads, refused, limits = min(thread_count(), count), list[int](), (damping, budget.tolerance, give_up)
-    with LOADING:
-        _load(starts.dtype)
+    _load(starts.dtype)
 
     def search_share(first: int) -> None:
         searches = _here.__dict__.setdefault("searches", {})

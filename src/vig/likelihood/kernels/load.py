@@ -5,7 +5,6 @@ Their code stands in `templates/`: plain functions of Warp, whose types are name
 
 from __future__ import annotations
 
-import functools
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ import warp as wp
 from vig.likelihood.kernels.layout import RowLayout
 from vig.scene.light import L_COUNT
 from vig_renderer.device import instantiate, kernel_module, vector_types
+from vig_renderer.once import make_once
 from vig_renderer.raster import rasterize_kernel
 
 TEMPLATES = (
@@ -35,12 +35,11 @@ CUDA_PARTS = 256
 """And on a GPU, one thread each."""
 
 
-@functools.cache
+@make_once
 def likelihood_kernels(dtype: torch.dtype, modes: int, density: str) -> Any:
     """A module with all kernels, types and structs; kernels are compiled at first use.
 
-    density: see `vig.likelihood.densities`. It has no default: a cached call with it and one without would be
-    two, the second of them in threads, in which kernels must not be made.
+    density: see `vig.likelihood.densities`.
 
     One module of Warp holds them all, as most of the time of compiling goes into Warp's own headers.
     """
@@ -64,7 +63,7 @@ def likelihood_kernels(dtype: torch.dtype, modes: int, density: str) -> Any:
     return kernels
 
 
-@functools.cache
+@make_once
 def load_kernels(dtype: torch.dtype, modes: int, device: str = "cpu", density: str = "gaussian") -> None:
-    """Compile or load all kernels of a fit, once: threads must not do it."""
+    """Compile or load all kernels of a fit, once."""
     wp.force_load(device, modules=[likelihood_kernels(dtype, modes, density).place.module])
