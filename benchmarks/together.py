@@ -148,7 +148,7 @@ def sought(groups: int, seed: int, library: Library, explainers: list[Explainer]
             Window.round_box((float(x), float(y), float(w), float(h))) for x, y, w, h in group.boxes
         ]
         objects += len(own)
-        for explainer, window in on_one_core(partial(find_together, group.photo, explainers, MOST)):
+        for explainer, window, _ in on_one_core(partial(find_together, group.photo, explainers, MOST)):
             shares = [0.0 if each is None else overlap(each, window) for each in own]
             best = int(np.argmax(shares))
             if shares[best] < 0.5:

@@ -23,8 +23,8 @@ PACKAGES = {
 ORDER = {
     "vig_native": ("processor", "cmake"),
     "vig_renderer": (
-        "errors", "checks", "internals", "harmonics", "device", "raster", "templates", "primitives", "scene",
-        "packing", "shading", "general", "native", "rendering",
+        "errors", "checks", "once", "defaults", "internals", "harmonics", "device", "raster", "templates",
+        "primitives", "scene", "packing", "shading", "general", "native", "rendering",
     ),
     "vig": (
         "io", "parallel", "scene", "photo", "renderer", "search", "likelihood", "recognition", "inference",

@@ -38,6 +38,7 @@ from vig.photo.lens import turned_with
 from vig.photo.window import DISTANCE_RATIO_BOUNDS
 from vig.recognition import WEIGHTS_FILE, Recognizer, UninformedRecognizer, find, upright
 from vig.scene import Latents, ObjectClass
+from vig_renderer.defaults import with_default_settings
 
 Photo = str | Path | Image.Image | np.ndarray | torch.Tensor
 Box = tuple[float, float, float, float]
@@ -51,6 +52,7 @@ decorated mugs .54."""
 TOO_WIDE = "; the lens is so near to it that a weaker perspective than the lens's was fitted"
 
 
+@with_default_settings
 class Explainer:
     """Explains photos of one class of objects.
 
@@ -262,6 +264,7 @@ class Explainer:
             else:
                 skip(place, result)
 
+    @with_default_settings
     def _tried(self, item: Item) -> Explanation | UserError:
         photo, box, lens, hints = item
         try:
@@ -276,6 +279,7 @@ class Explainer:
         return Explanation(picture, window, _unpacked(fit), self.object_class, *others)
 
 
+@with_default_settings
 def recognizer_of(object_class: ObjectClass) -> Recognizer:
     """The class's network, or what stands in for it in a pack for which none was trained.
 
@@ -297,11 +301,16 @@ def _lowered_by_presence(fit: Fit, present: float, name: str) -> Fit:
         absent = replace(fit, verdict=Verdict.ABSENT, reason=reason, confidence=0.0, alternatives=())
         absent = replace(absent, present=present, mask_confidence=0.0, mask_trusted=False)
         return replace(absent, visible=nothing, coverage=nothing, mask=hidden, mask_by_pixel=hidden)
-    confidence, mask_confidence = present * fit.confidence, present * fit.mask_confidence
-    views = tuple(replace(view, probability=present * view.probability) for view in fit.alternatives)
-    doubted = replace(fit, confidence=confidence, mask_confidence=mask_confidence, alternatives=views)
+    return replace(lower_confidence(fit, present, name), present=present)
+
+
+def lower_confidence(fit: Fit, factor: float, name: str) -> Fit:
+    """A fit of what may be no object of the class, its probabilities times a factor."""
+    confidence, mask_confidence = factor * fit.confidence, factor * fit.mask_confidence
+    views = tuple(replace(view, probability=factor * view.probability) for view in fit.alternatives)
     sure = fit.mask_trusted and mask_confidence >= fit.mask_threshold
-    doubted = replace(doubted, present=present, mask_trusted=sure)
+    doubted = replace(fit, confidence=confidence, mask_confidence=mask_confidence, alternatives=views)
+    doubted = replace(doubted, mask_trusted=sure)
     if fit.verdict is Verdict.TRUSTED and not confidence >= fit.view_threshold:
         reason = f"what was found in the photo may be no {name}; give a box if it is one"
         doubted = replace(doubted, verdict=Verdict.AMBIGUOUS, reason=reason)

@@ -29,6 +29,7 @@ from vig.photo.pinhole import sight_axes
 from vig.renderer import render_latents
 from vig.scene import Camera, Latents, ObjectClass, latent_layout
 from vig.scene.camera import FOCAL_OVER_WIDTH
+from vig_renderer.defaults import with_default_settings
 
 UNKNOWN_DISTANCE = 1.0
 """Standard deviation of a distance, as a share of it, where the focal length is a guess."""
@@ -64,6 +65,7 @@ class Alternative:
         return self.camera.camera_from_world(float(self.latents.azimuth), float(self.latents.elevation))
 
 
+@with_default_settings
 @dataclass(frozen=True, eq=False)
 class Explanation:
     """What explains the object in one photo of H x W pixels.

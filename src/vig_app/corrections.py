@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from vig.explainer import Explainer
+from vig.explainer import Explainer, lower_confidence
 from vig.explanation import Explanation
 from vig.hints import Hints
 from vig.inference import PixelLabel
@@ -58,10 +58,35 @@ class Mark:
 
 
 @dataclass(frozen=True)
+class Found:
+    """Whose box is not a user's: an object that vig found, with this probability of presence, and fitted with
+    this confidence, None where there is none.
+    """
+
+    present: float | None
+    confidence: float | None
+
+    @staticmethod
+    def of(explanation: Explanation) -> Found:
+        """That of an explanation whose outline the box is round."""
+        numbers = explanation.present, explanation.confidence
+        return Found(*(None if math.isnan(number) else number for number in numbers))
+
+    def lower(self, explanation: Explanation) -> Explanation:
+        """The explanation of the same once more, which is no more certain for its box."""
+        fit = explanation.fit
+        if self.confidence is not None and fit.confidence > self.confidence:
+            fit = lower_confidence(fit, self.confidence / fit.confidence, explanation.object_class.name)
+        return replace(
+            explanation, fit=replace(fit, present=math.nan if self.present is None else self.present)
+        )
+
+
+@dataclass(frozen=True)
 class State:
     """All that a user knows of a photo; places are in its pixels, angles in degrees.
 
-    `camera` is fx, fy, cx, cy of its lens.
+    `camera` is fx, fy, cx, cy of its lens; `found` says that the box is not the user's.
     """
 
     box: Box | None = None
@@ -73,6 +98,7 @@ class State:
     roll_deg: float | None = None
     focal: float | None = None
     camera: tuple[float, float, float, float] | None = None
+    found: Found | None = None
 
     @staticmethod
     def of(
@@ -145,6 +171,8 @@ class State:
             raise UserError(str(error).replace("the photo", path.name, 1)) from None
         exif = not given and focal is not None and explainer.settings.camera_distance_ratio is None
         explanation = replace(explanation, focal_from="exif") if exif else explanation
+        if self.found is not None and self.hints(width, height).clues() is None:
+            explanation = self.found.lower(explanation)
         return explanation if others is None else replace(explanation, others=others)
 
     def write(

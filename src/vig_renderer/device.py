@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import os
 import sys
 import threading
@@ -18,6 +17,7 @@ import warp as wp
 from vig_renderer.checks import check_indices
 from vig_renderer.errors import UserError
 from vig_renderer.internals import packed_launch
+from vig_renderer.once import MAKING, make_once
 
 TEMPLATES = Path(__file__).with_name("templates")
 """Folder of the renderer's kernels; see `instantiate`."""
@@ -75,10 +75,10 @@ def launch(kernel: wp.Kernel, count: int | tuple[int, ...], *arguments: Any) -> 
     inputs = _described(kernel, arguments)
     # Recording takes longer than describing: what comes once, as lengths that depend on data do, is launched.
     if device.type != "cpu" or key not in kept:
-        wp.launch(kernel, count, inputs, device=str(device), stream=current_stream(device))
+        start(kernel, count, inputs, device)
         command = None
     else:
-        command = wp.launch(kernel, count, inputs, device=str(device), record_cmd=True)
+        command = record(kernel, count, inputs)
     prepared = None if command is None else Prepared(command)
     if prepared is not None:
         prepared()
@@ -102,8 +102,30 @@ def recorded(
     if len(launches) >= KEPT_LAUNCHES:
         launches.clear()
     inputs = _described(kernel, arguments)
-    launches[key] = Prepared(wp.launch(kernel, count, inputs, device="cpu", record_cmd=True))
+    launches[key] = Prepared(record(kernel, count, inputs))
     return launches[key]
+
+
+def record(
+    kernel: wp.Kernel,
+    count: int | tuple[int, ...],
+    inputs: Sequence[Any],
+    device: torch.device | str = "cpu",
+) -> Any:
+    """A launch, not yet run, of a kernel that is compiled and loaded now; None of a count of 0."""
+    with MAKING:
+        return wp.launch(kernel, count, inputs, device=str(device), record_cmd=True)
+
+
+def start(
+    kernel: wp.Kernel,
+    count: int | tuple[int, ...],
+    inputs: Sequence[Any],
+    device: torch.device | str = "cpu",
+) -> None:
+    """Launch a kernel once."""
+    if (command := record(kernel, count, inputs, device)) is not None:
+        command.launch(current_stream(device))
 
 
 def _described(kernel: wp.Kernel, arguments: Sequence[Any]) -> list[Any]:
@@ -135,7 +157,7 @@ def current_stream(device: torch.device | str) -> wp.Stream | None:
     return _warp_stream(str(device), torch.cuda.current_stream(device).cuda_stream)
 
 
-@functools.cache
+@make_once
 def _warp_stream(device: str, handle: int) -> wp.Stream:
     return wp.Stream(device, cuda_stream=handle)
 
@@ -204,14 +226,13 @@ if hasattr(wp.config, "cpu_compiler_flags"):  # of Warp's own products and sums,
     wp.config.cpu_compiler_flags = f"{wp.config.cpu_compiler_flags or '-march=native'} -ffp-contract=fast"
 
 _NATIVE = {wp.float32: "float", wp.float64: "double"}
-_starting = threading.Lock()
 
 
-@functools.cache
+@make_once
 def initialise() -> None:
     """Start Warp. UserError when its library cannot be loaded or its kernel cache not be written."""
     try:
-        with _starting, _without_native_messages():
+        with _without_native_messages():
             wp.init()
     except (OSError, RuntimeError) as error:
         raise UserError(f"Warp could not start: {error}; `vig doctor` reports more") from error

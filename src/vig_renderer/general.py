@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from vig_renderer.defaults import default_settings
 from vig_renderer.packing import INPUTS, PackedScenes
 from vig_renderer.primitives import (
     antialias,
@@ -89,6 +90,7 @@ class Tables:
         )
 
 
+@default_settings()
 def place(packed: PackedScenes, columns: int, *inputs: Tensor | None) -> tuple[Tensor, Tensor, Tensor]:
     """Homogeneous screen points (x z, y z, z) of all vertices (V, 3), their attributes, and lights (O, 34).
 
@@ -143,6 +145,7 @@ def _reflected(normals: Tensor, owner: Tensor, lights: Tensor) -> Tensor:
     return torch.where(lights[owner, 33:] != 0, colour, 1.0)
 
 
+@default_settings()
 def paint(
     packed: PackedScenes,
     samples: int,
@@ -184,6 +187,7 @@ def paint(
     return picture[..., :3], visible_masks.sum(1), visible_masks
 
 
+@default_settings()
 def alone(packed: PackedScenes, samples: int, points: Tensor) -> tuple[Tensor]:
     """Coverage of each object as if it were the only one: (O, H, W)."""
     tables = Tables.of(packed)
@@ -198,6 +202,7 @@ def alone(packed: PackedScenes, samples: int, points: Tensor) -> tuple[Tensor]:
     return (_reduced(antialias(image, _screen(points), crossings), samples)[..., 0],)
 
 
+@default_settings()
 def surface(packed: PackedScenes, points: Tensor, attributes: Tensor) -> tuple[Tensor, ...]:
     """Depth (B, H, W), unit normals (B, H, W, 3) and numbers of objects and triangles at pixels' centres."""
     tables = Tables.of(packed)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import sys
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -60,6 +61,12 @@ def transforms(*cotangents: torch.Tensor | None) -> bool:
     if levels is None or levels() is not None:
         return True
     return any(each is not None and (batched is None or batched(each)) for each in cotangents)
+
+
+def records() -> bool:
+    """Whether torch records operations (torch.jit.trace, make_fx, torch.func.linearize, torch.export)."""
+    proxies = getattr(sys.modules.get("torch.fx.experimental.proxy_tensor"), "get_proxy_mode", None)
+    return bool(torch.jit.is_tracing()) or (proxies is not None and proxies() is not None)
 
 
 def differentiates_forward(tensors: Iterable[torch.Tensor]) -> bool:

@@ -4,7 +4,6 @@ The code stands in `stages/`. It draws on one core and needs no torch operation,
 torch's threads. What each stage does is said in `general.py`, which also has its second derivatives.
 """
 
-import functools
 import math
 from array import array
 from collections.abc import Callable, Sequence
@@ -17,9 +16,10 @@ import warp as wp
 from torch import Tensor
 
 from vig_renderer import general
-from vig_renderer.device import initialise, kernel_module, native_code, scalar_type
+from vig_renderer.device import initialise, kernel_module, native_code, scalar_type, start
 from vig_renderer.harmonics import COSINE_LOBE, Y00, Y1, Y2, Y20
 from vig_renderer.internals import transforms
+from vig_renderer.once import make_once
 from vig_renderer.packing import INPUTS, PackedScenes
 from vig_renderer.raster import (
     DEPTH_STEPS,
@@ -73,7 +73,7 @@ FIRST_CAPACITY = 4096
 """Crossings for which there is space at first."""
 
 
-@functools.cache
+@make_once
 def _kernel(dtype: torch.dtype, back: bool) -> Any:
     """A kernel that runs a stage by its place in STAGES[back]; compiled at first use."""
     initialise()
@@ -135,12 +135,8 @@ def _call(name: str, packed: PackedScenes, rows: list[int], **fields: Tensor | i
         numbers[PLACES[field]] = value if isinstance(value, int) else value.data_ptr()
     table = array("q", numbers + rows)
     back = name.endswith("_back")
-    wp.launch(
-        _kernel(packed.background.dtype, back),
-        dim=1,
-        inputs=[STAGES[back].index(name), table.buffer_info()[0]],
-        device="cpu",
-    )
+    inputs = [STAGES[back].index(name), table.buffer_info()[0]]
+    start(_kernel(packed.background.dtype, back), 1, inputs)
     if fault[0]:
         _refuse(fault[0], packed)
 

@@ -1,6 +1,5 @@
 """Rasterisation: which triangle is seen at each pixel's centre."""
 
-import functools
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +7,7 @@ import torch
 import warp as wp
 
 from vig_renderer.device import initialise, kernel_module, native_code, scalar_type
+from vig_renderer.once import make_once
 
 NEAR = 0.01
 """Metres; a triangle with a corner nearer than this is not drawn."""
@@ -30,7 +30,7 @@ DEPTH_STEPS = 1 << 27
 """Steps of a key in one over depth, per 1 / metre: 4 nanometres at 0.7 m."""
 
 
-@functools.cache
+@make_once
 def native_draw_faces(dtype: torch.dtype) -> Any:
     """The rasteriser's loop, in C++ for the sake of its speed: see draw_faces.cc.
 
@@ -66,7 +66,7 @@ def native_draw_faces(dtype: torch.dtype) -> Any:
     return draw_faces
 
 
-@functools.cache
+@make_once
 def rasterize_kernel(dtype: torch.dtype, module: str | None = None) -> Any:
     """The kernel that draws meshes of the same faces, an image each; compiled at first use.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Literal
 
@@ -9,37 +10,53 @@ import torch
 from torch import Tensor
 
 from vig_renderer import general, native
-from vig_renderer.internals import differentiates_forward
+from vig_renderer.internals import differentiates_forward, records
 from vig_renderer.packing import PackedScenes, pack
+from vig_renderer.raster import NEAR
 from vig_renderer.scene import Rendering, Scene
+
+UNSEEN = (
+    "the renderer draws no scenes under vmap, linearize or another tracer, which hide their numbers; give"
+    " `render` a list of scenes, and differentiate by torch.func.jvp, vjp or `jacobian`"
+)
 
 
 def render(
     scenes: Scene | Sequence[Scene],
     shading: Literal["vertex", "pixel"] = "vertex",
     samples: int = 1,
+    near: float = NEAR,
 ) -> Rendering:
     """Draw a batch of scenes, each with objects of its own; all images of one size.
 
     shading: light is reflected at the vertices and interpolated (the paper's), or reflected at every pixel by
     the interpolated normal. samples: colours, coverage and masks are the means over samples x samples points
-    a pixel, each blended at occlusion edges in turn; 1 for fits, 3 or more for pictures and datasets.
+    a pixel, each blended at occlusion edges in turn; 1 for fits, 3 or more for pictures and datasets. near:
+    metres along the optical axis; nothing nearer is drawn.
 
     Colour is albedo x texture x reflected light, linear RGB, unclipped. Gradients (torch.autograd, forward
     mode too) reach vertices, poses, camera, albedo, textures and their coordinates, normals, lights and
     background, silhouettes included. ids have none. Raises ValueError for shapes, types and non-finite
-    numbers that cannot be drawn.
+    numbers that cannot be drawn, NotImplementedError under vmap and where torch records, as for linearize.
     """
     if shading not in ("vertex", "pixel"):
         raise ValueError(f"shading must be 'vertex' or 'pixel'; got {shading!r}. Choose one.")
     if not isinstance(samples, int) or samples < 1:
         raise ValueError(f"samples must be a whole number of 1 or more; got {samples}. Take 1 for fits.")
+    if not isinstance(near, int | float) or not 0 < near < math.inf:
+        raise ValueError(f"near must be metres, above 0; got {near!r}. Leave it out for 1 cm.")
+    if records():
+        raise NotImplementedError(UNSEEN)
     packed = pack([scenes] if isinstance(scenes, Scene) else scenes)
     columns = (general.LIT if shading == "vertex" else general.ALBEDO).stop
     if packed.background.device.type == "cpu" and not differentiates_forward(packed.tensors):
-        return _native(packed, samples, columns)
-    packed.check_numbers()
+        return _native(packed, samples, columns, near)
+    try:
+        packed.check_numbers()
+    except RuntimeError as error:
+        raise NotImplementedError(UNSEEN) from error
     points, attributes, lights = general.place(packed, columns, *packed.inputs)
+    points = _nearer(points, NEAR / near)
     rgb, coverage, visible = general.paint(
         packed, samples, points, attributes, lights, packed.background, *packed.textures
     )
@@ -48,7 +65,7 @@ def render(
         coverage,
         visible,
         lambda: _full_masks(packed, visible, lambda: general.alone(packed, samples, points)[0]),
-        lambda: general.surface(packed, points, attributes),
+        lambda: _farther(general.surface(packed, points, attributes), near / NEAR),
     )
 
 
@@ -67,8 +84,9 @@ def jacobian(function: Callable[[Tensor], Tensor], latents: Tensor) -> tuple[Ten
     return value, torch.stack(columns, dim=-1) if columns else value.new_zeros(*value.shape, 0)
 
 
-def _native(packed: PackedScenes, samples: int, columns: int) -> Rendering:
+def _native(packed: PackedScenes, samples: int, columns: int, near: float) -> Rendering:
     points, attributes, lights = native.run(native.Place(packed, columns), *packed.inputs)
+    points = _nearer(points, NEAR / near)
     stage = native.Paint(packed, samples)
     inputs = points, attributes, lights, packed.background, *packed.textures
     rgb, coverage, visible = native.run(stage, *inputs)
@@ -80,8 +98,18 @@ def _native(packed: PackedScenes, samples: int, columns: int) -> Rendering:
         lambda: _full_masks(
             packed, visible, lambda: native.run(native.Paint(packed, samples, alone=True), points)[0]
         ),
-        lambda: native.run(native.Surface(packed, face), points, attributes),
+        lambda: _farther(native.run(native.Surface(packed, face), points, attributes), near / NEAR),
     )
+
+
+def _nearer(points: Tensor, factor: float) -> Tensor:
+    """Homogeneous points of the same pixels at other depths, which bring a near plane to `NEAR`."""
+    return points if factor == 1.0 else points * factor
+
+
+def _farther(surface: Sequence[Tensor], factor: float) -> Sequence[Tensor]:
+    """A surface with its depth scaled back."""
+    return surface if factor == 1.0 else (surface[0] * factor, *surface[1:])
 
 
 def _full_masks(packed: PackedScenes, visible: Tensor, alone: Callable[[], Tensor]) -> Tensor:

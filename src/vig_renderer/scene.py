@@ -19,7 +19,8 @@ class MeshObject:
     world_from_object; None is the identity. albedo: (3,) for the whole, or (V, 3) colours of the vertices,
     linear RGB. texture: multiplies the albedo; it needs texture_coordinates (T, 2), one row per vertex or as
     `topology.texture_faces` says. normals (V, 3): unit, the object's frame; None means the mean of the
-    adjacent faces'. light: SH coefficients (9,) grey or (9, 3) RGB of incident radiance, world frame. An
+    adjacent faces', on the side from which their corners run counter-clockwise. light: SH coefficients (9,)
+    grey or (9, 3) RGB of incident radiance, world frame. An
     object with neither light nor a lamp in its scene shows its albedo as it is.
     """
 

@@ -112,18 +112,27 @@ def test_the_poses_of_a_run_are_read_by_a_reader_of_bop(
         assert (score, seconds) == (row["confidence"], row["seconds"])
 
 
-def test_the_masks_of_a_run_are_a_coco_result_file(results: Path, tmp_path: Path) -> None:
-    detections = json.loads(export_run(results, ["coco"], tmp_path)[0].read_text())
-    images = [(result["image_id"], result["file_name"]) for result in detections]
-    assert images == [(3, "000003.png"), (4, "000004.png")]
-    for result in detections:
-        visible = np.asarray(Image.open(results / Path(result["file_name"]).stem / "mask.png")) == 255
-        counts = result["segmentation"]["counts"]
-        flat = np.repeat(np.arange(len(counts)) % 2 == 1, counts)
-        height, width = result["segmentation"]["size"]
-        np.testing.assert_array_equal(flat.reshape(width, height).T, visible)
-        x, y, wide, high = result["bbox"]
-        assert visible[y : y + high, x : x + wide].sum() == visible.sum() and 0 <= result["score"] <= 1
+def test_a_run_is_one_coco_file_of_images_categories_and_both_masks(results: Path, tmp_path: Path) -> None:
+    described = json.loads(export_run(results, ["coco"], tmp_path, first_id=5)[0].read_text())
+    images = {image["id"]: image for image in described["images"]}
+    assert [(number, image["file_name"]) for number, image in images.items()] == [
+        (3, "000003.png"),
+        (4, "000004.png"),
+    ]
+    assert described["categories"] == [{"id": 5, "name": "teapot"}]
+    assert [each["image_id"] for each in described["annotations"]] == [3, 4]
+    for annotation in described["annotations"]:
+        image = images[annotation["image_id"]]
+        levels = np.asarray(Image.open(results / Path(image["file_name"]).stem / "mask.png"))
+        assert levels.shape == (image["height"], image["width"])
+        for name, expected in (("segmentation", levels > 0), ("visible_segmentation", levels == 255)):
+            counts = annotation[name]["counts"]
+            flat = np.repeat(np.arange(len(counts)) % 2 == 1, counts)
+            height, width = annotation[name]["size"]
+            np.testing.assert_array_equal(flat.reshape(width, height).T, expected)
+        x, y, wide, high = annotation["bbox"]
+        assert (levels[y : y + high, x : x + wide] > 0).sum() == (levels > 0).sum() == annotation["area"]
+        assert annotation["category_id"] == 5 and 0 <= annotation["score"] <= 1
 
 
 def test_files_without_numbers_are_numbered_by_their_place(results: Path, tmp_path: Path) -> None:
@@ -136,13 +145,15 @@ def test_files_without_numbers_are_numbered_by_their_place(results: Path, tmp_pa
     poses, masks = export_run(other, ["bop", "coco"])
     lines = poses.read_text().splitlines()
     assert [line.split(",")[:3] for line in lines[1:]] == [["0", "0", "1"], ["0", "1", "1"]]
-    assert [result["image_id"] for result in json.loads(masks.read_text())] == [0, 1]
+    assert [each["image_id"] for each in json.loads(masks.read_text())["annotations"]] == [0, 1]
 
 
 def test_a_run_without_a_result_makes_valid_files(tmp_path: Path) -> None:
     write_table(tmp_path, [dict.fromkeys(COLUMNS) | {"photo": "a.png", "folder": "a", "error": "none"}])
     poses, masks = export_run(tmp_path, ["bop", "coco"])
-    assert json.loads(masks.read_text()) == [] and len(poses.read_text().splitlines()) == 1
+    described = json.loads(masks.read_text())
+    assert described["images"] == described["annotations"] == [] == described["categories"]
+    assert len(poses.read_text().splitlines()) == 1
 
 
 def test_the_command_writes_both(results: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -66,9 +66,7 @@ def arguments(teapot: ObjectClass, real: type = np.float32) -> dict[str, dict[st
 def results(engine: ModuleType, given: dict[str, dict[str, Any]], threads: int = 1) -> list[np.ndarray]:
     """An evaluation of the points and a search from them."""
     geometry, photos = engine.geometry(**given["geometry"]), engine.photos(**given["photos"])
-    valued = engine.evaluate(
-        geometry, photos, **given["points"], order=2, images=True, threads=threads
-    )
+    valued = engine.evaluate(geometry, photos, **given["points"], order=2, images=True, threads=threads)
     points = given["points"]["points"]
     size, none = points.shape[1], np.zeros(0, points.dtype)
     azimuth, light = given["geometry"]["layout"][3], given["geometry"]["layout"][6]

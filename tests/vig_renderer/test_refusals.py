@@ -13,7 +13,7 @@ import torch
 from tests.support import TEAPOT
 from vig.likelihood import Photos
 from vig.scene import Camera, ObjectClass
-from vig_renderer import Topology
+from vig_renderer import MeshObject, Pinhole, Scene, Topology, render
 from vig_renderer.primitives import (
     Pyramid,
     barycentrics,
@@ -36,6 +36,7 @@ POINTS = torch.from_numpy(TRIANGLE)
 FACES = torch.from_numpy(FACE)
 LAYER = torch.zeros(1, dtype=torch.int32)
 TOPOLOGY = Topology.of(FACE, TRIANGLE)
+PINHOLE = Pinhole(8, 8, torch.full((2,), 8.0), torch.full((2,), 4.0), torch.eye(3), torch.zeros(3))
 LONG = FACES.long()
 BEYOND = torch.tensor([[0, 1, 3]], dtype=torch.int32)
 FAR = torch.tensor([[0, 1, 2**31 - 1]], dtype=torch.int32)
@@ -193,3 +194,50 @@ def test_shape_models(name: str, value: np.ndarray, why: str) -> None:
 def test_photos(linear: torch.Tensor, why: str) -> None:
     with pytest.raises(ValueError, match=why):
         Photos(linear, torch.zeros(linear.shape))
+
+
+@pytest.mark.parametrize(
+    ("faces", "why"),
+    [
+        ([[0, 1, 2, 0]], r"faces must be triangles.*got \(1, 4\).*Cut quads into two triangles each"),
+        (FACE.astype(float), "whole numbers; got .* float64"),
+        ([0, 1, 2], "faces must be triangles"),
+        ([[0, 1, 2], [0, 1]], "faces must be triangles"),
+        (np.array([[0, 1, 2**32]]), "faces must name vertices 0 to 2; they name 0 to 4294967296"),
+    ],
+)
+def test_faces_that_are_no_triangles(faces: Any, why: str) -> None:
+    assert len(Topology.of([], TRIANGLE).faces) == 0
+    with pytest.raises(ValueError, match=why):
+        Topology.of(faces, TRIANGLE)
+
+
+@pytest.mark.parametrize("texture", [torch.zeros(2, 2, 3, dtype=torch.uint8), np.zeros((2, 2, 3)), None])
+def test_textures_of_other_types(texture: Any) -> None:
+    with pytest.raises(ValueError, match="a texture must be a float32 or float64 tensor of linear values"):
+        pyramid(texture)
+
+
+@pytest.mark.parametrize("near", [0, -1.0, np.nan, np.inf, "1 mm"])
+def test_near_planes(near: Any) -> None:
+    with pytest.raises(ValueError, match="near must be metres, above 0"):
+        render(Scene([], PINHOLE), near=near)
+
+
+def test_transforms_that_hide_numbers() -> None:
+    def brightness(shift: torch.Tensor) -> torch.Tensor:
+        mesh = MeshObject(POINTS + shift, TOPOLOGY, torch.ones(3))
+        return render(Scene([mesh], PINHOLE)).rgb.sum()
+
+    at = torch.zeros(3)
+    expected = torch.func.grad(brightness)(at)
+    torch.testing.assert_close(torch.func.jacfwd(brightness)(at), expected)
+    torch.testing.assert_close(torch.func.jacrev(brightness)(at), expected)
+    for transformed in (
+        lambda: torch.func.vmap(brightness)(torch.zeros(2, 3)),
+        lambda: torch.func.vmap(torch.func.grad(brightness))(torch.zeros(2, 3)),
+        lambda: torch.func.linearize(brightness, at),
+        lambda: torch.jit.trace(brightness, at),
+    ):
+        with pytest.raises(NotImplementedError, match="draws no scenes under vmap, linearize or another"):
+            transformed()

@@ -341,3 +341,23 @@ def test_second_derivatives_are_exact_where_no_edge_appears(shading: str) -> Non
     found, expected = torch.stack(rows), torch.stack(ahead, 1).detach()
     assert expected[:3, :3].abs().min() > 1
     torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-2)
+
+
+def test_a_nearer_near_plane_draws_small_things_as_large_ones() -> None:
+    """All lengths times .01, the near plane, too: the same picture, and depths times .01."""
+    large = ball((0.02, 0.01, 0.3), (0.8, 0.4, 0.2))
+    assert large.translation is not None
+    small = replace(large, vertices=large.vertices * 0.01, translation=large.translation * 0.01)
+    usual, close = render(Scene([large], AHEAD)), render(Scene([small], AHEAD), near=1e-4)
+    assert render(Scene([small], AHEAD)).coverage.max() == 0
+    torch.testing.assert_close(close.rgb, usual.rgb, atol=1e-4, rtol=0)
+    torch.testing.assert_close(close.depth, 0.01 * usual.depth, atol=1e-7, rtol=1e-4)
+    assert torch.equal(close.triangle_id, usual.triangle_id)
+    assert float(render(Scene([large], AHEAD), near=0.25).depth.min()) > 0.25
+
+    def seen(shift: torch.Tensor) -> torch.Tensor:
+        moved = replace(small, vertices=small.vertices + shift)
+        return render(Scene([moved], AHEAD), near=1e-4).coverage.sum()
+
+    (backward,) = torch.autograd.grad(seen(at := torch.zeros(3, requires_grad=True)), at)
+    torch.testing.assert_close(jacobian(seen, torch.zeros(3))[1], backward, rtol=1e-3, atol=1.0)

@@ -165,7 +165,7 @@ class Projection:
 
         def places(point: torch.Tensor) -> torch.Tensor:
             vertices = mean + torch.einsum("k,kjc->jc", point[at["shape"]], basis)
-            # As `look` and `place` in likelihood/kernels/templates/vertices.py.
+            # As `eye_of` and `project` in vig_native/likelihood.cc.
             rotation, translation = camera.pose(point[at["azimuth"]], point[at["elevation"]])
             x, y, z = (vertices @ rotation[0].T + translation[0]).unbind(1)
             framing = point[at["framing"]] if "framing" in at else point.new_zeros(4)

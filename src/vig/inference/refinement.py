@@ -128,7 +128,7 @@ AZIMUTH_SPREAD = math.radians(8.0)
 """Standard deviation of the Gaussian about a peak of azimuth, radians, and of the starts' perturbations."""
 RELATIVE_SPREAD = 0.7
 """Elevation and shape are perturbed by this share of the deviations that the network states."""
-FRAMING_SPREAD = torch.tensor([0.02, 0.02, 0.06, 0.0])
+FRAMING_SPREAD = (0.02, 0.02, 0.06, 0.0)
 """Standard deviations of the starts' shift (widths), log magnification and roll (radians)."""
 DISTINCT_AZIMUTH = math.radians(25.0)
 """Azimuths farther apart are different views."""
@@ -291,7 +291,7 @@ def framings(starts: Latents, prediction: Prediction, objective: Objective, seed
     rng = np.random.default_rng(np.random.SeedSequence([seed, count, 1]))
     noise = torch.from_numpy(rng.standard_normal((count, FRAMING.size)).astype(np.float32))
     noise[0] = 0.0
-    return framing + FRAMING_SPREAD * noise
+    return framing + framing.new_tensor(FRAMING_SPREAD) * noise
 
 
 def framing_of_box(

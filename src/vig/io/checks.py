@@ -22,6 +22,7 @@ from safetensors import safe_open
 
 from vig.io.errors import UserError
 from vig_renderer.checks import check_indices as check_indices
+from vig_renderer.once import MAKING
 
 MOST_JSON = 16 << 20
 """Bytes of a JSON file, unless its reader has another limit."""
@@ -207,10 +208,12 @@ def decode(kind: Any, value: Any) -> Any:
         ValueError: A value has another type, a field is missing or unknown, or a number is 2^63 or more.
     """
     try:
-        decoded = msgspec.convert(value, kind)
+        with MAKING:
+            decoded = msgspec.convert(value, kind)
+            built_in = msgspec.to_builtins(decoded, builtin_types=(tuple,))
     except msgspec.ValidationError as error:
         raise ValueError(str(error)) from error
-    _check_parts(value, msgspec.to_builtins(decoded, builtin_types=(tuple,)), "$")
+    _check_parts(value, built_in, "$")
     return decoded
 
 

@@ -8,6 +8,7 @@ import torch
 
 from vig.scene import Camera, Latents, ObjectClass
 from vig.scene.light import COSINE_LOBE, sh_basis
+from vig_renderer.defaults import with_default_settings
 from vig_renderer.primitives import Topology
 from vig_renderer.rendering import render
 from vig_renderer.scene import MeshObject, Pinhole, Rendering, Scene
@@ -31,6 +32,7 @@ def vertex_irradiance(
     return reflectance * (lobes @ latents.light[0].to(normals)).clamp_min(0.0)
 
 
+@with_default_settings
 def scene_of(latents: Latents, object_class: ObjectClass, camera: Camera, self_shadow: bool = True) -> Scene:
     """One explanation (B = 1) before a camera as a scene: vertex colours are albedo times irradiance."""
     vertices = object_class.shape_model.vertices(latents.shape)[0]
@@ -42,6 +44,7 @@ def scene_of(latents: Latents, object_class: ObjectClass, camera: Camera, self_s
     return Scene([MeshObject(vertices, topology, colours, normals=normals)], eye)
 
 
+@with_default_settings
 def render_latents(
     latents: Latents, object_class: ObjectClass, camera: Camera, self_shadow: bool = True, samples: int = 1
 ) -> Rendering:

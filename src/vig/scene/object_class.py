@@ -20,6 +20,7 @@ from vig.io.files import atomic_write, write_arrays
 from vig.scene.camera import DISTANCE, IMAGE_SIZE, Camera
 from vig.scene.shape_model import ShapeModel
 from vig.scene.symmetry import Symmetry
+from vig_renderer.defaults import with_default_settings
 
 TRANSFER_FILE = "transfer.safetensors"
 BUILD_COMMAND = Path("build", "unfinished.txt")
@@ -85,6 +86,7 @@ class _Description(msgspec.Struct, frozen=True, kw_only=True):
     up_known: bool = True
 
 
+@with_default_settings
 @dataclass(frozen=True, eq=False)
 class ObjectClass:
     """What is known of a class before any photo.
@@ -291,7 +293,7 @@ class ObjectClass:
                 shape_model=model,
                 light_prior_mean=mean,
                 light_prior_covariance=covariance,
-                folder=folder,
+                folder=folder.absolute(),  # of use after another os.chdir
                 transfer=transfer,
                 object_from_mesh=None if moved is None else np.array(moved, np.float64),
                 **shared,

@@ -18,11 +18,13 @@ from vig.photo.images import coded_photo
 from vig.recognition.find import apart, find_several
 from vig.several.joint import fit_jointly
 from vig.several.scene import SceneExplanation
+from vig_renderer.defaults import with_default_settings
 
 MOST_OBJECTS = 16
 """Objects of one photo, at most."""
 
 
+@with_default_settings
 def explain_together(
     photo: Photo,
     explainers: Sequence[Explainer],
@@ -56,6 +58,7 @@ def explain_together(
     return on_one_core(partial(fit_jointly, alone, explainers))
 
 
+@with_default_settings
 def explain_found(
     photo: Photo,
     explainers: Sequence[Explainer],
@@ -87,12 +90,17 @@ def explain_found(
     if not places:
         names = " or ".join(each.object_class.name for each in explainers)
         raise UserError(f"expected a {names} in the photo; found none. Give boxes.")
-    chosen = [explainer for explainer, _ in places]
+    chosen = [explainer for explainer, _, _ in places]
     alone = [
         photo_lens.with_source(explainer.explain_followed(picture, window, camera=photo_lens.camera))
-        for explainer, window in places
+        for explainer, window, _ in places
     ]
-    return on_one_core(partial(fit_jointly, alone, chosen))
+    scene = on_one_core(partial(fit_jointly, alone, chosen))
+    objects = [
+        replace(each, fit=replace(each.fit, present=present))
+        for each, (_, _, present) in zip(scene.objects, places, strict=True)
+    ]
+    return replace(scene, objects=tuple(objects))
 
 
 def _explainers(value: Any) -> list[Explainer]:
@@ -108,8 +116,9 @@ def _explainers(value: Any) -> list[Explainer]:
 
 def find_together(
     picture: np.ndarray, explainers: Sequence[Explainer], most: int
-) -> list[tuple[Explainer, Window]]:
-    """Where objects of one or more classes are in a photo, as `coded_photo` gives it; the surest first."""
+) -> list[tuple[Explainer, Window, float]]:
+    """Where objects of one or more classes are in a photo, as `coded_photo` gives it, and the probability of
+    each that it is there; the surest first."""
     pyramid = ImagePyramid(picture)
     candidates = [
         (candidate, explainer)
@@ -119,7 +128,10 @@ def find_together(
     ]
     separate = apart([candidate for candidate, _ in candidates], most)
     return [
-        (explainer, one.window) for one in separate for candidate, explainer in candidates if candidate is one
+        (explainer, one.window, one.present)
+        for one in separate
+        for candidate, explainer in candidates
+        if candidate is one
     ]
 
 

@@ -16,6 +16,7 @@ import torch
 from vig.explanation import Explanation
 from vig.photo.images import coded
 from vig.scene import rotate_z
+from vig_renderer.defaults import with_default_settings
 
 TINT = 0.2
 """Share of an object's colour in its tint."""
@@ -23,6 +24,7 @@ COLOURS = np.array([(255, 220, 0), (0, 220, 255), (255, 90, 220), (120, 255, 90)
 """Of the objects' tints, in turn."""
 
 
+@with_default_settings
 @dataclass(frozen=True, eq=False)
 class SceneExplanation:
     """What explains several objects in one photo of H x W pixels.

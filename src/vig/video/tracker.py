@@ -24,6 +24,7 @@ from vig.scene.camera import FOCAL_OVER_WIDTH
 from vig.video.following import Follower, Sighting
 from vig.video.smoothing import LikeliestPath
 from vig.video.trajectory import FAR, FramePose, Trajectory, azimuth_off, camera_before, view_evidence
+from vig_renderer.defaults import with_default_settings
 
 MEMORY = 24
 """Frames whose numbers are smoothed for the pose in the last one."""
@@ -59,6 +60,7 @@ class TrackedPose(FramePose):
         return self.explanation.mask
 
 
+@with_default_settings
 class Tracker:
     """Follows one object through the frames of a camera, each pose from the frames before it alone.
 

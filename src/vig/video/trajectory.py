@@ -21,6 +21,7 @@ from vig.photo.pinhole import turned_pose
 from vig.scene import Camera
 from vig.video.following import SLOWING, Follower, Sighting, window_at
 from vig.video.smoothing import BINS, LikeliestPath, smoothed
+from vig_renderer.defaults import with_default_settings
 
 UNKNOWN = 0.05
 """Probability that a view is none of a frame's, beside what its confidence leaves."""
@@ -204,6 +205,7 @@ def _listed(frames: Iterable[Photo]) -> Sequence[Photo]:
     return listed
 
 
+@with_default_settings
 def track(
     frames: Iterable[Photo],
     explainer: Explainer,

@@ -112,8 +112,8 @@ class ExportCommand:
     results: tyro.conf.Positional[Path]
     """Folder of `vig fit` of several photos."""
     to: tuple[Literal[RUN_FORMATS], ...]  # type: ignore[valid-type]
-    """bop: bop.csv, the poses as BOP's evaluation reads them. coco: coco.json, a COCO result file of the
-    visible masks."""
+    """bop: bop.csv, the poses as BOP's evaluation reads them. coco: coco.json, images, categories and
+    annotations with whole and visible masks."""
     out: Path | None = None
     """Folder for the files; by default that of the results."""
     json: bool = False

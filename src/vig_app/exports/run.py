@@ -26,12 +26,14 @@ class ExportedRun:
         objects: Rows of results.csv of the objects that were found, with a "score": the confidence, 1 where
             none was learned.
         class_ids: Number of each class.
+        sizes: Width and height of each photo that could be read, pixels.
     """
 
     folder: Path
     photos: tuple[str, ...]
     objects: tuple[dict[str, Any], ...]
     class_ids: dict[str, int]
+    sizes: dict[str, tuple[int, int]]
 
     @staticmethod
     def read(folder: Path, first_id: int) -> ExportedRun:
@@ -44,7 +46,9 @@ class ExportedRun:
             if row["error"] is None and row["verdict"] != "absent"
         )
         classes = sorted({row["class"] for row in rows if row["class"] is not None})
-        return ExportedRun(folder, photos, objects, {name: first_id + i for i, name in enumerate(classes)})
+        sizes = {row["photo"]: (row["width"], row["height"]) for row in rows if row["error"] is None}
+        class_ids = {name: first_id + i for i, name in enumerate(classes)}
+        return ExportedRun(folder, photos, objects, class_ids, sizes)
 
     def image_numbers(self, patterns: Sequence[str]) -> dict[str, tuple[int, int]]:
         """Scene and image of each photo: from the paths where those of all match and differ, else by place.

@@ -24,7 +24,7 @@ from vig.photo.images import coded_photo
 from vig.photo.masks import read_mask
 from vig.several import explain_found, explain_together
 from vig.several.scene import SceneExplanation
-from vig_app.corrections import CORRECTIONS, REMEDY, Correction, State, overlap, place_of
+from vig_app.corrections import CORRECTIONS, REMEDY, Correction, Found, State, overlap, place_of
 from vig_app.exports import remove_exports
 from vig_app.results import COLUMNS, POSE
 
@@ -169,7 +169,9 @@ class Work:
             scene.save(beside, task.photo.name, settings.export, settings.files, settings.full_size)
             for name, explanation, place in zip(scene.names, scene.objects, places, strict=True):
                 box: Any = explanation.box and tuple(map(float, explanation.box))
-                state = states.get(name, State(box, focal=task.focal, camera=_lens(task, explanation)))
+                found = None if task.objects else Found.of(explanation)
+                given = State(box, focal=task.focal, camera=_lens(task, explanation), found=found)
+                state = states.get(name, given)
                 state.write(beside / name, task.photo, explanation.object_class, name in states, place)
         return [
             row_of(task, explanation) | {"folder": f"{task.folder.name}/{name}", "object": number}

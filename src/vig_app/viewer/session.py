@@ -100,7 +100,7 @@ class Session:
         photo_height, photo_width = self.photo.shape[:2]
         left, top = max(x, 0.0), max(y, 0.0)
         right, bottom = min(x + width, float(photo_width)), min(y + height, float(photo_height))
-        return lambda state: replace(state, box=(left, top, right - left, bottom - top))
+        return lambda state: replace(state, box=(left, top, right - left, bottom - top), found=None)
 
     def place(self, name: str, x: float, y: float) -> Explanation:
         """Where a named point of the class is."""
@@ -144,7 +144,7 @@ class Session:
             UserError: The class's network does not find objects.
         """
         found = on_one_core(partial(find_together, self.photo, [self.explainer], MOST_OBJECTS))
-        return [box_of(window) for _, window in found]
+        return [box_of(window) for _, window, _ in found]
 
     def _check(self, state: State) -> None:
         height, width = self.photo.shape[:2]
@@ -166,4 +166,4 @@ def marked(label: PixelLabel, x: float, y: float, radius: float, path: Places = 
 
 def cleared(state: State) -> State:
     """The change that `Session.clear` makes."""
-    return State(box=state.box, focal=state.focal, camera=state.camera)
+    return State(box=state.box, focal=state.focal, camera=state.camera, found=state.found)

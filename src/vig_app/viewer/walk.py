@@ -55,7 +55,7 @@ class Item:
         photo, object_class, state = self.photo if self.photo is not None else State.read(self.folder)
         photo = photo.resolve()  # without the way round by the folder
         photo = photo.relative_to(Path.cwd()) if photo.is_relative_to(Path.cwd()) else photo
-        return photo, object_class, state if self.box is None else replace(state, box=self.box)
+        return photo, object_class, state if self.box is None else replace(state, box=self.box, found=None)
 
     def others(self) -> np.ndarray | None:
         """Pixels (H, W) bool in which a run of several objects in a photo saw the others."""

@@ -25,10 +25,11 @@ from vig_renderer.device import (
     opaque,
     vector_types,
 )
+from vig_renderer.once import make_once
 from vig_renderer.primitives.visibility import beyond_near
 
 
-@functools.cache
+@make_once
 def _kernels(dtype: torch.dtype) -> Any:
     return instantiate(
         [TEMPLATES / "crossings.py"], kernel_module("crossings", dtype), dtype=dtype, **vector_types(dtype)

@@ -1,6 +1,5 @@
 """Texture look-up: bilinear in two levels of a mip pyramid, linear between them (trilinear)."""
 
-import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -18,6 +17,7 @@ from vig_renderer.device import (
     opaque,
     vector_types,
 )
+from vig_renderer.once import make_once
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,11 @@ def pyramid(texture: torch.Tensor) -> Pyramid:
 
     Differentiable in the texture. Make it once for a texture that stays the same.
     """
+    if not isinstance(texture, torch.Tensor) or texture.dtype not in (torch.float32, torch.float64):
+        raise ValueError(
+            "a texture must be a float32 or float64 tensor of linear values; got"
+            f" {getattr(texture, 'dtype', type(texture).__name__)}. Of 8-bit sRGB, decode texture / 255."
+        )
     if texture.ndim != 3 or min(texture.shape) < 1:
         raise ValueError(f"a texture must be (H, W, C) with at least one texel; got {tuple(texture.shape)}")
     level = texture.permute(2, 0, 1)[None]
@@ -89,7 +94,7 @@ def stack_pyramids(pyramids: list[Pyramid]) -> Pyramid:
     )
 
 
-@functools.cache
+@make_once
 def _kernels(dtype: torch.dtype) -> Any:
     return instantiate([TEMPLATES / "texture.py"], kernel_module("texture", dtype), **vector_types(dtype))
 

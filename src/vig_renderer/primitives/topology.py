@@ -72,8 +72,7 @@ class Topology:
         for the edges, so that no silhouette is seen between them. An edge of three or more faces counts as
         a border of each. Faces that use a vertex twice have no edges.
         """
-        faces = np.array(faces, np.int32, order="C").reshape(-1, 3)
-        vertices = np.asarray(vertices)
+        faces, vertices = _rows("faces", faces), np.asarray(vertices)
         if vertices.ndim != 2 or vertices.shape[1] != 3:
             raise ValueError(f"vertices must be (V, 3); got {vertices.shape}")
         if len(faces) and (faces.min() < 0 or faces.max() >= len(vertices)):
@@ -82,16 +81,32 @@ class Topology:
             )
         if texture_faces is None:
             texture_faces = faces
-        texture_faces = np.array(texture_faces, np.int32, order="C")
+        texture_faces = _rows("texture_faces", texture_faces)
         if texture_faces.shape != faces.shape:
             raise ValueError(f"texture_faces must be {faces.shape}, like faces; got {texture_faces.shape}")
         edges = _edges(_welded(vertices)[faces] if len(faces) else faces)
         return Topology(
-            torch.from_numpy(faces).to(device),
-            torch.from_numpy(texture_faces).to(device),
+            torch.from_numpy(faces.astype(np.int32, order="C")).to(device),
+            torch.from_numpy(texture_faces.astype(np.int32, order="C")).to(device),
             torch.from_numpy(edges).to(device),
             len(vertices),
         )
+
+
+def _rows(name: str, rows: np.ndarray) -> np.ndarray:
+    """An array (F, 3) int64 of whole numbers; ValueError for anything else."""
+    try:
+        found = np.asarray(rows)
+    except ValueError:  # rows of several lengths
+        found = np.empty((0, 0), object)
+    if found.size == 0 and found.dtype != object:
+        found = np.zeros((0, 3), np.int64)
+    if found.ndim != 2 or found.shape[1] != 3 or found.dtype.kind not in "iu":
+        quads = " Cut quads into two triangles each." if found.ndim == 2 and found.shape[1] == 4 else ""
+        raise ValueError(
+            f"{name} must be triangles, (F, 3) whole numbers; got {found.shape} {found.dtype}.{quads}"
+        )
+    return found.astype(np.int64)
 
 
 def _welded(vertices: np.ndarray) -> np.ndarray:

@@ -20,10 +20,11 @@ from vig_renderer.device import (
     opaque,
     scalar_type,
 )
+from vig_renderer.once import make_once
 from vig_renderer.raster import FACE_MASK, KEYS_MARGIN, NEAR, NOTHING, native_draw_faces
 
 
-@functools.cache
+@make_once
 def _draw_layers(dtype: torch.dtype) -> Any:
     vec3 = wp.types.vector(3, scalar_type(dtype))
     draw_faces = native_draw_faces(dtype)

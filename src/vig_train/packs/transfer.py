@@ -13,7 +13,6 @@ included.
 """
 
 import argparse
-import functools
 import hashlib
 import json
 import math
@@ -34,6 +33,7 @@ from vig.scene import SHAPE_LIMIT, ObjectClass, ShapeModel
 from vig.scene.light import COSINE_LOBE, Y00, Y1, Y2, Y20, sh_basis
 from vig.scene.object_class import TRANSFER_FILE
 from vig_renderer.device import initialise, launch
+from vig_renderer.once import make_once
 from vig_world.mesh import vertex_normals
 
 ALBEDO = 0.5
@@ -70,7 +70,7 @@ def computed(stage: str, inputs: list[str], compute: Compute) -> Mapping[str, np
     return compute()
 
 
-@functools.cache
+@make_once
 def ray_kernels() -> SimpleNamespace:
     """The kernel that casts rays against a mesh, compiled at first use."""
     initialise()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import threading
 from collections.abc import Callable
 from importlib import resources
@@ -11,7 +10,9 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from vig_renderer import device
 from vig_renderer.device import Prepared, initialise
+from vig_renderer.once import make_once
 from vig_renderer.raster import PIXEL_BOX
 from vig_world.raster.records import address, declarations
 
@@ -54,7 +55,7 @@ def _body(name: str) -> str:
     return body.replace("#include <pixel_box>\n", PIXEL_BOX.read_text("utf-8"))
 
 
-@functools.cache
+@make_once
 def kernels() -> dict[str, wp.Kernel]:
     """The kernels by name, compiled at first use: functions of a record's address that run on one thread."""
     initialise()
@@ -116,14 +117,9 @@ class Workspace(threading.local):
         """Run a kernel on a record."""
         key = kernel, record
         if key not in self._launches:
-            command = wp.launch(
-                kernels()[kernel],
-                dim=1,
-                inputs=[address(self._records[record])],
-                device="cpu",
-                record_cmd=True,
+            self._launches[key] = Prepared(
+                device.record(kernels()[kernel], 1, [address(self._records[record])])
             )
-            self._launches[key] = Prepared(command)
         self._launches[key]()
 
 

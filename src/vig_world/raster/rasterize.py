@@ -1,6 +1,5 @@
 """Rasterisation of one mesh in numpy: the face seen at each pixel's centre, where on it, how far away."""
 
-import functools
 from dataclasses import dataclass
 from types import SimpleNamespace
 
@@ -11,10 +10,11 @@ import warp as wp
 from vig.io.checks import check_indices
 from vig.scene import Camera
 from vig_renderer.device import initialise, kernel_module, launch
+from vig_renderer.once import make_once
 from vig_renderer.raster import FACE_MASK, KEYS_MARGIN, NEAR, NOTHING, rasterize_kernel
 
 
-@functools.cache
+@make_once
 def _kernels() -> SimpleNamespace:
     """Kernels before and after the core's own, in float32; see `rasterize_kernel` for the screen."""
     initialise()

@@ -48,10 +48,12 @@ def test_coco_tools_read_masks_and_results(explanation: vig.Explanation, run: Pa
     (annotation,) = truth.loadAnns(truth.getAnnIds(imgIds=[139]))
     np.testing.assert_array_equal(truth.annToMask(annotation).astype(bool), explanation.amodal)
     (written,) = export_run(run, ["coco"], tmp_path / "run")
-    loaded = truth.loadRes(str(written))
-    (result,) = loaded.loadAnns(loaded.getAnnIds())
-    assert result["image_id"] == 139
-    np.testing.assert_array_equal(loaded.annToMask(result).astype(bool), explanation.mask)
+    of_run = coco.COCO(str(written))
+    (result,) = of_run.loadAnns(of_run.getAnnIds(imgIds=[139]))
+    np.testing.assert_array_equal(of_run.annToMask(result).astype(bool), explanation.amodal)
+    seen = result | {"segmentation": result["visible_segmentation"]}
+    np.testing.assert_array_equal(of_run.annToMask(seen).astype(bool), explanation.mask)
+    assert len(truth.loadRes(of_run.dataset["annotations"]).getAnnIds()) == 1
 
 
 def test_opencv_projects_the_object_onto_the_photo_and_solves_for_its_pose(run: Path) -> None:

@@ -22,7 +22,7 @@ import vig
 from vig.inference import PixelLabel
 from vig.io.errors import UserError
 from vig_app.cli.main import main
-from vig_app.corrections import Mark, State
+from vig_app.corrections import Found, Mark, State
 from vig_app.examples import example_photos
 from vig_app.results import write_table
 from vig_app.viewer import Session
@@ -361,3 +361,20 @@ def test_what_vig_view_refuses(
     with pytest.raises(SystemExit) as ended:
         main(["view", *arguments])
     assert ended.value.code == 2 and message in capsys.readouterr().err
+
+
+def test_a_box_that_vig_found_is_no_users(explainer: vig.Explainer, tmp_path: Path) -> None:
+    """A fit within it is no more certain than the run that found it, until a user says where it is."""
+    photo = example_photos()[0].photo
+    box = Session(explainer, photo).explanation.box
+    found = State(box, found=Found(0.7, 0.01))
+    found.write(tmp_path / "1-teapot", photo, explainer.object_class)
+    _, _, state = State.read(tmp_path / "1-teapot")
+    assert state == found
+    ghost = Session(explainer, photo, state)
+    explained = ghost.explanation
+    assert explained.confidence == pytest.approx(0.01) and explained.present == 0.7
+    assert explained.verdict is vig.Verdict.AMBIGUOUS and "may be no teapot" in explained.reason
+    assert ghost.choose(explained.azimuth_deg).confidence < 0.02
+    assert ghost.draw_box(*box).verdict is vig.Verdict.TRUSTED
+    assert ghost.state.found is None

@@ -21,17 +21,7 @@ def write(folder: Path, explanation: Explanation, photo: str) -> None:
     height, width = explanation.mask.shape
     digits = re.search(r"([0-9]{1,18})\.\w+$", photo)
     image = (int(digits[1]) if digits else 0) or 1
-    annotation = {
-        "id": 1,
-        "image_id": image,
-        "category_id": OBJECT_ID,
-        "iscrowd": 0,
-        "bbox": bop_box(explanation.amodal),
-        "area": int(explanation.amodal.sum()),
-        "segmentation": run_lengths(explanation.amodal),
-        "visible_segmentation": run_lengths(explanation.mask),
-        "score": score(explanation),
-    }
+    annotation = annotation_of(1, image, OBJECT_ID, explanation.amodal, explanation.mask, score(explanation))
     described = {
         "info": {"description": f"vig {__version__}"},
         "images": [{"id": image, "file_name": photo, "width": width, "height": height}],
@@ -39,6 +29,23 @@ def write(folder: Path, explanation: Explanation, photo: str) -> None:
         "annotations": [annotation],
     }
     write_json(folder, described, FILES[0])
+
+
+def annotation_of(
+    number: int, image: int, category: int, amodal: np.ndarray, visible: np.ndarray, score: float | None
+) -> dict[str, Any]:
+    """An object: its whole mask (H, W) bool, and what is seen of it."""
+    return {
+        "id": number,
+        "image_id": image,
+        "category_id": category,
+        "iscrowd": 0,
+        "bbox": bop_box(amodal),
+        "area": int(amodal.sum()),
+        "segmentation": run_lengths(amodal),
+        "visible_segmentation": run_lengths(visible),
+        "score": score,
+    }
 
 
 def run_lengths(mask: np.ndarray) -> dict[str, Any]:

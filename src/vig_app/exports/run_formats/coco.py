@@ -1,8 +1,8 @@
-"""coco.json: the visible masks of a run as a COCO result file, which `COCO.loadRes` reads.
+"""coco.json: a run as one COCO file of images, categories and annotations.
 
-A list of `{image_id, category_id, segmentation, bbox, score, file_name}`: run lengths of the pixels in which
-the object is seen, and the box round them; photos in which nothing of it is seen are left out. Images are
-numbered by files' names that are numbers, as COCO's are; else by their place.
+An annotation is that of a photo's own coco.json: the whole mask as `segmentation`, what is seen of it as
+`visible_segmentation`. Images are numbered by files' names that are numbers, as COCO's are; else by their
+place. Photos that could not be read are left out.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from pathlib import Path, PurePath
 
 import numpy as np
 
+from vig import __version__
 from vig.io.checks import reading
 from vig.io.files import atomic_write
 from vig.photo.decoding import opened
-from vig_app.exports.formats.bop import bop_box
-from vig_app.exports.formats.coco import run_lengths
+from vig_app.exports.formats.coco import annotation_of
 from vig_app.exports.run import FILE_NUMBERS, ExportedRun
 
 FILE = "coco.json"
@@ -24,22 +24,27 @@ FILE = "coco.json"
 
 def write(path: Path, run: ExportedRun) -> None:
     """A line for each object, as there may be many."""
-    images = run.image_numbers(FILE_NUMBERS)
+    numbers = run.image_numbers(FILE_NUMBERS)
+    names = [PurePath(photo).name for photo in run.sizes]
+    names = names if len(set(names)) == len(names) else [PurePath(photo).as_posix() for photo in run.sizes]
+    head = {
+        "info": {"description": f"vig {__version__}"},
+        "images": [
+            {"id": numbers[photo][1], "file_name": name, "width": width, "height": height}
+            for name, (photo, (width, height)) in zip(names, run.sizes.items(), strict=True)
+        ],
+        "categories": [{"id": number, "name": name} for name, number in run.class_ids.items()],
+    }
     with atomic_write(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
-        separator = "["
+        print(json.dumps(head)[:-1], end=', "annotations": [', file=file)
+        count = 0
         for row in run.objects:
             picture = run.folder / row["folder"] / "mask.png"
             with reading(picture, "a mask of `vig fit`", "Fit the photo again."), opened(picture) as mask:
-                visible = np.asarray(mask) == 255
-            if visible.any():
-                result = {
-                    "image_id": images[row["photo"]][1],
-                    "category_id": run.class_ids[row["class"]],
-                    "segmentation": run_lengths(visible),
-                    "bbox": bop_box(visible),
-                    "score": row["score"],
-                    "file_name": PurePath(row["photo"]).name,
-                }
-                print(separator, json.dumps(result), end="", file=file)
-                separator = ",\n"
-        print("]" if separator != "[" else "[]", file=file)
+                levels = np.asarray(mask)
+            if levels.any():
+                count += 1
+                image, category = numbers[row["photo"]][1], run.class_ids[row["class"]]
+                annotation = annotation_of(count, image, category, levels > 0, levels == 255, row["score"])
+                print("," * (count > 1), json.dumps(annotation), sep="\n", end="", file=file)
+        print("]}", file=file)
