@@ -195,10 +195,6 @@ def test_classes_from_memory_do_not_go_to_processes(explainer: vig.Explainer) ->
         (("/dev/null",), "expected a class, .*; got '/dev/null'. Check"),
         ((7,), "expected a class's name or folder; got a int. Pass"),
         (("teapot", "quick"), "expected ExplainSettings; got a str. Pass"),
-        (
-            ("teapot", vig.Explainer.__init__.__defaults__[1], "cuda"),
-            "expected device 'cpu'.*; got 'cuda'. Leave",
-        ),
     ],
 )
 def test_explainers(arguments: tuple, why: str) -> None:

@@ -5,7 +5,6 @@ from pathlib import Path
 import torch
 import warp as wp
 
-import vig
 from vig_renderer.device import launch, native_code
 
 
@@ -46,13 +45,3 @@ def test_constants_stand_before_the_code_with_their_types(tmp_path: Path) -> Non
         "return x;",
     ]
     assert native_code(tmp_path, "b.cc", real=wp.float32).startswith("typedef float real;")
-
-
-def test_no_native_code_stands_in_python_files_of_the_likelihood() -> None:
-    """It is read as it is, in .cc files that the package ships."""
-    folder = Path(vig.__file__).parent / "likelihood" / "kernels" / "templates"
-    assert {file.name for file in folder.glob("*.cc")} == {
-        *("explain_lines.cc", "ring.cc", "shadow.cc", "use_seen.cc")
-    }
-    for file in folder.glob("*.py"):
-        assert "typedef" not in file.read_text() and "{{" not in file.read_text(), file.name

@@ -40,14 +40,10 @@ def test_kernels_that_fail_are_a_line_and_an_exit_code(
     assert "NOT OK: failed: RuntimeError: no kernel for this machine" in capsys.readouterr().out
 
 
-def test_a_broken_driver_and_a_missing_package_are_lines(monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken() -> list[str]:
-        raise OSError("driver too old")
-
-    monkeypatch.setattr(module, "_torch_devices", broken)
+def test_a_missing_package_is_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("vig.io.machine.PACKAGES", ("torch", "no-such-package"))
     report = doctor()
-    assert report["cuda"]["torch"] == ["failed: OSError: driver too old"]
+    assert report["instruction_set"] in ("avx512", "avx2", "plain")
     assert report["packages"]["no-such-package"] is None
     assert "not installed" in report_lines(report)
 

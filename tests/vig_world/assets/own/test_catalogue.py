@@ -281,6 +281,7 @@ def test_furniture_has_its_family_and_size(tmp_path: Path) -> None:
         ({}, {"a/car/car.obj": b"v 0 0 0\nv 1 0 0\nf 1 2 3\n"}, "expected a readable OBJ file"),
         ({}, {"a/car/car.obj": b"v 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"}, "expected a readable OBJ file"),
         ({}, {"a/car/car.obj": b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"}, "not all finite"),
+        ({}, {"a/car/car.obj": b"v 0 0 0\nf 1 2 99999999999999999999 4\n"}, "expected a readable OBJ file"),
     ],
 )
 def test_a_model_that_cannot_be_used_is_named_and_left_out(

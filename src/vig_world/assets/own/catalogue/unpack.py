@@ -127,7 +127,7 @@ class _Unpacker:
             fitted = fitted_obj(data, rotation, size)
         except UserError as error:
             raise UserError(str(error).removeprefix(f"{out}: ")) from error
-        except (ValueError, IndexError, MemoryError) as error:
+        except (ValueError, IndexError, OverflowError, MemoryError) as error:
             raise UserError(
                 f"expected a readable OBJ file; got a damaged one ({str(error)[:150]})."
             ) from error
