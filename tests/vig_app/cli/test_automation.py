@@ -66,7 +66,7 @@ def test_only_verbs_print_to_standard_output() -> None:
                 named = {keyword.arg for keyword in node.keywords}
                 if id(node) not in of_scripts and "file" not in named:
                     printing.add(path.relative_to(source).as_posix())
-    # What verbs alone import; the default of `say`, in place of which the verbs give their own; and a program.
+    # What verbs alone import; the default of `say`, in place of which verbs give their own; a program.
     expected = {"vig/io/printing.py", "vig_train/class_training/steps.py", "vig_native/processor.py"}
     assert printing == expected
 
