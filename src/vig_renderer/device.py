@@ -88,24 +88,6 @@ def launch(kernel: wp.Kernel, count: int | tuple[int, ...], *arguments: Any) -> 
     kept[key] = prepared
 
 
-def recorded(
-    launches: dict[Any, Prepared], kernel: wp.Kernel, count: int | tuple[int, ...], *arguments: Any
-) -> Prepared:
-    """A launch on the processor with these arguments, see `launch`, not yet run.
-
-    launches: of its owner, where it is kept: the next of the same kind is that one with other tensors.
-    """
-    key = kernel, count, *map(_kind, arguments)
-    if (prepared := launches.get(key)) is not None:
-        prepared.take(arguments)
-        return prepared
-    if len(launches) >= KEPT_LAUNCHES:
-        launches.clear()
-    inputs = _described(kernel, arguments)
-    launches[key] = Prepared(record(kernel, count, inputs))
-    return launches[key]
-
-
 def record(
     kernel: wp.Kernel,
     count: int | tuple[int, ...],
@@ -308,31 +290,21 @@ def warp_array(tensor: torch.Tensor, dtype: type) -> wp.array[Any]:
 
 
 class Prepared:
-    """A recorded launch as a call of little overhead, whose arrays can be exchanged.
+    """A recorded launch as a call of little overhead, whose tensors can be exchanged.
 
     The launch is kept; what its arguments point to, the caller keeps.
     """
 
     def __init__(self, command: wp.Launch):
-        self._command = command
         device = str(command.device)
         self._launch: Callable[[], object] = lambda: command.launch(current_stream(device))
         self.packed: Any = None
-        self.addresses: tuple[int, int, int] | None = None
         if (packed := packed_launch(command)) is not None:
-            self._launch, self.packed, self.addresses = packed
+            self._launch, self.packed = packed
 
     def __call__(self) -> object:
         """Launch."""
         return self._launch()
-
-    def exchange(self, index: int, argument: Any) -> None:
-        """From now on argument `index` is another array, struct or number of the same type."""
-        if self.packed is None:
-            self._command.set_param_at_index(index, argument)
-        else:
-            value = argument.__ctype__() if hasattr(argument, "__ctype__") else argument
-            setattr(self.packed, f"argument_{index}", value)
 
     def repeat(self, arguments: Sequence[Any]) -> None:
         """Launch with other tensors of the same kinds in the place of those that it was recorded with."""

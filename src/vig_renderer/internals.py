@@ -11,29 +11,8 @@ import torch
 from torch.autograd import forward_ad
 
 
-def type_parts(kind: Any) -> tuple[Any, tuple[int, ...]]:
-    """Scalar type and shape of a Warp type: (float32, (3,)) of a vector, () of a scalar.
-
-    Raises TypeError for a vector or matrix whose parts this version of Warp does not expose.
-    """
-    scalar, shape = getattr(kind, "_wp_scalar_type_", None), getattr(kind, "_shape_", None)
-    if scalar is not None and shape is not None:
-        return scalar, tuple(shape)
-    if getattr(kind, "_length_", 1) > 1:
-        raise TypeError(f"this version of Warp does not expose the parts of {kind}; install another")
-    return kind, ()
-
-
-def group_fields(group: Any) -> tuple[str, ...]:
-    """Names of the fields of a Warp struct or of an instance of one, in their order."""
-    struct = getattr(group, "_cls", group)
-    fields = getattr(struct, "vars", None)
-    return tuple(fields if fields is not None else struct.cls.__annotations__)
-
-
-def packed_launch(command: Any) -> tuple[Callable[[], object], Any, tuple[int, int, int]] | None:
-    """A recorded CPU launch as a call, the C structure of its arguments `argument_0`, `argument_1`, ..., and
-    the addresses of its function, of its bounds and of that structure.
+def packed_launch(command: Any) -> tuple[Callable[[], object], Any] | None:
+    """A recorded CPU launch as a call, and the C structure of its arguments `argument_0`, `argument_1`, ...
 
     Warp packs a launch's arguments anew each time, which takes longer than many a kernel runs; here they are
     packed once. None on a GPU and where Warp has no such parts: `command.launch` does the same.
@@ -46,11 +25,7 @@ def packed_launch(command: Any) -> tuple[Callable[[], object], Any, tuple[int, i
     fields = [(f"argument_{i}", type(argument)) for i, argument in enumerate(arguments)]
     packed = type("Arguments", (ctypes.Structure,), {"_fields_": fields})(*arguments)
     structures = ctypes.byref(bounds), ctypes.byref(packed)
-    function = ctypes.cast(forward, ctypes.c_void_p).value
-    if function is None:
-        return None
-    addresses = function, ctypes.addressof(bounds), ctypes.addressof(packed)
-    return lambda: forward(*structures), packed, addresses
+    return lambda: forward(*structures), packed
 
 
 def transforms(*cotangents: torch.Tensor | None) -> bool:
