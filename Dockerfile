@@ -17,7 +17,8 @@ RUN python -m venv /opt/vig \
     && /opt/vig/bin/pip install --no-cache-dir --constraint constraints.txt --index-url "$TORCH_INDEX" torch
 COPY pyproject.toml README.md LICENSE ./
 COPY src src
-RUN /opt/vig/bin/pip install --no-cache-dir --constraint constraints.txt '.[heic]' \
+# The native library for any processor, as the image may run on another than it is built on.
+RUN VIG_ISAS="plain;avx2;avx512" /opt/vig/bin/pip install --no-cache-dir --constraint constraints.txt '.[heic]' \
     && rm -rf /opt/vig/lib/python*/site-packages/torch/include /opt/vig/lib/python*/site-packages/torch/test
 
 FROM ${PYTHON}

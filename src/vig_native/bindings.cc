@@ -7,6 +7,7 @@
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
+#include <climits>
 #include <initializer_list>
 #include <mutex>
 #include <stdexcept>
@@ -66,6 +67,25 @@ template <class T> Output<T> make(std::initializer_list<size_t> shape, T*& data)
     return Output<T>(data, shape, owner);
 }
 
+#define VIG_COUNT(NAME) +1
+constexpr int DENSITY_COUNT = 0 VIG_DENSITIES(VIG_COUNT);
+#undef VIG_COUNT
+
+// Take links (8, H, W) that leave the image, or join pixels that are not both free, and keep sums of the others in range.
+void close_links(int height, int width, const bool* free, int32_t* links) {
+    constexpr int across[8] = {1, -1, 0, 0, 1, -1, -1, 1}, down[8] = {0, 0, 1, -1, 1, -1, 1, -1};
+    for (int way = 0; way < 8; ++way)
+        for (int y = 0; y < height; ++y)
+            for (int x = 0; x < width; ++x) {
+                const int to_x = x + across[way], to_y = y + down[way];
+                const bool within = to_x >= 0 && to_x < width && to_y >= 0 && to_y < height;
+                int32_t& link = links[((size_t)way * height + y) * width + x];
+                if (!within || !free[(size_t)y * width + x] || !free[(size_t)to_y * width + to_x])
+                    link = 0;
+                link = std::clamp(link, 0, 1 << 29);
+            }
+}
+
 // Workspaces that are lent out and kept for the next.
 template <class R> class WorkspacePool {
   public:
@@ -104,8 +124,8 @@ PointLayout layout_of(const std::vector<int>& numbers) {
         throw std::invalid_argument("layout must be 8 numbers; got " + std::to_string(numbers.size()));
     const PointLayout layout{numbers[0], numbers[1], numbers[2], numbers[3],
                              numbers[4], numbers[5], numbers[6], numbers[7]};
-    const auto fits = [&](int from, int count) { return from >= 0 && from + count <= layout.size; };
-    if (layout.modes < 1 || !fits(layout.shape, layout.modes) || !fits(layout.azimuth, 1) || !fits(layout.elevation, 1)
+    const auto fits = [&](int from, int count) { return from >= 0 && from <= layout.size - count; };
+    if (layout.modes < 1 || layout.size > 4096 || layout.modes > layout.size || !fits(layout.shape, layout.modes) || !fits(layout.azimuth, 1) || !fits(layout.elevation, 1)
         || !fits(layout.albedo, 3) || !fits(layout.light, LOBES) || !fits(layout.framing, 4))
         throw std::invalid_argument("layout has blocks beyond its size");
     return layout;
@@ -141,8 +161,13 @@ Geometry<R> make_geometry(std::vector<int> layout, Input<R> positions, Input<int
     for (int edge = 0; edge < g.edges; ++edge) {
         const int32_t* const row = &g.edge_table[5 * (size_t)edge];
         const bool beyond = row[3] >= 0;
+        const auto is_corner = [&](int vertex) {
+            const int32_t* const corner = &g.corners[3 * (size_t)row[2]];
+            return vertex == corner[0] || vertex == corner[1] || vertex == corner[2];
+        };
         if (std::min(row[0], row[1]) < 0 || std::max(row[0], row[1]) >= g.vertices || row[2] < 0 || row[2] >= g.faces
-            || row[3] >= g.faces || (beyond && (row[4] < 0 || row[4] >= g.vertices)))
+            || row[3] >= g.faces || (beyond && (row[4] < 0 || row[4] >= g.vertices))
+            || !is_corner(row[0]) || !is_corner(row[1]))
             throw std::invalid_argument("edges has numbers out of range in row " + std::to_string(edge));
     }
     const auto by_mode = [&](const R* of, size_t rows, size_t columns, std::vector<R>& to) {
@@ -167,10 +192,12 @@ Photos<R> make_photos(std::tuple<double, double, double, double, double, int, in
     Photos<R> p;
     const auto [focal, cx, cy, target_height, distance, width, height] = camera;
     p.camera = {focal, cx, cy, target_height, distance, width, height};
-    if (width < 1 || height < 1 || stride < 1)
-        throw std::invalid_argument("width, height and stride must be 1 or more");
-    check_shape("observed", observed, {-1, height * width, 3});
-    check_shape("log_prior", log_prior, {(int64_t)observed.shape(0), height * width, 3});
+    if (width < 1 || height < 1 || stride < 1 || (int64_t)height * width > INT_MAX / 4)
+        throw std::invalid_argument("width, height and stride must be 1 or more, and fit into memory");
+    if (density < 0 || density >= DENSITY_COUNT)
+        throw std::invalid_argument("density must be a place in DENSITIES; got " + std::to_string(density));
+    check_shape("observed", observed, {-1, (int64_t)height * width, 3});
+    check_shape("log_prior", log_prior, {(int64_t)observed.shape(0), (int64_t)height * width, 3});
     p.count = (int)observed.shape(0);
     p.stride = stride;
     p.exact = exact;
@@ -233,6 +260,8 @@ template <class R>
 nb::dict stages(const Geometry<R>& geometry, const Photos<R>& photos, Input<R> point, double sigma) {
     const size_t vertices = geometry.vertices, width = geometry.width;
     check_shape("point", point, {geometry.layout.size});
+    if (!photos.count)
+        throw std::invalid_argument("there must be a photo; got none");
     Workspace<R> work;
     std::vector<R> gradient(point.size()), normal(point.size() * point.size());
     evaluate(geometry, photos, work, point.data(), 0, sigma, 2, true, gradient.data(), normal.data());
@@ -263,7 +292,7 @@ Prior<R> make_prior(Input<R> mean, Input<R> precision, Input<R> heading_mean, In
     check_shape("heading_mean", heading_mean, {heading_mean.size() ? LOBES : 0});
     check_shape("heading_precision", heading_precision, {(int64_t)heading_mean.size()});
     check_shape("azimuths", azimuths, {-1});
-    if (azimuth < 0 || azimuth >= size || light < 0 || light + LOBES > size)
+    if (azimuth < 0 || azimuth >= size || light < 0 || light > size - LOBES)
         throw std::invalid_argument("azimuth and light must be places in a point");
     p.size = (int)size;
     p.mean = copy(mean);
@@ -284,6 +313,8 @@ template <class R, class F>
 nb::tuple search_all(Input<R> starts, Input<R> lower, Input<R> upper, const SearchSettings& settings, int threads,
                      F&& function_of) {
     check_shape("starts", starts, {-1, -1});
+    if (settings.iterations < 0 || settings.iterations > 1000000)
+        throw std::invalid_argument("iterations must be 0 to 1,000,000; got " + std::to_string(settings.iterations));
     const size_t count = starts.shape(0), n = starts.shape(1), steps = settings.iterations + 1;
     check_shape("lower", lower, {(int64_t)n});
     check_shape("upper", upper, {(int64_t)n});
@@ -385,8 +416,8 @@ template <class R> void bind(nb::module_& m, const char* geometry, const char* p
         "add_to", [](const Prior<R>& self, Input<R> points, nb::ndarray<double, nb::c_contig, nb::device::cpu> value,
                      std::optional<nb::ndarray<R, nb::c_contig, nb::device::cpu>> gradient,
                      std::optional<nb::ndarray<R, nb::c_contig, nb::device::cpu>> normal) {
+            check_shape("points", points, {-1, self.size});
             const int64_t count = points.shape(0), n = self.size;
-            check_shape("points", points, {count, n});
             check_shape("value", value, {count});
             if (gradient)
                 check_shape("gradient", *gradient, {count, n});
@@ -396,7 +427,7 @@ template <class R> void bind(nb::module_& m, const char* geometry, const char* p
                 value.data()[b] += self.add_to(points.data() + b * n, gradient ? gradient->data() + b * n : nullptr,
                                                normal ? normal->data() + b * n * n : nullptr);
         },
-        "points"_a, "value"_a, "gradient"_a.none(), "normal"_a.none());
+        "points"_a, "value"_a.noconvert(), "gradient"_a.noconvert().none(), "normal"_a.noconvert().none());
     m.def("geometry", &make_geometry<R>, "layout"_a, "positions"_a, "faces"_a, "edges"_a, "ring_start"_a, "ring"_a,
           "reflectance"_a, "transfer"_a.none());
     m.def("photos", &make_photos<R>, "camera"_a, "observed"_a, "log_prior"_a, "stride"_a, "exact"_a, "density"_a,
@@ -431,10 +462,12 @@ NB_MODULE(VIG_MODULE, m) {
         auto out = make<bool>({count, height, width}, visible);
         const nb::gil_scoped_release released;
         for (size_t n = 0; n < count; ++n)
+            close_links((int)height, (int)width, free.data() + n * size, links.data() + n * 8 * size);
+        for (size_t n = 0; n < count; ++n)
             minimum_cut((int)height, (int)width, (const uint8_t*)free.data() + n * size, alone.data() + n * size,
                         links.data() + n * 8 * size, (uint8_t*)visible + n * size);
         return out;
-    });
+    }, "free"_a, "alone"_a, "links"_a.noconvert());
     m.def("colour_density", [](Input<double> photo, Input<double> shares) {
         check_shape("shares", shares, {-1, -1, -1});
         const size_t count = shares.shape(0), height = shares.shape(1), width = shares.shape(2), size = height * width;

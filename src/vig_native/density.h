@@ -9,7 +9,7 @@
 
 namespace vig {
 
-// Call `use` with the density of a number, in the order of `DENSITY_NAMES`.
+// Call `use` with the density of a number, in the order of the module's DENSITIES.
 template <class F> void with_density(int number, F&& use) {
     int next = 0;
 #define VIG_USE(NAME)          \

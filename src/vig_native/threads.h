@@ -26,9 +26,16 @@ template <class F> void run_threads(int threads, F&& run) {
         }
     };
     std::vector<std::thread> others;
-    for (int thread = 1; thread < threads; ++thread)
-        others.emplace_back(guarded, thread);
+    int started = 1;
+    try {
+        others.reserve(threads - 1);
+        for (; started < threads; ++started)
+            others.emplace_back(guarded, started);
+    } catch (const std::exception&) {  // a limit of memory or threads: the caller does the work of the missing ones
+    }
     guarded(0);
+    for (; started < threads; ++started)
+        guarded(started);
     for (std::thread& other : others)
         other.join();
     if (error)

@@ -140,3 +140,46 @@ def test_a_set_that_is_not_installed_is_named() -> None:
     assert last.startswith(
         "ImportError: expected vig's native library for avx1024; this installation has none."
     )
+
+
+def test_work_that_gets_no_thread_is_done_by_the_caller(teapot: ObjectClass) -> None:
+    """More threads than points are not started; where none can be, the caller does it all."""
+    given = arguments(teapot)
+    for one, two in zip(
+        results(vig_native.engine, given), results(vig_native.engine, given, 64), strict=True
+    ):
+        np.testing.assert_array_equal(one, two)
+
+
+@pytest.mark.parametrize("iterations", [-1, 2**31 - 1])
+def test_a_search_takes_a_number_of_steps(iterations: int) -> None:
+    bound = np.ones(1)
+    with pytest.raises(ValueError, match="iterations must be 0 to 1,000,000"):
+        vig_native.engine.search_function(
+            lambda point, derivatives: (0.0, None, None),
+            bound[None],
+            -bound,
+            bound,
+            iterations,
+            0.1,
+            0.1,
+            1.0,
+        )
+
+
+def test_links_that_leave_the_image_are_no_links() -> None:
+    """All pixels speak for hidden, whatever a link beyond the border would carry."""
+    free, alone = np.ones((1, 4, 5), bool), np.full((1, 4, 5), -3, np.int32)
+    links = np.full((1, 8, 4, 5), 2**31 - 1, np.int32)
+    assert not vig_native.engine.minimum_cut(free, alone, links).any()
+
+
+def test_results_are_written_into_what_was_given_or_refused(teapot: ObjectClass) -> None:
+    size, none = 12, np.zeros(0, np.float32)
+    mean, precision = np.zeros(size, np.float32), np.eye(size, dtype=np.float32)
+    prior = vig_native.engine.prior(mean, precision, none, none, none, 0.0, 1.0, 0, 1)
+    value = np.zeros(1)
+    prior.add_to(np.ones((1, size), np.float32), value, None, None)
+    assert value[0] == -size / 2
+    with pytest.raises(TypeError):
+        prior.add_to(np.ones((1, size), np.float32), np.zeros(1, np.float32), None, None)

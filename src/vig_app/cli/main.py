@@ -7,6 +7,7 @@ import io
 import json
 import os
 import re
+import signal
 import sys
 import traceback
 from contextlib import redirect_stderr
@@ -77,7 +78,8 @@ def main(arguments: list[str] | None = None) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(ExitCode.INCOMPLETE)
     except KeyboardInterrupt as stop:  # by Ctrl-C, or the signal that it names
-        code = ExitCode(128 + stop.args[0]) if stop.args else ExitCode.INTERRUPTED
+        by_sigterm = stop.args[:1] == (signal.SIGTERM,)
+        code = ExitCode.TERMINATED if by_sigterm else ExitCode.INTERRUPTED
         line = "interrupted; what is finished stays"
     except Exception as error:
         traceback.print_exc()

@@ -55,8 +55,6 @@ def read_gltf(data: bytes, siblings: Siblings, leave_out_copies: bool = True) ->
 
     This is the default scene, each node of several levels of detail at the finest.
 
-    It holds what a viewer shows, the default scene, each node of several levels of detail at the finest.
-
     Args:
         data: Of the file.
         siblings: Reads the other files that it names.
