@@ -270,7 +270,7 @@ def write_with_cover(path: Path, flagged: bool, count: int = COUNT, times: Seque
         film.width, film.height, film.pix_fmt = 64, 48, "yuv420p"
         cover.codec_context.time_base = film.codec_context.time_base = Fraction(1, 1000)
         if flagged:
-            cover.disposition = av.stream.Disposition.attached_pic
+            cover.disposition = av.stream.Disposition.attached_pic.value
         for stream, number in ((cover, 1), (film, count)):
             for at in times[:number] if times else range(0, 40 * number, 40):
                 frame = av.VideoFrame(stream.width, stream.height, stream.pix_fmt)
@@ -290,7 +290,7 @@ def test_a_cover_alone_is_refused(tmp_path: Path) -> None:
     with av.open(str(tmp_path / "song.m4a"), "w", format="mp4") as file:
         sound, cover = file.add_stream("aac", rate=8000), file.add_stream("mjpeg")
         cover.width, cover.height, cover.pix_fmt = 32, 16, "yuvj420p"
-        cover.disposition = av.stream.Disposition.attached_pic
+        cover.disposition = av.stream.Disposition.attached_pic.value
         file.mux(cover.encode(av.VideoFrame(32, 16, "yuvj420p")))
         noise = av.AudioFrame.from_ndarray(np.zeros((1, 1024), np.float32), format="fltp", layout="mono")
         noise.sample_rate = 8000
