@@ -32,7 +32,10 @@ docs: $(DOCS)
 	$(BIN)/python tools/check_site.py build/site
 
 # Torch comes first and pinned, so that no later package can pull another build of it.
-$(INSTALLED): pyproject.toml constraints.txt
+NATIVE := $(filter-out %/density_list.h,$(wildcard src/vig_native/*.cc src/vig_native/*.h src/vig_native/densities/*.h)) \
+	src/vig_native/cmake/CMakeLists.txt
+
+$(INSTALLED): pyproject.toml constraints.txt $(NATIVE)
 	@echo "making the environment in $(VENV): a minute or two, some 2.6 GB"
 	$(PYTHON) -m venv $(VENV)
 	{ test -n "$(TORCH_INDEX)" && $(PIP) install --quiet --index-url "$(TORCH_INDEX)" --retries 0 --timeout 5 \

@@ -151,7 +151,7 @@ class Explanation(msgspec.Struct):
 
 
 def read_explanation(folder: Path, remedy: str = "Explain the photo anew with `vig fit`.") -> dict[str, Any]:
-    """What explanation.json of a folder of results holds; UserError, with a remedy, unless it is one."""
+    """Read explanation.json of a folder of results; UserError, with a remedy, unless it is one."""
     path = folder / "explanation.json"
     with reading(path, "an explanation of `vig fit`", remedy):
         described: dict[str, Any] = read_json(path)

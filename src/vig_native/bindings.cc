@@ -255,7 +255,7 @@ nb::tuple evaluate_points(const Geometry<R>& geometry, const Photos<R>& photos, 
     return nb::make_tuple(values, gradients, normals, posteriors, coverages, irradiances);
 }
 
-// What the stages of one evaluation of a point (P',) leave in the workspace, for tests beside their references.
+// Results of the stages of one evaluation of a point (P',), for tests beside their references.
 template <class R>
 nb::dict stages(const Geometry<R>& geometry, const Photos<R>& photos, Input<R> point, double sigma) {
     const size_t vertices = geometry.vertices, width = geometry.width;

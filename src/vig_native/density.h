@@ -28,7 +28,7 @@ template <class R> struct Noise {
         : half_precision(R(0.5 / (sigma * sigma))), log_normaliser(R(-3 * std::log(sigma) - log_unit)) {}
 };
 
-// Of a covered pixel: log-likelihood, posterior of being visible.
+// Log-likelihood of a covered pixel, and its posterior of being visible.
 template <class R> struct Explained {
     R log_likelihood, visible;
 };

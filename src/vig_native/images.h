@@ -4,7 +4,7 @@
 
 namespace vig {
 
-// Which free pixels (H, W) are visible in the cut of least capacity that has fewest of them, by preflows (Goldberg and
+// Find the free pixels (H, W) that are visible in the cut of least capacity that has fewest of them, by preflows (Goldberg and
 // Tarjan 1988). alone (H, W): the capacity lost where a pixel is hidden, less that where it is visible. links
 // (8, H, W), used up: that lost where of a pixel and its neighbour one is visible, for the steps (0, 1), (1, 0), (1, 1),
 // (1, -1), each before its opposite; 0 unless both are free.

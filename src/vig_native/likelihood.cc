@@ -73,7 +73,7 @@ template <class R> void place_in_world(const Geometry<R>& geometry, const R* coe
     }
 }
 
-// And back: a cotangent on a place is one on each coefficient by its component.
+// The way back: a cotangent on a place is one on each coefficient by its component.
 template <class R> R component_gradient(const Geometry<R>& geometry, int mode, const R* on_world) {
     typedef Lanes<R> Row;
     const int across = 3 * geometry.vertices, whole = across - across % (4 * LANES);

@@ -21,7 +21,7 @@ template <class R> struct Photos {
     int pixels() const { return camera.width * camera.height; }
 };
 
-// What one evaluation works on, kept from one to the next. Sizes as in `Geometry`; H, W of the photos.
+// Memory of one evaluation, kept from one to the next. Sizes as in `Geometry`; H, W of the photos.
 template <class R> struct Workspace {
     std::vector<R> world, screen;                      // (V, 3) metres; (x, y, q)
     std::vector<uint8_t> used;                         // (V,) 2: of a face that is seen, 1: of an occlusion edge alone

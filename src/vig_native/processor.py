@@ -1,4 +1,4 @@
-"""Which instruction sets this processor has; run as a program, the widest."""
+"""Instruction sets of this processor; run as a program, the widest."""
 
 from __future__ import annotations
 

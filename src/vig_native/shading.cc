@@ -26,7 +26,7 @@ template <class R> struct Ring {
         return sum;
     }
 
-    // What a cotangent on the normal is on a row's neighbour.
+    // Pull a cotangent on the normal back to a row's neighbour.
     Vec3<R> arm(const int32_t* row, Vec3<R> tangent) const {
         return cross(load3(places + 3 * (size_t)row[1]) - load3(places + 3 * (size_t)row[2]), tangent);
     }

@@ -40,7 +40,7 @@ template <class R> Surface<R> surface_of(const Task<R>& task, int face) {
     return s;
 }
 
-// What is seen at a pixel: irradiance, and one over the depth.
+// The surface at a pixel: irradiance, and one over the depth.
 template <class R> struct Seen {
     R irradiance, q;
 };

@@ -8,7 +8,7 @@ namespace vig {
 
 constexpr int NO_FACE = -1;
 
-// What is seen of each pixel (H * W): the nearest face, or NO_FACE, and one over its depth there, or 0. LANES more follow
+// The surface at each pixel (H * W): the nearest face, or NO_FACE, and one over its depth there, or 0. LANES more follow
 // the last pixel, as so many are drawn at a time. Of faces at the same depth the first is seen.
 template <class R> struct VisibilityBuffer {
     std::vector<int32_t> face;

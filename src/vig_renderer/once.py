@@ -1,4 +1,4 @@
-"""What threads share and is made at its first use: made once, by one thread at a time."""
+"""Objects that threads share, made at their first use by one thread at a time."""
 
 from __future__ import annotations
 

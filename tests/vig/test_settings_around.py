@@ -1,4 +1,4 @@
-"""What a program sets of torch and numpy, in which the library's answers stay the same."""
+"""Settings of torch and numpy by a program, under which the library's answers stay the same."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ SIZE = 60
 
 
 def arguments(teapot: ObjectClass, real: type = np.float32) -> dict[str, dict[str, Any]]:
-    """Of `geometry`, `photos` and a few points of a teapot, by these names."""
+    """Return arguments of `geometry`, `photos` and a few points of a teapot, by these names."""
     model, rng = teapot.shape_model, np.random.default_rng(0)
     made = Geometry(model)
     layout = made.layout
@@ -142,13 +142,29 @@ def test_a_set_that_is_not_installed_is_named() -> None:
     )
 
 
-def test_work_that_gets_no_thread_is_done_by_the_caller(teapot: ObjectClass) -> None:
-    """More threads than points are not started; where none can be, the caller does it all."""
-    given = arguments(teapot)
-    for one, two in zip(
-        results(vig_native.engine, given), results(vig_native.engine, given, 64), strict=True
-    ):
-        np.testing.assert_array_equal(one, two)
+MANY_THREADS = """
+import resource
+import numpy as np
+from tests.vig_native.test_engine import arguments
+from vig.scene import ObjectClass
+from vig_native import engine
+
+given = arguments(ObjectClass.load("teapot"))
+things = engine.geometry(**given["geometry"]), engine.photos(**given["photos"])
+points = np.repeat(given["points"]["points"], 500, 0)
+whose = points, np.zeros(2000, np.int32), np.full(2000, 0.05)
+expected = engine.evaluate(*things, *whose, 0, False, 1)[0]
+memory = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize() + (200 << 20)
+resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
+assert np.array_equal(engine.evaluate(*things, *whose, 0, False, 2000)[0], expected)
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits memory as Linux does")
+def test_work_that_gets_no_thread_is_done_by_the_caller() -> None:
+    root = Path(__file__).parents[2]
+    run = subprocess.run([sys.executable, "-c", MANY_THREADS], cwd=root, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
 
 
 @pytest.mark.parametrize("iterations", [-1, 2**31 - 1])

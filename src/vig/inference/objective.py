@@ -84,7 +84,7 @@ class Prior:
             layout.at("azimuth"),
             light.start,
         )
-        """What native code takes of all these."""
+        """The same prior for the native library."""
 
     def value(self, points: torch.Tensor) -> torch.Tensor:
         """log p(z) of points (B, P'): (B,) float64."""

@@ -129,7 +129,7 @@ class Likelihood:
             engine.DENSITIES.index(density),
             density_of(density).LOG_UNIT,
         )
-        """What native code takes of all these."""
+        """The same photos for the native library."""
 
     def __call__(
         self,

@@ -15,7 +15,7 @@ class Geometry:
 
     Attributes:
         layout: Blocks of a point: latents, then framing.
-        native: The same for the native library.
+        native: The same geometry for the native library.
         positions: (K + 1, V, 3) mean and components; (1, coefficients) times these are the vertices.
         faces, edges: (F, 3), (E, 5) int32, see `edges_of`.
         rings: (V + 1,), (R, 3) int32, see `rings_of`.

@@ -36,7 +36,7 @@ MOST_OFF_CENTRE = 3.0
 SURELY_NEARER = 0.5
 """Ratio of distances to two middles from which a principal point is that of the nearer."""
 SAME_MIDDLE = 0.1
-"""Of one that is in the middle of a photo whose sides are exchanged: that of another, or turned, photo."""
+"""Ratio of distances below which a principal point is that of a photo with exchanged sides."""
 LEAST_COSINE = 0.2
 """Of the angle between the lens's optical axis and the rays of a window that is looked at through it."""
 DISTORTION = re.compile(

@@ -122,7 +122,7 @@ def mask_files(folder: Path, photos: Iterable[Path]) -> list[Path]:
 
     @cache
     def listings(parent: Path) -> list[tuple[dict[str, Path], bool]]:
-        """Of the folders with masks of the photos in a folder, and whether each is that of the photos."""
+        """Folders with masks of the photos in a folder, and whether each is the photos' own."""
         parts = parent.resolve().parts
         inner = [folder.joinpath(*parts[len(parts) - depth :]) for depth in (2, 1)]
         return [(listing(each), each.resolve().parts == parts) for each in (*inner, folder) if each.is_dir()]

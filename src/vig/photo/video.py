@@ -24,7 +24,7 @@ UNREAD_MATRICES = (8, 10, 12, 13, 14)
 ENDINGS = frozenset(".3gp .avi .flv .m2ts .m4v .mkv .mov .mp4 .mpeg .mpg .mts .ogv .ts .webm .wmv".split())
 """Of files that are taken for videos."""
 PICTURE_CODECS = frozenset("bmp gif jpeg2000 mjpeg png tiff webp".split())
-"""Of covers that are not marked as such, beside a film of another codec."""
+"""Codecs of covers that are not marked as such, beside a film of another codec."""
 FORMAT = 2
 """Of frames: others, of an earlier vig, are written anew."""
 WHOLE = "frames.json"

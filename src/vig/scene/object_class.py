@@ -24,7 +24,7 @@ from vig_renderer.defaults import with_default_settings
 
 TRANSFER_FILE = "transfer.safetensors"
 BUILD_COMMAND = Path("build", "unfinished.txt")
-"""Of a pack that `vig class build` makes: the command, there until the pack is whole."""
+"""File with the command of `vig class build`, in its pack until that is whole."""
 PACKAGED = Path(__file__).parents[1] / "classes"
 FORMAT = 1
 _DAMAGED = "Build or copy it again."

@@ -218,7 +218,7 @@ class Tracker:
         return [Sighting.of(replace(explanation, fit=fit))]
 
     def _fits(self, path: np.ndarray) -> list[Sighting]:
-        """Of each frame in memory whichever of its fits is nearer to the likeliest view in `path` (T,)."""
+        """Select for each frame in memory the fit that is nearer to the likeliest view in `path` (T,)."""
 
         def nearest(fits: tuple[Sighting, ...], at: float) -> Sighting:
             return min(fits, key=lambda fit: abs(azimuth_off(fit.azimuths[0], at, self._fold)))

@@ -47,7 +47,7 @@ SHIFT = 0.003
 TILT_SPEED = math.radians(0.1)
 """Standard deviation of the speed of elevation and roll in the first frame: cameras are held still."""
 PLACES = [2, 3, 4, 6, 7, 8]
-"""Of `Trajectory.numbers`: those that are neither angles nor roll."""
+"""Columns of `Trajectory.numbers` that are neither angles nor roll."""
 PLACE_NOISE = (0.02, 0.3)
 """Deviations of one frame's place and log size when all is seen, and what is added when all is hidden."""
 ANGLE_NOISE = (math.radians(3.0), math.radians(30.0))
@@ -348,7 +348,7 @@ def _frames(
     fold: int,
     matrix: np.ndarray | None,
 ) -> list[TrackedFrame]:
-    """What is said of each frame; matrix: (3, 3) of the camera that took them, where it is known."""
+    """Return a pose for each frame; matrix: K (3, 3) of the camera that took them, where it is known."""
     focal = float(np.median([each.camera.focal for each in again if not each.lost]))
     azimuth, elevation = np.degrees(trajectory.azimuth), np.degrees(trajectory.elevation)
     cx, cy, scale, roll = trajectory.numbers[0, 2:6].tolist()

@@ -15,7 +15,7 @@ from vig_app.cli.naming import by_photo
 CAMERA_KEYS = {*MATRICES, PARAMETERS, *FIELDS[0]}
 """A mapping with one of these is a camera, not cameras by the photos' names."""
 MOST_DIGITS = 19
-"""Of the number of a photo."""
+"""Digits of a photo's number."""
 REMEDY = 'Write {"photo.jpg": [fx, fy, cx, cy]}, one camera for all, or name BOP\'s scene_camera.json.'
 
 

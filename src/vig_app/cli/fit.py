@@ -53,7 +53,7 @@ TAKEN = {"report.html", sheet_name(0), LEDGER, FRAMES, *TABLES, *run_files()}
 """Names within a run's folder that no photo's folder may have."""
 HEIC_SUFFIXES = (".heic", ".heif", ".hif")
 MOST_NAME_BYTES = 200
-"""Of the name of a photo's folder: file systems take 255, with a number and what marks it unfinished."""
+"""Bytes of the name of a photo's folder, at most: file systems take 255, with a number and a suffix."""
 SYSTEM_FILES = {"Thumbs.db", "desktop.ini", "__MACOSX"}
 """What systems put into folders of photos."""
 HINTS = (

@@ -131,7 +131,7 @@ def _parsed(verbs: list[Verb], arguments: list[str]) -> Any:
 
 
 def _settings(verbs: list[Verb], arguments: list[str]) -> Any:
-    """What tyro makes of the arguments, which prints and exits where it cannot."""
+    """Parse the arguments by tyro, which prints and exits where it cannot."""
     app = tyro.extras.SubcommandApp()
     groups: dict[str, tyro.extras.SubcommandApp] = {}
     for verb in verbs:

@@ -39,9 +39,9 @@ LIVE_COLUMNS = (
 """Of track.csv; deviations of the place in metres, of turns in radians."""
 OVERLAY, CURVES = "overlay.mp4", "track.png"
 CODECS = {"libx264": {"tune": "zerolatency"}, "mpeg4": {}}
-"""Of the overlay video, the first that there is, with its options: no frame is kept back."""
+"""Codecs of the overlay video with options that keep no frame back; the first that exists is taken."""
 CONTAINER = {"movflags": "hybrid_fragmented+frag_every_frame", "flush_packets": "1"}
-"""Of the overlay video: what a kill leaves of it plays, too."""
+"""Options of the overlay video's file: what a kill leaves of it plays, too."""
 TIMEOUT = 10.0
 """Seconds without a frame after which a source is given up."""
 CLOCK = Fraction(1, 1000)

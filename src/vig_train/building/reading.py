@@ -124,7 +124,7 @@ def shape_invariants(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def copies_by_name(scans: list[Scan]) -> dict[int, int]:
-    """Which scans repeat another one at fewer faces or as a collision hull, by its number."""
+    """Return the scans that repeat another at fewer faces or as a collision hull, by its number."""
 
     def alike(*pair: int) -> bool:
         one, other = (shape_invariants(scans[each].vertices, scans[each].faces) for each in pair)

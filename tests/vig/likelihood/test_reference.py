@@ -38,7 +38,7 @@ def case(studio, seed: int) -> Case:
 
 
 class Stages:
-    """What the stages of an evaluation leave, as tensors, and the evaluation itself."""
+    """Results of the stages of an evaluation, as tensors, and the evaluation itself."""
 
     LIGHT, IRRADIANCE = slice(6, 15), 15  # columns of `rest_rows`, see rows.h
 

@@ -12,7 +12,7 @@ _HULL = re.compile(
     r"(u[cbs]x|ucp|usp|mcdcx|collisions?|colliders?|colonly|convcol|convcolonly|vhacd|coacd)\d*"
 )
 _HULL_OF_FILES = re.compile(rf"({_HULL.pattern}|col|coll|hulls?|convex|convexhull|physics|phys)\d*")
-"""What in a file beside another is a hull, and may be a part of a ship as a node."""
+"""Words of a hull in a file's name; in a node's name they may be a part of a ship."""
 _DETAIL = re.compile(
     r"(high|hi|mid|medium|middle|low|lo)(-?(res|poly|detail))?|(decimated|simplified|reduced|proxy)|\d+k"
 )

@@ -49,7 +49,7 @@ class MeshPiece:
 
 @dataclass(frozen=True)
 class Loaded:
-    """What a mesh file holds: pieces by material, and the bytes of all files read.
+    """Contents of a mesh file: pieces by material, and the bytes of all files read.
 
     `notes` are sentences without a full stop: what was left out, and what was taken in place of materials
     that were not read.

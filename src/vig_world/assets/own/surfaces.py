@@ -23,7 +23,7 @@ _TINTS = 8
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """What a file states of a material.
+    """Statements of a file on a material.
 
     Attributes:
         colour: (3,) linear albedo, a factor of the picture where there is one.

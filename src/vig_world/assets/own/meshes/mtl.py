@@ -12,7 +12,7 @@ from vig_world.assets.own.siblings import Siblings, name_keys, shown
 from vig_world.assets.own.surfaces import GREY, Surface, linear_picture
 
 Statements = dict[bytes, list[bytes]]
-"""What a library states of a material: what follows each keyword, the last one first."""
+"""Statements of a library on a material: the words after each keyword, the last one first."""
 _MARKS = ((b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"), (b"\xef\xbb\xbf", "utf-8-sig"))
 _CONTINUED = re.compile(rb"\\[ \t]*(?:\r\n|\n|\r)")
 _OPTIONS = {
