@@ -34,7 +34,7 @@ from vig.io.errors import UserError
 from vig.parallel import map_in_processes, on_one_core
 from vig.photo import ImagePyramid, Intrinsics, Window, focal_of
 from vig.photo.images import coded_photo
-from vig.photo.lens import turned_with
+from vig.photo.lens import camera_as_shown
 from vig.photo.window import DISTANCE_RATIO_BOUNDS
 from vig.recognition import WEIGHTS_FILE, Recognizer, UninformedRecognizer, find, upright
 from vig.scene import Latents, ObjectClass
@@ -349,7 +349,7 @@ def lens_of(photo: Photo, focal: float | None = None, camera: Any = None) -> Len
     if camera is not None:
         if focal is not None:
             raise UserError("expected a camera or a focal length; got both. The camera has its own.")
-        return turned_with(photo, camera), "given"
+        return camera_as_shown(photo, camera), "given"
     if focal is not None:
         return checked_focal(focal), "given"
     of_file = focal_of(photo)

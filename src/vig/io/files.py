@@ -38,9 +38,10 @@ _UMASK = os.umask(0o022)
 os.umask(_UMASK)
 
 
-def composed(name: str) -> str:
-    """A file's name in Unicode's composed form (NFC), in which names are compared: systems and tools store
-    accents as one character with their letter, or as two.
+def compose_name(name: str) -> str:
+    """Return a file's name in Unicode's composed form (NFC), in which names are compared.
+
+    Systems and tools store accents as one character with their letter, or as two.
     """
     return unicodedata.normalize("NFC", name)
 

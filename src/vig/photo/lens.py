@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 import reprlib
-import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from PIL import ExifTags, Image
 
 from vig.io.checks import number_of
 from vig.io.errors import UserError
+from vig.io.printing import note
 from vig.photo.checks import existing_file
 from vig.photo.decoding import opened
 
@@ -138,10 +138,11 @@ class Intrinsics:
         return np.stack([right, np.cross(forward, right), forward]), focal
 
 
-def turned_with(photo: object, camera: Any) -> Any:
-    """The camera of a photo as it is shown, where it may be given as that of the stored picture, which EXIF's
-    orientation turns by a quarter: by its size, else by which of the two has the principal point in the
-    middle. One that is turned is reported in a line.
+def camera_as_shown(photo: object, camera: Any) -> Any:
+    """Return the camera of a photo as it is shown, where it may be given as that of the stored picture.
+
+    EXIF's orientation turns that by a quarter: which one is given follows from its size, else from which of
+    the two has the principal point in the middle. One that is turned is reported in a line.
 
     Args:
         photo: A file or a PIL image; others are as they are shown.
@@ -182,7 +183,7 @@ def turned_with(photo: object, camera: Any) -> Any:
         f"the camera of {str(name)!r} is that of the stored {width} x {height}, which EXIF turns; turned with"
         f" it to fx {turned.fx:g}, fy {turned.fy:g}, cx {turned.cx:g}, cy {turned.cy:g}"
     )
-    print(f"vig: {words}", file=sys.stderr)
+    note(words)
     return turned
 
 

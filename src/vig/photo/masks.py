@@ -13,7 +13,7 @@ import numpy as np
 from PIL import Image
 
 from vig.io.checks import reading
-from vig.io.files import composed
+from vig.io.files import compose_name
 from vig.photo.checks import refuse
 from vig.photo.images import read_picture
 
@@ -128,7 +128,7 @@ def mask_files(folder: Path, photos: Iterable[Path]) -> list[Path]:
         return [(listing(each), each.resolve().parts == parts) for each in (*inner, folder) if each.is_dir()]
 
     def mask_file(photo: Path) -> Path:
-        stem, own = composed(photo.stem), _key(photo.name)
+        stem, own = compose_name(photo.stem), _key(photo.name)
         words = (stem, own, f"{stem}_mask", f"{stem}-mask", f"mask_{stem}")
         for files, are_photos in listings(photo.parent):
             for name in (own, *(word + suffix for word in words for suffix in SUFFIXES)):
@@ -151,5 +151,5 @@ def _listing(folder: Path) -> dict[str, Path]:
 
 def _key(name: str) -> str:
     """A name whose composition and whose ending's case make no difference."""
-    stem, ending = os.path.splitext(composed(name))
+    stem, ending = os.path.splitext(compose_name(name))
     return stem + ending.lower()

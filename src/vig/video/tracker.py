@@ -17,7 +17,7 @@ from vig.hints import Hints
 from vig.inference.settings import UNIFORM_TURN
 from vig.io.errors import UserError
 from vig.photo.images import coded_photo
-from vig.photo.lens import turned_with
+from vig.photo.lens import camera_as_shown
 from vig.photo.pinhole import pose_covariance, sight_axes
 from vig.scene import Camera, ObjectClass
 from vig.scene.camera import FOCAL_OVER_WIDTH
@@ -112,7 +112,7 @@ class Tracker:
         """
         self._number += 1
         if (K := self._K if K is None else K) is not None:
-            self._K = turned_with(frame, K)
+            self._K = camera_as_shown(frame, K)
         return self._begun(coded_photo(frame), mask, box)
 
     def step(self, frame: Photo) -> TrackedPose:

@@ -23,7 +23,7 @@ from safetensors import SafetensorError, safe_open
 from vig import __version__
 from vig.inference import ExplainSettings
 from vig.io.errors import UserError
-from vig.io.files import as_stored, composed
+from vig.io.files import as_stored, compose_name
 from vig.io.printing import end, in_one_line, note
 from vig.io.progress import Meter
 from vig.likelihood import LIKELIHOODS
@@ -370,15 +370,15 @@ def result_folders(images: Sequence[Path], out: Path) -> list[Path]:
     """A folder for each photo, named after it, cut where files' names could not be so long; a number is added
     where two photos share a name.
     """
-    used, numbers = set(map(composed, TAKEN)), defaultdict[str, Iterator[int]](lambda: count(2))
+    used, numbers = set(map(compose_name, TAKEN)), defaultdict[str, Iterator[int]](lambda: count(2))
     folders = []
     for image in images:
         stem = image.stem[:MOST_NAME_BYTES]
         while len(os.fsencode(stem)) > MOST_NAME_BYTES:
             stem = stem[:-1]
         name = stem
-        while composed(name) in used:
+        while compose_name(name) in used:
             name = f"{stem}-{next(numbers[stem])}"
-        used.add(composed(name))
+        used.add(compose_name(name))
         folders.append(out / name)
     return folders

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from vig.io.errors import UserError
-from vig.io.files import composed
+from vig.io.files import compose_name
 from vig.io.printing import note
 
 Value = TypeVar("Value")
@@ -108,8 +108,8 @@ class PhotoNames:
         if depth not in self._by_end:
             by_end = self._by_end[depth] = defaultdict[Parts, list[Parts]](list)
             for path in self.photos if end else ():
-                by_end[tuple(map(composed, path[-depth:]))].append(path)
-        paths = self._by_end[depth].get(tuple(map(composed, end)), [])
+                by_end[tuple(map(compose_name, path[-depth:]))].append(path)
+        paths = self._by_end[depth].get(tuple(map(compose_name, end)), [])
         return [path for path in paths if path[-depth:] == end] or paths if len(paths) > 1 else paths
 
 

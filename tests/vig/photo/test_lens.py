@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from vig.io.errors import UserError
 from vig.photo import Intrinsics, Window, focal_of
-from vig.photo.lens import turned_with
+from vig.photo.lens import camera_as_shown
 from vig.photo.pinhole import outline_weights, reprojected, turned_pose
 from vig.scene import Camera
 
@@ -142,20 +142,20 @@ def test_a_camera_of_the_stored_picture_is_turned_with_it(
         y, x = np.argwhere(np.asarray(ImageOps.exif_transpose(image))[..., 0])[0]
     shown = (560.0, 550.0, x + 0.5, y + 0.5)
     for stored in ((550.0, 560.0, 210.5, 145.5), {"K": [[550, 0, 210.5], [0, 560, 145.5], [0, 0, 1]]}):
-        assert turned_with(path, stored) == Intrinsics(*shown)
+        assert camera_as_shown(path, stored) == Intrinsics(*shown)
     assert "a.png' is that of the stored 400 x 300" in capsys.readouterr().err
-    assert turned_with(path, shown) is shown, "as it is shown"
+    assert camera_as_shown(path, shown) is shown, "as it is shown"
     either = dict(zip(("fx", "fy", "cx", "cy"), (550, 560, 172, 178), strict=True))
     with pytest.raises(
         UserError, match="as it is shown, 300 x 400; got cx 172, cy 178, which may be of one of 400 x 300"
     ):
-        turned_with(path, either)
+        camera_as_shown(path, either)
     sized = either | {"width": 300, "height": 400}
-    assert turned_with(path, sized) is sized
-    assert isinstance(turned_with(path, either | {"w": 400, "h": 300}), Intrinsics)
-    assert turned_with(photo_turned(path, 1), either) is either
+    assert camera_as_shown(path, sized) is sized
+    assert isinstance(camera_as_shown(path, either | {"w": 400, "h": 300}), Intrinsics)
+    assert camera_as_shown(photo_turned(path, 1), either) is either
     with pytest.raises(UserError, match="as it is shown, 400 x 300; got cx 151, cy 199"):
-        turned_with(path, (550, 560, 151, 199))
+        camera_as_shown(path, (550, 560, 151, 199))
 
 
 def seen(pose: np.ndarray, points: np.ndarray, matrix: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from vig.io.errors import UserError
-from vig.io.files import composed
+from vig.io.files import compose_name
 from vig.io.printing import in_one_line
 
 
@@ -39,9 +39,9 @@ def files_of(
         raise UserError(f"{root}: expected a folder of files {kinds}; got {came}. Check the path.")
     there = {path.relative_to(root).as_posix(): path for path in _walk(root)}
     named: dict[str, Path] = {}
-    for name in sorted(there, key=lambda name: (composed(name) != name, name)):
+    for name in sorted(there, key=lambda name: (compose_name(name) != name, name)):
         if there[name].suffix.lower() in suffixes + also:
-            shown = in_one_line(composed(name))
+            shown = in_one_line(compose_name(name))
             named[name if shown in named else shown] = there[name]
     if not any(path.suffix.lower() in suffixes for path in named.values()):
         others = Counter(path.suffix.lower() for path in there.values() if path.suffix).most_common(5)

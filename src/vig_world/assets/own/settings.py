@@ -20,7 +20,7 @@ from unicodedata import normalize
 
 from vig.io.checks import read_bytes
 from vig.io.errors import UserError
-from vig.io.files import composed
+from vig.io.files import compose_name
 from vig_world.assets.props.families import ZONE_NAMES
 
 FILE = "vig.toml"
@@ -61,7 +61,7 @@ def settings_of(root: Path, path: Path, cache: dict[Path, dict[str, Any]]) -> Fi
         if folder not in cache:
             cache[folder] = _read(folder / FILE)
         table = cache[folder]
-        name = composed(path.relative_to(folder).as_posix())
+        name = compose_name(path.relative_to(folder).as_posix())
         for settings in (table.get("defaults", {}), table.get("files", {}).get(name, {})):
             result = replace(result, **settings)
     return result
@@ -93,7 +93,7 @@ def _read(path: Path) -> dict[str, Any]:
             _refuse(path, f"a table {name}", repr(settings)[:100], "Write it in brackets")
     tables["defaults"] = _checked(path, "[defaults]", tables["defaults"])
     tables["files"] = {
-        composed(name): _checked(path, f"[files.{name!r}]", settings) for name, settings in files.items()
+        compose_name(name): _checked(path, f"[files.{name!r}]", settings) for name, settings in files.items()
     }
     for name in files:
         forms = name, *(normalize(form, name) for form in ("NFC", "NFD"))
