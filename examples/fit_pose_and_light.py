@@ -21,7 +21,7 @@ from PIL import Image
 
 from vig.renderer import MeshObject, Pinhole, Scene, Topology, render
 from vig.scene import ObjectClass, irradiance, srgb8_from_linear
-from vig_renderer.primitives import pyramid
+from vig_renderer import pyramid
 
 STEPS = 150
 SIZE = 100

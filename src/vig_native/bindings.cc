@@ -1,6 +1,6 @@
 // The Python module: arrays in, arrays out. Shapes are checked here, before anything reads them; types by nanobind.
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
+#include "arrays.h"
+
 #include <nanobind/stl/function.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
@@ -8,64 +8,15 @@
 #include <nanobind/stl/vector.h>
 
 #include <climits>
-#include <initializer_list>
 #include <mutex>
-#include <stdexcept>
-#include <string>
 
 #include "images.h"
 #include "likelihood.h"
 #include "search.h"
 #include "threads.h"
 
-namespace nb = nanobind;
-using namespace nb::literals;
-
 namespace vig {
 namespace {
-
-template <class T> using Input = nb::ndarray<const T, nb::c_contig, nb::device::cpu>;
-template <class T> using Output = nb::ndarray<nb::numpy, T>;
-
-std::string text(const std::vector<int64_t>& shape) {
-    std::string out = "(";
-    for (const int64_t size : shape)
-        out += (size < 0 ? "any" : std::to_string(size)) + ", ";
-    return out.substr(0, out.size() - (shape.empty() ? 0 : 2)) + ")";
-}
-
-// Throw unless an array has a shape, -1 standing for any size.
-template <class A> void check_shape(const char* name, const A& array, std::vector<int64_t> wanted) {
-    std::vector<int64_t> shape;
-    bool fits = array.ndim() == wanted.size();
-    for (size_t i = 0; i < array.ndim(); ++i) {
-        shape.push_back(array.shape(i));
-        fits = fits && (wanted[i] < 0 || wanted[i] == shape.back());
-    }
-    if (!fits)
-        throw std::invalid_argument(std::string(name) + " must be " + text(wanted) + "; got " + text(shape));
-}
-
-template <class A> auto copy(const A& array) {
-    return std::vector<std::remove_const_t<typename A::Scalar>>(array.data(), array.data() + array.size());
-}
-
-// Throw unless all numbers of a table are from `least` to `count` - 1.
-void check_table(const char* name, const std::vector<int32_t>& table, int least, int count) {
-    for (const int32_t number : table)
-        if (number < least || number >= count)
-            throw std::invalid_argument(std::string(name) + " must hold numbers from " + std::to_string(least) + " to "
-                                        + std::to_string(count - 1) + "; got " + std::to_string(number));
-}
-
-template <class T> Output<T> make(std::initializer_list<size_t> shape, T*& data) {
-    size_t size = 1;
-    for (const size_t length : shape)
-        size *= length;
-    data = new T[std::max<size_t>(size, 1)];
-    nb::capsule owner(data, [](void* p) noexcept { delete[] (T*)p; });
-    return Output<T>(data, shape, owner);
-}
 
 #define VIG_COUNT(NAME) +1
 constexpr int DENSITY_COUNT = 0 VIG_DENSITIES(VIG_COUNT);
@@ -446,6 +397,7 @@ template <class R> void bind(nb::module_& m, const char* geometry, const char* p
 }  // namespace
 
 NB_MODULE(VIG_MODULE, m) {
+    nb::set_leak_warnings(false);  // of what lives until the interpreter ends
     bind<float>(m, "Geometry32", "Photos32", "Prior32");
     bind<double>(m, "Geometry64", "Photos64", "Prior64");
     std::vector<std::string> names;
@@ -453,6 +405,7 @@ NB_MODULE(VIG_MODULE, m) {
     VIG_DENSITIES(VIG_NAME)
 #undef VIG_NAME
     m.attr("DENSITIES") = nb::cast(names);
+    bind_scenes(m);
     m.def("minimum_cut", [](Input<bool> free, Input<int32_t> alone, nb::ndarray<int32_t, nb::c_contig, nb::device::cpu> links) {
         check_shape("free", free, {-1, -1, -1});
         const size_t count = free.shape(0), height = free.shape(1), width = free.shape(2), size = height * width;

@@ -1,6 +1,7 @@
 // Work shared out to as many threads as the caller asks for.
 #pragma once
 #include <algorithm>
+#include <atomic>
 #include <exception>
 #include <mutex>
 #include <thread>
@@ -40,6 +41,15 @@ template <class F> void run_threads(int threads, F&& run) {
         other.join();
     if (error)
         std::rethrow_exception(error);
+}
+
+// Call run(number) for 0 to `count` - 1, shared out to at most `threads` threads.
+template <class F> void share_out(size_t count, int threads, F&& run) {
+    std::atomic<size_t> next{0};
+    run_threads((int)std::min<size_t>(std::max(threads, 1), std::max<size_t>(count, 1)), [&](int) {
+        for (size_t number; (number = next++) < count;)
+            run(number);
+    });
 }
 
 }  // namespace vig

@@ -4,11 +4,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from vig_renderer.device import warp_array as warp_array
-    from vig_renderer.primitives.texture import Pyramid as Pyramid
-    from vig_renderer.primitives.texture import pyramid as pyramid
-    from vig_renderer.primitives.topology import Topology as Topology
-    from vig_renderer.raster import NOTHING as NOTHING
     from vig_renderer.rendering import jacobian as jacobian
     from vig_renderer.rendering import render as render
     from vig_renderer.scene import DirectionalLight as DirectionalLight
@@ -16,20 +11,21 @@ if TYPE_CHECKING:
     from vig_renderer.scene import Pinhole as Pinhole
     from vig_renderer.scene import Rendering as Rendering
     from vig_renderer.scene import Scene as Scene
+    from vig_renderer.texture import Pyramid as Pyramid
+    from vig_renderer.texture import pyramid as pyramid
+    from vig_renderer.topology import Topology as Topology
 
 _HOMES = {
     "DirectionalLight": "scene",
     "MeshObject": "scene",
-    "NOTHING": "raster",
     "Pinhole": "scene",
-    "Pyramid": "primitives",
+    "Pyramid": "texture",
     "Rendering": "scene",
     "Scene": "scene",
-    "Topology": "primitives",
+    "Topology": "topology",
     "jacobian": "rendering",
-    "pyramid": "primitives.texture",
+    "pyramid": "texture",
     "render": "rendering",
-    "warp_array": "device",
 }
 """Where each public name lives: imported when it is first asked for, as torch takes a second."""
 

@@ -1,8 +1,11 @@
-"""Checks of tables whose numbers kernels follow without looking."""
+"""Checks of arrays and tensors, whose errors say what was expected and what came."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import torch
 
 
 def check_indices(name: str, indices: Any, count: int, least: int = 0) -> None:
@@ -12,3 +15,28 @@ def check_indices(name: str, indices: Any, count: int, least: int = 0) -> None:
     low, high = int(indices.min()), int(indices.max())
     if low < least or high >= count:
         raise ValueError(f"{name} must be from {least} to {count - 1}; they are from {low} to {high}")
+
+
+def check_table(name: str, table: torch.Tensor, shape: tuple[int | None, ...]) -> None:
+    """ValueError unless a table is int32, of a shape (None: any size), on the processor."""
+    _check_shape(name, table, shape)
+    if str(table.dtype) != "torch.int32" or table.device.type != "cpu":
+        raise ValueError(f"{name} must be int32 on the processor; got {table.dtype} on {table.device}")
+
+
+def check_floats(**tensors: tuple[torch.Tensor, tuple[int | None, ...]]) -> None:
+    """ValueError unless all tensors have their shapes (None: any size) and one type, float32 or float64."""
+    first = next(iter(tensors.values()))[0]
+    for name, (tensor, shape) in tensors.items():
+        _check_shape(name, tensor, shape)
+        if str(tensor.dtype) not in ("torch.float32", "torch.float64") or tensor.dtype != first.dtype:
+            raise ValueError(f"{name} must be float32 or float64, all of one type; got {tensor.dtype}")
+
+
+def _check_shape(name: str, tensor: torch.Tensor, shape: tuple[int | None, ...]) -> None:
+    fits = tensor.ndim == len(shape) and all(
+        want in (None, have) for want, have in zip(shape, tensor.shape, strict=True)
+    )
+    if not fits:
+        wanted = ", ".join("any" if size is None else str(size) for size in shape)
+        raise ValueError(f"{name} must be ({wanted}); got {tuple(tensor.shape)}")

@@ -1,28 +1,23 @@
-"""The stages of a picture in plain torch: on any device, forward mode and second derivatives, too.
+"""Pictures in plain torch on the native library's visibility: forward mode and second derivatives, too.
 
-Each does what the stage of the same name in `native.py` does; `packed` says which objects there are.
+Each function does what that of the same name in `native.py` does; `packed` says which objects there are.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import accumulate
+from typing import Any
 
 import torch
 from torch import Tensor
 
 from vig_renderer.defaults import default_settings
+from vig_renderer.interpolation import Crossings, antialias, barycentrics, interpolate
 from vig_renderer.packing import INPUTS, PackedScenes
-from vig_renderer.primitives import (
-    antialias,
-    barycentrics,
-    find_crossings,
-    interpolate,
-    sample_texture,
-    stack_pyramids,
-    visible_faces,
-)
-from vig_renderer.raster import NEAR
 from vig_renderer.shading import shade, smooth_normals, unit
+from vig_renderer.texture import Pyramid, sample_texture
 
 MARGIN = 1
 """Pixels drawn around the image and cut off again, so that its own border is blended like its middle."""
@@ -31,67 +26,129 @@ NORMAL, ALBEDO, LIT = slice(0, 3), slice(3, 6), slice(6, 9)
 """Columns of a vertex's attributes; the last are what light it reflects, where that is found at vertices."""
 
 
+class _Opaque(torch.autograd.Function):
+    @staticmethod
+    def forward(run: Callable[..., Any], *arguments: Any) -> Any:
+        return run(*arguments)
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: tuple[Any, ...], output: Any) -> None:
+        ctx.mark_non_differentiable(*output)
+
+    @staticmethod
+    def vmap(info: Any, axes: tuple[Any, ...], run: Callable[..., Any], *arguments: Any) -> Any:
+        if any(axis is not None for axis in axes[1:]):
+            raise NotImplementedError("the renderer draws no scenes under vmap; give `render` a list of them")
+        return run(*arguments), (None,) * 4
+
+
+@dataclass(frozen=True)
+class Visible:
+    """What is seen on the grids of samples (L, H', W') of L layers.
+
+    Attributes:
+        pixel: (N,) int64 covered points, (l H' + y) W' + x, ascending.
+        face: (N,) int64 the face that is nearest there, numbered through.
+        crossings: Visible occlusion edges, points numbered as in `pixel`.
+        size: (L, H', W').
+    """
+
+    pixel: Tensor
+    face: Tensor
+    crossings: Crossings
+    size: tuple[int, int, int]
+
+    @staticmethod
+    def find(packed: PackedScenes, samples: int, near: float, points: Tensor, alone: bool = False) -> Visible:
+        """Which faces and edges are seen, of homogeneous points (V, 3). Nothing of it has a derivative."""
+        layers = len(packed.image) if alone else packed.size[0]
+        height, width = (side * samples + 2 * MARGIN for side in packed.size[1:])
+        size = layers, height, width
+
+        def run(points: Tensor) -> tuple[Tensor, ...]:
+            scenes = packed.in_library(samples, near, alone)
+            scenes.bind(points.contiguous().numpy(), None)
+            scenes.find(True, 1)
+            faces, edges, rows, edge_count = [], [torch.zeros(0, 2).long()], [torch.zeros(0, 7).long()], 0
+            for layer, found in enumerate(scenes.found()):
+                face, silhouettes, crossings = (torch.from_numpy(each).long() for each in found)
+                faces.append(face)
+                edges.append(silhouettes[:, :2])
+                shift = layer * height * width
+                rows.append(crossings + torch.tensor([edge_count, 0, 0, 0, 0, shift, shift]))
+                edge_count += len(silhouettes)
+            seen = torch.cat(faces) if faces else torch.zeros(0).long()
+            pixel = (seen >= 0).nonzero().squeeze(1)
+            return pixel, seen[pixel], torch.cat(edges), torch.cat(rows)
+
+        apply: Callable[..., tuple[Tensor, ...]] = _Opaque.apply
+        pixel, face, edges, rows = apply(run, points.detach())
+        edge, axis, line, low, sharers, here, there = rows.unbind(1)
+        return Visible(pixel, face, Crossings(edges, edge, axis, line, low, here, there, sharers), size)
+
+    @property
+    def centres(self) -> Tensor:
+        """Coordinates (N, 2) of the points on the grid less a half: columns and rows."""
+        _, height, width = self.size
+        inside = self.pixel % (height * width)
+        return torch.stack([inside % width, inside // width], dim=1)
+
+    def image(self, values: Tensor, nothing: Tensor | float = 0.0) -> Tensor:
+        """Rows (N, C) spread into an image (L, H', W', C), `nothing` (broadcast) where nothing is seen."""
+        channels = values.shape[1]
+        blank = torch.as_tensor(nothing, dtype=values.dtype, device=values.device)
+        flat = blank.expand(*self.size, channels).reshape(-1, channels)
+        return flat.index_copy(0, self.pixel, values).view(*self.size, channels)
+
+
 @dataclass(frozen=True)
 class Tables:
-    """The objects' faces (F, 3), texture_faces (F, 3) and edges (E, 6) numbered through, int32.
+    """The objects' faces (F, 3) int64 numbered through.
 
-    vertex_object (V,), face_object (F,): which object. image, place, first_face (O,): see `PackedScenes`.
+    face_object (F,): which object. first_face, place (O,): where an object's faces begin, its place in its
+    scene.
     """
 
     faces: Tensor
-    texture_faces: Tensor
-    edges: Tensor
-    vertex_object: Tensor
     face_object: Tensor
-    image: Tensor
-    place: Tensor
     first_face: Tensor
+    place: Tensor
 
     @staticmethod
     def of(packed: PackedScenes) -> Tables:
         """Those of all objects."""
-        packed.check_unchanged()
-        device, topologies = packed.background.device, packed.topologies
-
-        def whole(numbers: list[int]) -> Tensor:
-            return torch.tensor(numbers, dtype=torch.int64, device=device)
-
-        def joined(parts: list[Tensor], columns: int) -> Tensor:
-            nothing = torch.zeros((0, columns), dtype=torch.int32, device=device)
-            return torch.cat([nothing, *parts]) if len(parts) != 1 else parts[0]
-
-        def owners(starts: list[int]) -> Tensor:
-            return torch.arange(len(topologies), device=device).repeat_interleave(whole(starts).diff())
-
-        starts = list(
-            zip(topologies, packed.first_vertex, packed.first_face, packed.first_coordinate, strict=False)
-        )
-        edges = []
-        for each, vertex, face, _ in starts:
-            shift = torch.tensor([vertex] * 4 + [face] * 2, dtype=torch.int32, device=device)
-            edges.append(torch.where(each.edges < 0, each.edges, each.edges + shift))
-        textured = [own >= 0 for own in packed.texture]
+        tables = [torch.from_numpy(mesh.tables()[0]).long() for mesh in packed.meshes]
+        counts, first_vertex = [len(each) for each in tables], [0, *accumulate(packed.vertex_counts)]
+        faces = [each + first for each, first in zip(tables, first_vertex, strict=False)]
         return Tables(
-            faces=joined([each.faces + vertex for each, vertex, _, _ in starts], 3),
-            # Corners without a texture point to the first row of the coordinates, which is read and not used.
-            texture_faces=joined(
-                [
-                    each.texture_faces + first if own else torch.zeros_like(each.texture_faces)
-                    for (each, _, _, first), own in zip(starts, textured, strict=True)
-                ],
-                3,
-            ),
-            edges=joined(edges, 6),
-            vertex_object=owners(packed.first_vertex),
-            face_object=owners(packed.first_face),
-            image=whole(packed.image),
-            place=whole(packed.place),
-            first_face=whole(packed.first_face[:-1]),
+            torch.cat([torch.zeros(0, 3).long(), *faces]),
+            torch.arange(len(tables)).repeat_interleave(torch.tensor(counts).long()),
+            torch.tensor([0, *accumulate(counts)])[:-1],
+            torch.tensor(packed.place).long(),
         )
 
 
 @default_settings()
-def place(packed: PackedScenes, columns: int, *inputs: Tensor | None) -> tuple[Tensor, Tensor, Tensor]:
+def draw(
+    packed: PackedScenes, samples: int, columns: int, near: float, background: Tensor, *inputs: Tensor | None
+) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
+    """Draw all scenes: colours (B, H, W, 3), coverage (B, H, W), visible masks (B, O, H, W); see `Rendering`.
+
+    Then `place`'s points and attributes. inputs: of each object those of INPUTS, one after the other.
+    columns: of the attributes, 9 with light at the vertices.
+    """
+    objects = [
+        dict(zip(INPUTS, inputs[start : start + len(INPUTS)], strict=True))
+        for start in range(0, len(inputs), len(INPUTS))
+    ]
+    points, attributes, lights = place(packed, columns, objects)
+    images = paint(packed, samples, near, points, attributes, lights, background, objects)
+    return *images, points, attributes
+
+
+def place(
+    packed: PackedScenes, columns: int, objects: list[dict[str, Tensor | None]]
+) -> tuple[Tensor, Tensor, Tensor]:
     """Homogeneous screen points (x z, y z, z) of all vertices (V, 3), their attributes, and lights (O, 34).
 
     attributes (V, columns): unit normal in the world, albedo and, of 9 columns, the light reflected by white.
@@ -99,19 +156,20 @@ def place(packed: PackedScenes, columns: int, *inputs: Tensor | None) -> tuple[T
     """
     like = packed.background
     points, attributes, lights = [like.new_zeros(0, 3)], [like.new_zeros(0, columns)], [like.new_zeros(0, 34)]
-    for n, topology in enumerate(packed.topologies):
-        mine = dict(zip(INPUTS, inputs[n * len(INPUTS) : (n + 1) * len(INPUTS)], strict=True))
+    for mine, mesh in zip(objects, packed.meshes, strict=True):
         vertices, albedo, rotation, own = (
             mine[name] for name in ("vertices", "albedo", "rotation", "normals")
         )
-        focal, centre, eye, eye_place = (mine[name] for name in INPUTS[-2:] + INPUTS[-4:-2])
+        focal, centre, eye, eye_place = (
+            mine[name] for name in ("focal", "centre", "eye_rotation", "eye_translation")
+        )
         assert vertices is not None and albedo is not None and focal is not None
         assert centre is not None and eye is not None and eye_place is not None
         world = vertices if rotation is None else vertices @ rotation.mT
         if (translation := mine["translation"]) is not None:
             world = world + translation
         if own is None:
-            normals = smooth_normals(world, topology.faces)
+            normals = smooth_normals(world, torch.from_numpy(mesh.tables()[0]))
         else:
             normals = unit(own if rotation is None else own @ rotation.mT)
         light = _light(mine["light"], mine["lamp"], mine["radiance"], like)
@@ -145,101 +203,87 @@ def _reflected(normals: Tensor, owner: Tensor, lights: Tensor) -> Tensor:
     return torch.where(lights[owner, 33:] != 0, colour, 1.0)
 
 
-@default_settings()
 def paint(
     packed: PackedScenes,
     samples: int,
+    near: float,
     points: Tensor,
     attributes: Tensor,
     lights: Tensor,
     background: Tensor,
-    *textures: Tensor,
+    objects: list[dict[str, Tensor | None]],
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Colours (B, H, W, 3), coverage (B, H, W) and visible masks (B, O, H, W), blended at occlusion edges.
-
-    textures: texture coordinates and texels of each object that has them, one after the other.
-    """
+    """Colours (B, H, W, 3), coverage (B, H, W) and visible masks (B, O, H, W), blended at occlusion edges."""
     tables, most = Tables.of(packed), packed.most_objects
-    points, size = _gridded(packed, points, samples)
-    layer = tables.image[tables.face_object].int()
-    visible = visible_faces(points, tables.faces, layer, size)
-    corners, owner = tables.faces[visible.face], tables.face_object[visible.face]
-    at_centre, *along = barycentrics(points, corners, visible.centres, bool(textures)).unbind(1)
-    rows = interpolate(attributes, corners, at_centre)
+    seen = Visible.find(packed, samples, near, points)
+    points = _gridded(points, samples)
+    corners, owner = tables.faces[seen.face], tables.face_object[seen.face]
+    weights = barycentrics(points, corners, seen.centres)
+    rows = interpolate(attributes, corners, weights[:, 0])
     if attributes.shape[1] > ALBEDO.stop:
         rgb = rows[:, ALBEDO] * rows[:, LIT]
     else:
         rgb = rows[:, ALBEDO] * _reflected(unit(rows[:, NORMAL]), owner, lights)
-    if textures:
-        own = [
-            replace(each, texels=texels) for each, texels in zip(packed.pyramids, textures[1::2], strict=True)
-        ]
-        coordinates = torch.cat([*textures[::2], points.new_zeros(1, 2)])
-        corners = tables.texture_faces[visible.face]
-        uv, right, down = (interpolate(coordinates, corners, way) for way in (at_centre, *along))
-        number = torch.tensor(packed.texture, dtype=torch.int32, device=owner.device)[owner]
-        rgb = rgb * sample_texture(stack_pyramids(own), number, uv, torch.stack([right, down], dim=1))
-    masks = (tables.place[owner][:, None] == torch.arange(most, device=owner.device)).to(rgb.dtype)
-    crossings = find_crossings(points, tables.faces, tables.edges, layer, size)
-    picture = visible.image(torch.cat([rgb, masks], dim=1), _behind(background, samples, most))
-    picture = _reduced(antialias(picture, _screen(points), crossings), samples)
+    for number, (mine, levels) in enumerate(zip(objects, packed.levels, strict=True)):
+        coordinates, texels = mine["coordinates"], mine["texels"]
+        if levels is None or coordinates is None or texels is None:
+            continue
+        own = (owner == number).nonzero().squeeze(1)
+        mesh_corners = torch.from_numpy(packed.meshes[number].tables()[1]).long()
+        corners = mesh_corners[seen.face[own] - tables.first_face[number]]
+        uv, right, down = (interpolate(coordinates, corners, weights[own, row]) for row in range(3))
+        colours = sample_texture(Pyramid(texels, levels), uv, torch.stack([right, down], dim=1))
+        rgb = rgb * torch.ones_like(rgb).index_copy(0, own, colours)
+    masks = (tables.place[owner][:, None] == torch.arange(most)).to(rgb.dtype)
+    picture = seen.image(torch.cat([rgb, masks], dim=1), _behind(background, samples, most))
+    picture = _reduced(antialias(picture, _screen(points, near), seen.crossings), samples)
     visible_masks = picture[..., 3:].permute(0, 3, 1, 2)
     return picture[..., :3], visible_masks.sum(1), visible_masks
 
 
 @default_settings()
-def alone(packed: PackedScenes, samples: int, points: Tensor) -> tuple[Tensor]:
+def alone(packed: PackedScenes, samples: int, near: float, points: Tensor) -> tuple[Tensor]:
     """Coverage of each object as if it were the only one: (O, H, W)."""
-    tables = Tables.of(packed)
-    points, grid = _gridded(packed, points, samples)
-    # Each object gets an image layer of its own.
-    size, layer = (len(packed.image), *grid[1:]), tables.face_object.int()
-    if len(packed.image) == 0:
-        return (points.new_zeros(0, *packed.size[1:]),)
-    visible = visible_faces(points, tables.faces, layer, size)
-    crossings = find_crossings(points, tables.faces, tables.edges, layer, size)
-    image = visible.image(points.new_ones(len(visible.pixel), 1))
-    return (_reduced(antialias(image, _screen(points), crossings), samples)[..., 0],)
+    seen = Visible.find(packed, samples, near, points, alone=True)
+    image = seen.image(points.new_ones(len(seen.pixel), 1))
+    screen = _screen(_gridded(points, samples), near)
+    return (_reduced(antialias(image, screen, seen.crossings), samples)[..., 0],)
 
 
 @default_settings()
-def surface(packed: PackedScenes, points: Tensor, attributes: Tensor) -> tuple[Tensor, ...]:
+def surface(packed: PackedScenes, near: float, points: Tensor, attributes: Tensor) -> tuple[Tensor, ...]:
     """Depth (B, H, W), unit normals (B, H, W, 3) and numbers of objects and triangles at pixels' centres."""
-    tables = Tables.of(packed)
-    points, size = _gridded(packed, points, 1)
-    visible = visible_faces(points, tables.faces, tables.image[tables.face_object].int(), size)
-    corners, owner = tables.faces[visible.face], tables.face_object[visible.face]
-    weights = barycentrics(points, corners, visible.centres, False)[:, 0]
+    tables, seen = Tables.of(packed), Visible.find(packed, 1, near, points)
+    points = _gridded(points, 1)
+    corners, owner = tables.faces[seen.face], tables.face_object[seen.face]
+    weights = barycentrics(points, corners, seen.centres, derivatives=False)[:, 0]
     rows = interpolate(torch.cat([attributes[:, NORMAL], points[:, 2:]], dim=1), corners, weights)
-    triangle = visible.face - tables.first_face[owner]
-    ids = _cropped(visible.image(torch.stack([tables.place[owner], triangle], dim=1).int(), -1))
-    depth, normals = visible.image(rows[:, 3:], torch.inf), visible.image(unit(rows[:, :3]))
+    triangle = seen.face - tables.first_face[owner]
+    ids = _cropped(seen.image(torch.stack([tables.place[owner], triangle], dim=1).int(), -1))
+    depth, normals = seen.image(rows[:, 3:], torch.inf), seen.image(unit(rows[:, :3]))
     return _cropped(depth)[..., 0], _cropped(normals), ids[..., 0], ids[..., 1]
 
 
-def _gridded(packed: PackedScenes, points: Tensor, samples: int) -> tuple[Tensor, tuple[int, int, int]]:
-    """Homogeneous points on the grid of samples, with its margin, and the size of that grid."""
-    images, height, width = packed.size
+def _gridded(points: Tensor, samples: int) -> Tensor:
+    """Homogeneous points on the grid of samples, with its margin."""
     # Points are homogeneous, (x z, y z, z): a shift of the image is a shift by z.
     at, depth = points[:, :2], points[:, 2:]
-    points = torch.cat([at * samples + MARGIN * depth, depth], dim=1)
-    return points, (images, height * samples + 2 * MARGIN, width * samples + 2 * MARGIN)
+    return torch.cat([at * samples + MARGIN * depth, depth], dim=1)
 
 
-def _screen(points: Tensor) -> Tensor:
-    """Pixel coordinates (V, 2); of no meaning nearer than NEAR, where no edge is blended."""
+def _screen(points: Tensor, near: float) -> Tensor:
+    """Pixel coordinates (V, 2); of no meaning nearer than `near`, where no edge is blended."""
     depth = points[:, 2:]
-    return points[:, :2] / torch.where(depth >= NEAR, depth, 1.0)
+    return points[:, :2] / torch.where(depth >= near, depth, 1.0)
 
 
 def _behind(background: Tensor, samples: int, masks: int) -> Tensor:
     """What is seen where nothing is, on the grid of samples with its margin: colours, then empty masks."""
-    if background.shape[1:3] != (1, 1):
+    if background.ndim == 2:
+        background = background[:, None, None]
+    else:
         background = background.repeat_interleave(samples, 1).repeat_interleave(samples, 2)
-        rows, columns = (
-            torch.arange(-MARGIN, n + MARGIN, device=background.device).clamp(0, n - 1)
-            for n in background.shape[1:3]
-        )
+        rows, columns = (torch.arange(-MARGIN, n + MARGIN).clamp(0, n - 1) for n in background.shape[1:3])
         background = background[:, rows][:, :, columns]
     return torch.cat([background, background.new_zeros(*background.shape[:3], masks)], dim=3)
 

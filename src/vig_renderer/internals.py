@@ -1,31 +1,12 @@
-"""Private interfaces of torch and Warp: each function documents what it does when one is missing."""
+"""Private interfaces of torch: each function documents what it does when one is missing."""
 
 from __future__ import annotations
 
-import ctypes
 import sys
-from collections.abc import Callable, Iterable
-from typing import Any
+from collections.abc import Iterable
 
 import torch
 from torch.autograd import forward_ad
-
-
-def packed_launch(command: Any) -> tuple[Callable[[], object], Any] | None:
-    """A recorded CPU launch as a call, and the C structure of its arguments `argument_0`, `argument_1`, ...
-
-    Warp packs a launch's arguments anew each time, which takes longer than many a kernel runs; here they are
-    packed once. None on a GPU and where Warp has no such parts: `command.launch` does the same.
-    """
-    hooks, parameters = getattr(command, "hooks", None), getattr(command, "params", None)
-    forward = getattr(hooks, "forward", None)
-    if not command.device.is_cpu or forward is None or parameters is None:
-        return None
-    bounds, *arguments = parameters
-    fields = [(f"argument_{i}", type(argument)) for i, argument in enumerate(arguments)]
-    packed = type("Arguments", (ctypes.Structure,), {"_fields_": fields})(*arguments)
-    structures = ctypes.byref(bounds), ctypes.byref(packed)
-    return lambda: forward(*structures), packed
 
 
 def transforms(*cotangents: torch.Tensor | None) -> bool:

@@ -11,8 +11,8 @@ from typing import TypeVar
 Result = TypeVar("Result")
 
 MAKING = threading.RLock()
-"""Held where kernels are made, compiled or loaded, and where msgspec learns types: neither library expects
-two threads there. Whoever holds it waits for no other thread."""
+"""Held where msgspec learns types, as it does not expect two threads there. Whoever holds it waits for no
+other thread."""
 
 
 def make_once(function: Callable[..., Result]) -> Callable[..., Result]:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from itertools import accumulate
+from itertools import accumulate, chain
+from typing import Any
 
 import torch
 
-from vig_renderer.device import table_state
-from vig_renderer.primitives import Pyramid, Topology
+from vig_native import engine
 from vig_renderer.scene import MeshObject, Scene
 
 _Tensors = dict[str, tuple[torch.Tensor | None, list[tuple[int, ...]]]]
@@ -18,32 +17,27 @@ _Tensors = dict[str, tuple[torch.Tensor | None, list[tuple[int, ...]]]]
 
 INPUTS = (
     *("vertices", "rotation", "translation", "normals", "albedo", "light"),
-    *("lamp", "radiance", "eye_rotation", "eye_translation", "focal", "centre"),
+    *("lamp", "radiance", "eye_rotation", "eye_translation", "focal", "centre", "coordinates", "texels"),
 )
-"""What of an object, its lamp and its camera places and lights it, in the order of `PackedScenes.inputs`."""
+"""What places, lights and colours an object, in the order of `ObjectInput` in vig_native/scenes.h."""
 
 
 @dataclass(frozen=True)
 class PackedScenes:
-    """All objects of B scenes, numbered through: O of them with V vertices, F faces, E edges.
+    """All objects of B scenes, numbered through: O of them with V vertices and F faces.
 
-    inputs: of each object those of INPUTS, None where there is none. topologies (O). image, place (O): an
-    object's scene and its place in that scene's list. first_vertex, first_face, first_coordinate (O + 1):
-    where its own begin. texture (O): which of `pyramids` an object has, -1 for none. coordinates: their
-    texture coordinates, None of the others. background (B, H, W, 3) or (B, 1, 1, 3). size: (B, H, W).
+    inputs (O): of each object those of INPUTS, None where there is none. meshes (O): see `Topology.mesh`.
+    image, place (O): an object's scene and its place in that scene's list. vertex_counts (O). levels (O): of
+    the object's texture, see `Pyramid`. background (B, H, W, 3), or (B, 3). size: (B, H, W).
     """
 
     scenes: Sequence[Scene]
-    inputs: list[torch.Tensor | None]
-    topologies: list[Topology]
+    inputs: list[list[torch.Tensor | None]]
+    meshes: list[Any]
     image: list[int]
     place: list[int]
-    first_vertex: list[int]
-    first_face: list[int]
-    first_coordinate: list[int]
-    texture: list[int]
-    pyramids: list[Pyramid]
-    coordinates: list[torch.Tensor | None]
+    vertex_counts: list[int]
+    levels: list[torch.Tensor | None]
     background: torch.Tensor
     size: tuple[int, int, int]
 
@@ -53,54 +47,19 @@ class PackedScenes:
         return max(self.place, default=-1) + 1
 
     @property
-    def tensors(self) -> list[torch.Tensor]:
-        """All that a picture is differentiable in."""
-        return [self.background, *self.textures, *(each for each in self.inputs if each is not None)]
+    def tensors(self) -> list[torch.Tensor | None]:
+        """All that a picture is differentiable in: the background, then the inputs of each object."""
+        return [self.background, *chain.from_iterable(self.inputs)]
 
-    @property
-    def textures(self) -> list[torch.Tensor]:
-        """Texture coordinates and texels of each object that has them, one after the other."""
-        own = (each for each in self.coordinates if each is not None)
-        pairs = zip(own, self.pyramids, strict=True)
-        return [tensor for coordinates, pyramid in pairs for tensor in (coordinates, pyramid.texels)]
-
-    @cached_property
-    def tables(self) -> list[list[int]]:
-        """Of each object the last fields of `struct Object` of arguments.cc: addresses, then sizes."""
-        rows = []
-        for n, topology in enumerate(self.topologies):
-            albedo, light = self.inputs[n * len(INPUTS) + 4 : n * len(INPUTS) + 6]
-            pyramid = self.pyramids[self.texture[n]] if self.texture[n] >= 0 else None
-            faces, edges = topology.faces, topology.edges
-            rows.append(
-                [
-                    *(faces.data_ptr(), edges.data_ptr(), topology.texture_faces.data_ptr()),
-                    pyramid.levels.data_ptr() if pyramid else 0,
-                    *(topology.vertex_count, faces.shape[0], edges.shape[0]),
-                    *(self.first_vertex[n], self.first_face[n], self.place[n]),
-                    1 if albedo is None or albedo.ndim == 1 else albedo.shape[0],
-                    3 if light is not None and light.ndim == 2 else 1,
-                    self.first_coordinate[n + 1] - self.first_coordinate[n],
-                    *((pyramid.texels.shape[0], pyramid.levels.shape[0]) if pyramid else (0, 0)),
-                ]
-            )
-        return rows
-
-    def check_unchanged(self) -> None:
-        """RuntimeError where a table has been written to or exchanged since the first call."""
-        states = [each.state() for each in self.topologies]
-        states += [table_state(each.levels) for each in self.pyramids]
-        if vars(self).setdefault("_states", states) != states:
-            raise RuntimeError("a topology or pyramid was modified while a rendering needed it. Render anew.")
-
-    def check_tables(self) -> None:
-        """ValueError that names the first table whose numbers are out of range."""
-        for index, scene in enumerate(self.scenes):
-            for place, item in enumerate(scene.objects):
-                item.topology.check()
-                if item.texture is not None:
-                    item.texture.check()
-                _check_object(f"object {place} of scene {index}", item, self.background)
+    def in_library(self, samples: int, near: float, alone: bool = False) -> Any:
+        """The scenes in the native library: a layer for each image, or for each object's mask alone."""
+        starts = list(range(len(self.image) + 1))
+        if not alone:
+            starts = [0, *accumulate(self.image.count(image) for image in range(self.size[0]))]
+        kind = engine.Scenes32 if self.background.dtype == torch.float32 else engine.Scenes64
+        levels = [None if each is None else each.contiguous().numpy() for each in self.levels]
+        masks = 1 if alone else self.most_objects
+        return kind(self.meshes, levels, self.place, starts, *self.size[1:], samples, near, masks, alone)
 
     def check_numbers(self) -> None:
         """ValueError that names the first input that is not finite, or focal lengths of 0 or less."""
@@ -131,12 +90,11 @@ def pack(scenes: Sequence[Scene]) -> PackedScenes:
     like = camera.translation
     if like.dtype not in (torch.float32, torch.float64):
         raise ValueError(f"a camera must be float32 or float64; got {like.dtype}. Convert it.")
+    if like.device.type != "cpu":
+        raise ValueError(f"the renderer draws on the processor; got a camera on {like.device}. Call .cpu().")
     if height < 1 or width < 1:
         raise ValueError(f"an image must have at least one pixel; got {width} x {height}. Give its size.")
-    inputs: list[torch.Tensor | None] = []
-    pyramids: list[Pyramid] = []
-    coordinates: list[torch.Tensor | None] = []
-    owners, topologies, texture = [], [], []
+    inputs, meshes, image, place, counts, levels = [], [], [], [], [], []
     for index, scene in enumerate(scenes):
         _check_scene(index, scene, (height, width), like)
         eye, lamp = scene.camera, scene.lamp
@@ -144,44 +102,35 @@ def pack(scenes: Sequence[Scene]) -> PackedScenes:
             *((lamp.direction, lamp.radiance) if lamp else (None, None)),
             *(eye.rotation, eye.translation, eye.focal, eye.centre),
         )
-        for place, item in enumerate(scene.objects):
-            _check_object(f"object {place} of scene {index}", item, like)
-            owners.append((index, place))
-            inputs += (item.vertices, item.rotation, item.translation, item.normals, item.albedo, item.light)
-            inputs += shared
-            topologies.append(item.topology)
-            if item.texture is None or item.texture_coordinates is None:
-                texture.append(-1)
-                coordinates.append(None)
-            else:
-                texture.append(len(pyramids))
-                pyramids.append(item.texture)
-                coordinates.append(item.texture_coordinates)
+        for number, item in enumerate(scene.objects):
+            meshes.append(_checked_mesh(f"object {number} of scene {index}", item, like))
+            image.append(index)
+            place.append(number)
+            counts.append(item.topology.vertex_count)
+            levels.append(None if item.texture is None else item.texture.levels)
+            own = item.vertices, item.rotation, item.translation, item.normals, item.albedo, item.light
+            textured = item.texture is not None
+            inputs.append([*own, *shared, item.texture_coordinates if textured else None])
+            inputs[-1].append(item.texture.texels if item.texture else None)
     background = [_background(scene, like) for scene in scenes]
-    if any(each.shape[1:3] != (1, 1) for each in background):
-        background = [each.expand(1, height, width, 3) for each in background]
+    if any(each.ndim == 3 for each in background):
+        background = [each if each.ndim == 3 else each.expand(height, width, 3) for each in background]
     return PackedScenes(
         scenes=scenes,
         inputs=inputs,
-        topologies=topologies,
-        image=[index for index, _ in owners],
-        place=[place for _, place in owners],
-        first_vertex=[0, *accumulate(topology.vertex_count for topology in topologies)],
-        first_face=[0, *accumulate(len(topology.faces) for topology in topologies)],
-        first_coordinate=[0, *accumulate(0 if each is None else len(each) for each in coordinates)],
-        texture=texture,
-        pyramids=pyramids,
-        coordinates=coordinates,
-        background=background[0] if len(background) == 1 else torch.cat(background),
+        meshes=meshes,
+        image=image,
+        place=place,
+        vertex_counts=counts,
+        levels=levels,
+        background=background[0][None] if len(background) == 1 else torch.stack(background),
         size=(len(scenes), height, width),
     )
 
 
 def _background(scene: Scene, like: torch.Tensor) -> torch.Tensor:
-    """(1, 1, 1, 3), or (1, H, W, 3) of a picture."""
-    if scene.background is None:
-        return like.new_zeros(1, 1, 1, 3)
-    return scene.background[None] if scene.background.ndim == 3 else scene.background[None, None, None]
+    """(3,), or (H, W, 3) of a picture."""
+    return like.new_zeros(3) if scene.background is None else scene.background
 
 
 def _scene_tensors(scene: Scene) -> _Tensors:
@@ -223,30 +172,17 @@ def _check_scene(index: int, scene: Scene, size: tuple[int, int], like: torch.Te
     _check(name, _scene_tensors(scene), like)
 
 
-def _check_object(name: str, item: MeshObject, like: torch.Tensor) -> None:
+def _checked_mesh(name: str, item: MeshObject, like: torch.Tensor) -> Any:
+    """The mesh of an object, see `Topology.mesh`."""
     _check(f"of {name}", _object_tensors(item), like)
-    item.topology.check_unchanged()
-    topology, texture = item.topology, item.texture
-    _check_device(f"the topology of {name}", (topology.faces, topology.texture_faces, topology.edges), like)
-    if texture is None:
-        return
-    _check_device(f"the texture of {name}", (texture.levels, texture.first), like)
+    mesh = item.topology.mesh
     rows = 0 if item.texture_coordinates is None else len(item.texture_coordinates)
-    if item.texture_coordinates is None or item.topology.texture_rows > rows:
+    if item.texture is not None and (item.texture_coordinates is None or mesh.texture_rows > rows):
         raise ValueError(
             f"a texture needs a row of texture_coordinates for each of its corners; {name} has "
-            f"{rows} for corners up to {item.topology.texture_rows - 1}"
+            f"{rows} for corners up to {mesh.texture_rows - 1}"
         )
-
-
-def _check_device(what: str, tables: tuple[torch.Tensor, ...], like: torch.Tensor) -> None:
-    """ValueError unless tables are where the camera is: kernels read them there."""
-    for each in tables:
-        if each.device != like.device:
-            raise ValueError(
-                f"{what} must be on {like.device}, like the camera; it is on {each.device}. Make it there:"
-                f" Topology.of has a device, a pyramid is where its texture is."
-            )
+    return mesh
 
 
 def _check(of: str, tensors: _Tensors, like: torch.Tensor | None = None, finite: bool = False) -> None:

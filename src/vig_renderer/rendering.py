@@ -12,8 +12,7 @@ from torch import Tensor
 from vig_renderer import general, native
 from vig_renderer.internals import differentiates_forward, records
 from vig_renderer.packing import PackedScenes, pack
-from vig_renderer.raster import NEAR
-from vig_renderer.scene import Rendering, Scene
+from vig_renderer.scene import NEAR, Rendering, Scene
 
 UNSEEN = (
     "the renderer draws no scenes under vmap, linearize or another tracer, which hide their numbers; give"
@@ -49,23 +48,32 @@ def render(
         raise NotImplementedError(UNSEEN)
     packed = pack([scenes] if isinstance(scenes, Scene) else scenes)
     columns = (general.LIT if shading == "vertex" else general.ALBEDO).stop
-    if packed.background.device.type == "cpu" and not differentiates_forward(packed.tensors):
-        return _native(packed, samples, columns, near)
+    if not differentiates_forward(each for each in packed.tensors if each is not None):
+        draw = native.Draw(packed, samples, columns, near)
+        rgb, coverage, visible, points, attributes = native.run(draw, *packed.tensors)
+        painted = draw.scenes if samples == 1 else None
+        return Rendering.lazily(
+            rgb,
+            coverage,
+            visible,
+            lambda: _full_masks(
+                packed, visible, lambda: native.run(native.Alone(packed, samples, near), points)[0]
+            ),
+            lambda: native.run(native.Surface(packed, near, painted), points, attributes),
+        )
     try:
         packed.check_numbers()
     except RuntimeError as error:
         raise NotImplementedError(UNSEEN) from error
-    points, attributes, lights = general.place(packed, columns, *packed.inputs)
-    points = _nearer(points, NEAR / near)
-    rgb, coverage, visible = general.paint(
-        packed, samples, points, attributes, lights, packed.background, *packed.textures
+    rgb, coverage, visible, points, attributes = general.draw(
+        packed, samples, columns, near, packed.background, *packed.tensors[1:]
     )
     return Rendering.lazily(
         rgb,
         coverage,
         visible,
-        lambda: _full_masks(packed, visible, lambda: general.alone(packed, samples, points)[0]),
-        lambda: _farther(general.surface(packed, points, attributes), near / NEAR),
+        lambda: _full_masks(packed, visible, lambda: general.alone(packed, samples, near, points)[0]),
+        lambda: general.surface(packed, near, points, attributes),
     )
 
 
@@ -82,34 +90,6 @@ def jacobian(function: Callable[[Tensor], Tensor], latents: Tensor) -> tuple[Ten
     for direction in torch.eye(len(latents), dtype=latents.dtype, device=latents.device):
         columns.append(torch.func.jvp(function, (latents,), (direction,))[1])
     return value, torch.stack(columns, dim=-1) if columns else value.new_zeros(*value.shape, 0)
-
-
-def _native(packed: PackedScenes, samples: int, columns: int, near: float) -> Rendering:
-    points, attributes, lights = native.run(native.Place(packed, columns), *packed.inputs)
-    points = _nearer(points, NEAR / near)
-    stage = native.Paint(packed, samples)
-    inputs = points, attributes, lights, packed.background, *packed.textures
-    rgb, coverage, visible = native.run(stage, *inputs)
-    face = stage.face if samples == 1 else None
-    return Rendering.lazily(
-        rgb,
-        coverage,
-        visible,
-        lambda: _full_masks(
-            packed, visible, lambda: native.run(native.Paint(packed, samples, alone=True), points)[0]
-        ),
-        lambda: _farther(native.run(native.Surface(packed, face), points, attributes), near / NEAR),
-    )
-
-
-def _nearer(points: Tensor, factor: float) -> Tensor:
-    """Homogeneous points of the same pixels at other depths, which bring a near plane to `NEAR`."""
-    return points if factor == 1.0 else points * factor
-
-
-def _farther(surface: Sequence[Tensor], factor: float) -> Sequence[Tensor]:
-    """A surface with its depth scaled back."""
-    return surface if factor == 1.0 else (surface[0] * factor, *surface[1:])
 
 
 def _full_masks(packed: PackedScenes, visible: Tensor, alone: Callable[[], Tensor]) -> Tensor:

@@ -8,7 +8,11 @@ from typing import Protocol
 
 import torch
 
-from vig_renderer.primitives import Pyramid, Topology
+from vig_renderer.texture import Pyramid
+from vig_renderer.topology import Topology
+
+NEAR = 0.01
+"""Metres along the optical axis; nothing nearer is drawn unless told."""
 
 
 @dataclass(frozen=True)

@@ -96,7 +96,7 @@ def test_threads_give_the_same_bits(teapot: ObjectClass) -> None:
 @pytest.mark.parametrize(
     ("part", "name", "value", "message"),
     [
-        ("geometry", "faces", np.full((3, 3), 10**6, np.int32), "faces must hold numbers from 0 to"),
+        ("geometry", "faces", np.full((3, 3), 10**6, np.int32), "faces must be from 0 to"),
         ("geometry", "faces", np.zeros((3, 4), np.int32), r"faces must be \(any, 3\); got \(3, 4\)"),
         (
             "geometry",
@@ -107,7 +107,7 @@ def test_threads_give_the_same_bits(teapot: ObjectClass) -> None:
         ("geometry", "layout", [3, 0, 16, 1, 1, 1, 1, 1], "layout has blocks beyond its size"),
         ("photos", "observed", np.zeros((1, 5, 3), np.float32), r"observed must be \(any, 3600, 3\)"),
         ("photos", "stride", 0, "stride must be 1 or more"),
-        ("points", "photo", np.full(4, 7, np.int32), "photo must hold numbers from 0 to 0; got 7"),
+        ("points", "photo", np.full(4, 7, np.int32), "photo must be from 0 to 0; they are from 7 to 7"),
         ("points", "points", np.zeros((4, 5), np.float32), "points must be"),
         ("points", "sigma", np.zeros(3), r"sigma must be \(4\); got \(3\)"),
     ],

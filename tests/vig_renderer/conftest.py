@@ -10,8 +10,7 @@ import pytest
 import torch
 import trimesh
 
-from vig_renderer import DirectionalLight, MeshObject, Pinhole, Scene, Topology
-from vig_renderer.primitives import pyramid
+from vig_renderer import DirectionalLight, MeshObject, Pinhole, Scene, Topology, pyramid
 
 
 def soup(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:

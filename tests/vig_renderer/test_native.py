@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import functools
 import os
-import shutil
 import subprocess
 import sys
-from array import array
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +15,7 @@ import pytest
 import torch
 from torch.utils._python_dispatch import TorchDispatchMode
 
-from vig_renderer import MeshObject, Pinhole, Rendering, Scene, Topology, native, render, rendering
+from vig_renderer import MeshObject, Pinhole, Rendering, Scene, Topology, render, rendering
 
 if TYPE_CHECKING:
     from conftest import World
@@ -108,16 +105,6 @@ def test_meshes_across_the_near_plane() -> None:
         compare(build, {"vertices": torch.from_numpy(corners), "albedo": albedo})
 
 
-def test_more_crossings_than_there_was_space_for(
-    world: Callable[..., World], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    made = world(np.random.default_rng(24))
-    expected = render(made.scene)
-    monkeypatch.setattr("vig_renderer.native.FIRST_CAPACITY", 3)
-    seen = render(made.scene)
-    assert torch.equal(seen.rgb, expected.rgb) and torch.equal(seen.full_masks, expected.full_masks)
-
-
 class _Large(TorchDispatchMode):
     """Names of operations that make more numbers than torch gives to one thread."""
 
@@ -197,44 +184,21 @@ def test_too_little_memory_is_an_error() -> None:
     assert "MemoryError" in done.stdout and "drawn" in done.stdout, done.stdout
 
 
-@pytest.mark.parametrize("stage", ["place_back", "paint", "paint_back"])
-def test_every_piece_of_memory_that_is_not_given_is_an_error(
-    stage: str, world: Callable[..., World], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    """The kernel with one line more: after its fault stands which piece is refused."""
-    folder = shutil.copytree(native.FOLDER, tmp_path / "stages")
-    code = (folder / "arguments.cc").read_text()
-    given = "        if (!at)\n"
-    assert code.count(given) == 1
-    refusing = "        if (--fault[1] == 0) {\n            free(at);\n            at = nullptr;\n        }\n"
-    (folder / "arguments.cc").write_text(code.replace(given, refusing + given))
-    called, refused, call = "", 0, native._call
-
-    def named_call(name: str, *arguments: Any, **fields: Any) -> None:
-        nonlocal called
-        called = name
-        call(name, *arguments, **fields)
-
-    def longer_array(kind: str, numbers: Any) -> array[int]:
-        fault = [0, refused if called == stage else 0]
-        return array(kind, fault if numbers == [0] else numbers)
-
-    monkeypatch.setattr(native, "FOLDER", folder)
-    monkeypatch.setattr(native, "kernel_module", lambda part, dtype: f"vig_{part}_refusing")
-    monkeypatch.setattr(native, "_kernel", functools.cache(native._kernel.__wrapped__))
-    monkeypatch.setattr(native, "_call", named_call)
-    monkeypatch.setattr(native, "array", longer_array)
-    made = world(np.random.default_rng(27))
-    while True:
-        refused += 1
-        leaf = made.inputs["front vertices"].clone().requires_grad_()
+@pytest.mark.parametrize("threads", [2, 3])
+def test_threads_and_batches_give_the_same_bits(world: Callable[..., World], threads: int) -> None:
+    made = world(np.random.default_rng(27), dtype=torch.float32)
+    results, before = [], torch.get_num_threads()
+    for count, asked in ((1, 1), (4, 1), (4, threads)):
+        leaves = {name: value.clone().requires_grad_() for name, value in made.inputs.items()}
+        torch.set_num_threads(asked)
         try:
-            render(made.build({**made.inputs, "front vertices": leaf})).rgb.sum().backward()
-        except MemoryError as error:
-            assert "too little memory for 1 images of 32 x 32" in str(error)
-        else:
-            break
-    assert refused - 1 == {"place_back": 2, "paint": 10, "paint_back": 3}[stage]
+            seen = render([made.build(leaves)] * count, samples=2)
+            seen.rgb[-1].square().sum().backward()
+        finally:
+            torch.set_num_threads(before)
+        results.append([seen.rgb[-1], *(leaf.grad for leaf in leaves.values())])
+    for other in results[1:]:
+        assert all(torch.equal(a, b) for a, b in zip(results[0], other, strict=True))
 
 
 def test_the_renderer_stands_on_its_own() -> None:

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from vig_renderer import MeshObject, Pinhole, Scene, Topology, render
-from vig_renderer.primitives import pyramid
+from vig_renderer import MeshObject, Pinhole, Scene, Topology, pyramid, render
 
 CORNERS = np.array([[-0.1, -0.1, 0.0], [0.1, -0.1, 0.0], [0.1, 0.1, 0.0], [-0.1, 0.1, 0.0]])
 FACES = np.array([[0, 1, 2], [0, 2, 3]])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -13,16 +12,8 @@ import torch
 from tests.support import TEAPOT
 from vig.likelihood import Photos
 from vig.scene import Camera, ObjectClass
-from vig_renderer import MeshObject, Pinhole, Scene, Topology, render
-from vig_renderer.primitives import (
-    Pyramid,
-    barycentrics,
-    find_crossings,
-    interpolate,
-    pyramid,
-    sample_texture,
-    visible_faces,
-)
+from vig_native import engine
+from vig_renderer import MeshObject, Pinhole, Pyramid, Scene, Topology, pyramid, render
 from vig_world.mesh import Mesh
 from vig_world.raster.rasterize import rasterize
 
@@ -34,7 +25,6 @@ RASTER: dict[str, Any] = {
 }  # fmt: skip
 POINTS = torch.from_numpy(TRIANGLE)
 FACES = torch.from_numpy(FACE)
-LAYER = torch.zeros(1, dtype=torch.int32)
 TOPOLOGY = Topology.of(FACE, TRIANGLE)
 PINHOLE = Pinhole(8, 8, torch.full((2,), 8.0), torch.full((2,), 4.0), torch.eye(3), torch.zeros(3))
 LONG = FACES.long()
@@ -62,86 +52,77 @@ def test_rasterize(change: dict[str, Any], why: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "why"),
-    [
-        ((POINTS, BEYOND, LAYER, (1, 8, 8)), "faces must be from 0 to 2; they are from 0 to 3"),
-        ((POINTS, BELOW, LAYER, (1, 8, 8)), "faces must be from 0 to 2"),
-        ((POINTS, LONG, LAYER, (1, 8, 8)), "faces must be int32; got torch.int64"),
-        ((POINTS, FACES, LAYER + 1, (1, 8, 8)), "layer must be from 0 to 0; they are from 1"),
-        ((POINTS, FACES, LAYER[:0], (1, 8, 8)), r"layer must be \(1\); got \(0,\)"),
-        ((POINTS[:, :2], FACES, LAYER, (1, 8, 8)), r"points must be \(any, 3\); got \(3, 2\)"),
-        ((POINTS.half(), FACES, LAYER, (1, 8, 8)), "points must be float32 or float64"),
-        ((POINTS, FACES, LAYER, (1, 0, 8)), "size must be images, rows and columns"),
-    ],
-)
-def test_visible_faces_and_crossings(arguments: tuple, why: str) -> None:
-    visible_faces(POINTS, FACES, LAYER, (1, 8, 8))
-    find_crossings(POINTS, FACES, TOPOLOGY.edges, LAYER, (1, 8, 8))
-    points, faces, layer, size = arguments
-    with pytest.raises(ValueError, match=why):
-        visible_faces(*arguments)
-    with pytest.raises(ValueError, match=why):
-        find_crossings(points, faces, TOPOLOGY.edges, layer, size)
-
-
-@pytest.mark.parametrize(
     ("column", "value"), [(0, 3), (2, -1), (3, 3), (3, -2), (4, 1), (4, -1), (5, 1), (5, -2)]
 )
 def test_edges(column: int, value: int) -> None:
     edges = TOPOLOGY.edges.clone()
     edges[0, column] = value
     with pytest.raises(ValueError, match="edges must be from"):
-        find_crossings(POINTS, FACES, edges, LAYER, (1, 8, 8))
-    with pytest.raises(ValueError, match="edges must be from"):
         replace(TOPOLOGY, edges=edges)
 
 
-WEIGHTS = torch.full((1, 3), 1 / 3)
-PIXEL = torch.zeros(1, 2, dtype=torch.int32)
+def test_pyramids() -> None:
+    made = pyramid(torch.rand(4, 4, 3))
+    levels = made.levels.clone()
+    levels[1, 0] = 1000
+    for wrong, why in (
+        (levels, "levels must lie within the texels"),
+        (levels[:0], "levels must lie within the texels, and each texture must have one or more"),
+        (levels.long(), "levels must be int32"),
+        (levels[:, :2], r"levels must be \(any, 3\)"),
+    ):
+        with pytest.raises(ValueError, match=why):
+            Pyramid(made.texels, wrong)
+
+
+SCENES: dict[str, Any] = {
+    "meshes": [TOPOLOGY.mesh], "levels": [None], "places": [0], "starts": [0, 1], "height": 8, "width": 8,
+    "samples": 1, "near": 0.01, "masks": 1, "is_mask": False,
+}  # fmt: skip
+INPUTS = [POINTS.numpy(), None, None, None, np.ones(3, np.float32), None, None, None]
+INPUTS += [np.eye(3, dtype=np.float32), np.zeros(3, np.float32), *np.full((2, 2), 4, np.float32), None, None]
 
 
 @pytest.mark.parametrize(
-    ("call", "why"),
+    ("change", "why"),
     [
-        (lambda: interpolate(POINTS, BEYOND, WEIGHTS), "corners must be from 0 to 2"),
-        (lambda: interpolate(POINTS, BELOW, WEIGHTS), "corners must be from 0 to 2"),
-        (lambda: interpolate(POINTS, LONG, WEIGHTS), "corners must be int32"),
-        (lambda: interpolate(POINTS, FACES, WEIGHTS.double()), "all of one type"),
-        (lambda: interpolate(POINTS, FACES, WEIGHTS.repeat(2, 1)), r"weights must be \(1, 3\); got \(2, 3\)"),
-        (lambda: interpolate(POINTS[0], FACES, WEIGHTS), "attributes must be"),
-        (lambda: barycentrics(POINTS, BEYOND, PIXEL), "corners must be from 0 to 2"),
-        (lambda: barycentrics(POINTS, FACES, PIXEL.repeat(2, 1)), r"pixels must be \(1, 2\)"),
-        (lambda: barycentrics(POINTS, FACES, PIXEL.long()), "pixels must be int32"),
+        ({"height": 0}, "an image must have a pixel or more"),
+        ({"samples": 40000}, "an image must have a pixel or more and at most 268 million samples"),
+        ({"starts": [0, 2]}, "starts lead from 0 to their number"),
+        ({"places": [1]}, "places must be from 0 to 0"),
+        ({"levels": [None, None]}, "levels and places must be as many as meshes"),
     ],
 )
-def test_interpolation(call: Callable[[], Any], why: str) -> None:
-    interpolate(POINTS, FACES, WEIGHTS)
-    barycentrics(POINTS, FACES, PIXEL)
+def test_scenes_in_the_library(change: dict[str, Any], why: str) -> None:
+    engine.Scenes32(**SCENES)
     with pytest.raises(ValueError, match=why):
-        call()
+        engine.Scenes32(**SCENES | change)
 
 
-def test_textures() -> None:
-    made = pyramid(torch.rand(4, 4, 3))
-    which, uv, footprint = torch.zeros(1, dtype=torch.int32), torch.zeros(1, 2), torch.zeros(1, 2, 2)
-    sample_texture(made, which, uv, footprint)
-    sample_texture(made, which - 1, uv, footprint)
-    for arguments, why in (
-        ((which + 1, uv, footprint), "texture must be from -1 to 0"),
-        ((which - 2, uv, footprint), "texture must be from -1 to 0"),
-        ((which.long(), uv, footprint), "texture must be int32"),
-        ((which, uv.repeat(2, 1), footprint), r"uv must be \(1, 2\)"),
-        ((which, uv.double(), footprint.double()), "all of one type"),
-        ((which, uv, footprint.repeat(2, 1, 1)), r"footprint must be \(1, 4\)"),
-    ):
-        with pytest.raises(ValueError, match=why):
-            sample_texture(made, *arguments)
-    levels = made.levels.clone()
-    levels[1, 0] = 1000
-    with pytest.raises(ValueError, match="levels must lie within the texels"):
-        Pyramid(made.texels, levels, made.first)
-    with pytest.raises(ValueError, match="first must be from 0 to 3"):
-        Pyramid(made.texels, made.levels, made.first + 1)
+@pytest.mark.parametrize(
+    ("place", "value", "why"),
+    [
+        (0, np.zeros((2, 3), np.float32), "input 0 of object 0 must have 9 numbers; got 6"),
+        (4, np.zeros(6, np.float32), "input 4 of object 0 must have 3 numbers; got 6"),
+        (5, np.zeros(8, np.float32), "input 5 of object 0 must have 9 numbers; got 8"),
+        (10, None, "input 10 of object 0 is missing"),
+    ],
+)
+def test_inputs_of_scenes_in_the_library(place: int, value: Any, why: str) -> None:
+    inputs = [*INPUTS]
+    inputs[place] = value
+    made, attributes = np.empty((3, 3), np.float32), np.empty((3, 9), np.float32)
+    assert engine.Scenes32(**SCENES).place([INPUTS], made, attributes, 1)
+    with pytest.raises(ValueError, match=why):
+        engine.Scenes32(**SCENES).place([inputs], made, attributes, 1)
+    for wrong in (made.astype(np.float64), made[:, ::-1]):
+        with pytest.raises(TypeError):
+            engine.Scenes32(**SCENES).place([INPUTS], wrong, attributes, 1)
+    with pytest.raises(ValueError, match=r"points must be \(3, 3\); got \(2, 3\)"):
+        engine.Scenes32(**SCENES).place([INPUTS], made[:2].copy(), attributes, 1)
+    with pytest.raises(ValueError, match="scenes are placed and painted before"):
+        depth, normals = np.empty((1, 8, 8), np.float32), np.empty((1, 8, 8, 3), np.float32)
+        engine.Scenes32(**SCENES).surface(depth, normals, *np.empty((2, 1, 8, 8), np.int32))
 
 
 def test_topologies() -> None:
@@ -231,8 +212,8 @@ def test_transforms_that_hide_numbers() -> None:
 
     at = torch.zeros(3)
     expected = torch.func.grad(brightness)(at)
-    torch.testing.assert_close(torch.func.jacfwd(brightness)(at), expected)
-    torch.testing.assert_close(torch.func.jacrev(brightness)(at), expected)
+    for jacobian in (torch.func.jacfwd(brightness)(at), torch.func.jacrev(brightness)(at)):
+        torch.testing.assert_close(jacobian, expected, rtol=1e-5, atol=1e-5 * float(expected.abs().max()))
     for transformed in (
         lambda: torch.func.vmap(brightness)(torch.zeros(2, 3)),
         lambda: torch.func.vmap(torch.func.grad(brightness))(torch.zeros(2, 3)),

@@ -20,9 +20,9 @@ from vig_renderer import (
     Scene,
     Topology,
     jacobian,
+    pyramid,
     render,
 )
-from vig_renderer.primitives import pyramid
 from vig_renderer.shading import smooth_normals
 from vig_world.raster.rasterize import rasterize
 

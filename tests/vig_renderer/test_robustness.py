@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from vig_renderer import MeshObject, Pinhole, Rendering, Scene, Topology, render
-from vig_renderer.primitives import pyramid
+from vig_renderer import MeshObject, Pinhole, Rendering, Scene, Topology, pyramid, render
 
 SCENES = int(os.environ.get("VIG_RANDOM_SCENES", "300"))
 

@@ -2,7 +2,6 @@
 
 from vig.renderer.explained import render_latents, scene_of
 from vig_renderer import (
-    NOTHING,
     DirectionalLight,
     MeshObject,
     Pinhole,
@@ -13,11 +12,9 @@ from vig_renderer import (
     jacobian,
     pyramid,
     render,
-    warp_array,
 )
 
 __all__ = [
-    "NOTHING",
     "DirectionalLight",
     "MeshObject",
     "Pinhole",
@@ -30,5 +27,4 @@ __all__ = [
     "render",
     "render_latents",
     "scene_of",
-    "warp_array",
 ]

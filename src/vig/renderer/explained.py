@@ -9,10 +9,10 @@ import torch
 from vig.scene import Camera, Latents, ObjectClass
 from vig.scene.light import COSINE_LOBE, sh_basis
 from vig_renderer.defaults import with_default_settings
-from vig_renderer.primitives import Topology
 from vig_renderer.rendering import render
 from vig_renderer.scene import MeshObject, Pinhole, Rendering, Scene
 from vig_renderer.shading import smooth_normals
+from vig_renderer.topology import Topology
 
 
 def vertex_irradiance(

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import torch
 
-from vig_renderer.checks import check_indices
-from vig_renderer.device import check_table, table_state
+from vig_native import engine
+from vig_renderer.checks import check_table
 
 
 @dataclass(frozen=True)
@@ -17,54 +18,46 @@ class Topology:
 
     faces (F, 3) int32: vertices. texture_faces (F, 3) int32: rows of the texture coordinates, `faces` itself
     where there is one pair of coordinates per vertex. edges (E, 6) int32: vertices a and b, the third vertex
-    of the face on either side, and those two faces; -1 twice at a border. vertex_count: V.
-    texture_rows: how many rows of texture coordinates there must be.
+    of the face on either side, and those two faces; -1 twice at a border. vertex_count: V. Raises ValueError
+    for tables of other shapes or types, or with numbers out of range.
     """
 
     faces: torch.Tensor
     texture_faces: torch.Tensor
     edges: torch.Tensor
     vertex_count: int
-    texture_rows: int = field(init=False)
-    _state: tuple[object, ...] = field(init=False, repr=False, compare=False)
+    _mesh: tuple[tuple[object, ...], Any] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        self.check()
+        self._copy()
 
-    def check(self) -> None:
-        """ValueError for tables of other shapes or types, or with numbers out of range."""
-        count = len(self.faces)
-        for name in ("faces", "texture_faces", "edges"):
-            object.__setattr__(self, name, getattr(self, name).contiguous())
-        check_table("faces", self.faces, (None, 3), self.vertex_count)
-        check_table("texture_faces", self.texture_faces, (count, 3))
+    @property
+    def mesh(self) -> Any:
+        """The tables in the native library: a checked copy, renewed where torch knows of a write."""
+        if self._mesh[0] != self._state():
+            self._copy()
+        return self._mesh[1]
+
+    def _copy(self) -> None:
+        check_table("faces", self.faces, (None, 3))
+        check_table("texture_faces", self.texture_faces, (len(self.faces), 3))
         check_table("edges", self.edges, (None, 6))
-        if self.texture_faces.numel() and self.texture_faces.min() < 0:
-            raise ValueError(
-                f"texture_faces must name rows of coordinates, 0 and up; they name {self.texture_faces.min()}"
-            )
-        for columns, most, least in (([0, 1, 2], self.vertex_count, 0), ([3], self.vertex_count, -1),
-                                     ([4], count, 0), ([5], count, -1)):  # fmt: skip
-            check_indices("edges", self.edges[:, columns], most, least)
-        rows = int(self.texture_faces.max()) + 1 if count else 0
-        object.__setattr__(self, "texture_rows", rows)
-        object.__setattr__(self, "_state", self.state())
+        tables = (each.contiguous().numpy() for each in (self.faces, self.texture_faces, self.edges))
+        object.__setattr__(self, "_mesh", (self._state(), engine.mesh(*tables, self.vertex_count)))
 
-    def check_unchanged(self) -> None:
-        """Check once more where a table has been written to: kernels rely on its numbers."""
-        if self._state != self.state():
-            self.check()
+    def _state(self) -> tuple[object, ...]:
+        tables = self.faces, self.texture_faces, self.edges
+        versions = [0 if each.is_inference() else each._version for each in tables]
+        return (*versions, *((each.data_ptr(), each.nbytes) for each in tables))
 
-    def state(self) -> tuple[object, ...]:
-        """See `table_state`."""
-        return table_state(self.faces, self.texture_faces, self.edges)
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Topology, (self.faces, self.texture_faces, self.edges, self.vertex_count)
 
     @staticmethod
     def of(
         faces: np.ndarray,
         vertices: np.ndarray,
         texture_faces: np.ndarray | None = None,
-        device: str = "cpu",
     ) -> Topology:
         """Find the edges of `faces` (F, 3).
 
@@ -86,9 +79,9 @@ class Topology:
             raise ValueError(f"texture_faces must be {faces.shape}, like faces; got {texture_faces.shape}")
         edges = _edges(_welded(vertices)[faces] if len(faces) else faces)
         return Topology(
-            torch.from_numpy(faces.astype(np.int32, order="C")).to(device),
-            torch.from_numpy(texture_faces.astype(np.int32, order="C")).to(device),
-            torch.from_numpy(edges).to(device),
+            torch.from_numpy(faces.astype(np.int32, order="C")),
+            torch.from_numpy(texture_faces.astype(np.int32, order="C")),
+            torch.from_numpy(edges),
             len(vertices),
         )
 

@@ -1,11 +1,35 @@
-"""Vertex attributes at pixels, and the blending of pixels at occlusion edges."""
+"""Vertex attributes at pixels, and the blending of pixels at occlusion edges, in plain torch."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import torch
 
-from vig_renderer.device import check_floats, check_table
-from vig_renderer.primitives.crossings import Crossings
+
+@dataclass(frozen=True)
+class Crossings:
+    """Silhouette edges of L layers, and where M of them visibly cross the lines of pixel centres.
+
+    Attributes:
+        edges: (S, 2) int64, the vertices a and b of each silhouette edge, visible or not.
+        edge: (M,) int64, which of these crosses.
+        axis: (M,) int64, 0 between neighbours in a row, 1 in a column.
+        line: (M,) which row (axis 0) or column.
+        low: (M,) the neighbour's column (row) that comes first.
+        here: (M,) int64, the first of the two pixels, as (l H + y) W + x.
+        there: (M,) int64, the second.
+        sharers: (M,) how many visible crossings lie between the same two pixels.
+    """
+
+    edges: torch.Tensor
+    edge: torch.Tensor
+    axis: torch.Tensor
+    line: torch.Tensor
+    low: torch.Tensor
+    here: torch.Tensor
+    there: torch.Tensor
+    sharers: torch.Tensor
 
 
 def antialias(image: torch.Tensor, screen: torch.Tensor, crossings: Crossings) -> torch.Tensor:
@@ -68,19 +92,16 @@ def barycentrics(
 
     Args:
         points: (V, 3) homogeneous screen points (x z, y z, z).
-        corners: (N, 3) int32, the faces' vertices.
-        pixels: (N, 2) int32, column and row.
+        corners: (N, 3) int64, the faces' vertices.
+        pixels: (N, 2), column and row.
         derivatives: Also give the weights' derivatives along the screen.
 
     Returns:
         (N, 3, 3): the weights, then their derivatives per pixel to the right, and per pixel downwards;
         without `derivatives` (N, 1, 3).
     """
-    check_floats(points=(points, (None, 3)))
-    check_table("corners", corners, (None, 3), len(points))
-    check_table("pixels", pixels, (len(corners), 2))
     # Corners relative to the pixel, times their depths: (3, N) each, as rows are fastest.
-    picked = points.T.index_select(1, corners.T.reshape(-1).long()).view(3, 3, -1)
+    picked = points.T.index_select(1, corners.T.reshape(-1)).view(3, 3, -1)
     centre = (pixels.T + 0.5).to(points.dtype)
     z = picked[2]
     x, y = picked[0] - centre[0] * z, picked[1] - centre[1] * z
@@ -102,11 +123,9 @@ def barycentrics(
 def interpolate(attributes: torch.Tensor, corners: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
     """Interpolate vertex attributes at N seen points: sum_i weights[n, i] attributes[corners[n, i]].
 
-    attributes (V, C), corners (N, 3) int32 and barycentric weights (N, 3) give (N, C), differentiable in
+    attributes (V, C), corners (N, 3) int64 and barycentric weights (N, 3) give (N, C), differentiable in
     attributes and weights; derivatives of the weights along the screen give those of the attributes.
     """
-    check_table("corners", corners, (None, 3), len(attributes))
-    check_floats(attributes=(attributes, (None, None)), weights=(weights, (len(corners), 3)))
-    rows = attributes.index_select(0, corners.reshape(-1).long()).view(len(corners), 3, attributes.shape[1])
+    rows = attributes.index_select(0, corners.reshape(-1)).view(len(corners), 3, attributes.shape[1])
     # A batched product: one kernel for forward and backward where a sum over corners takes three.
     return (weights[:, None] @ rows)[:, 0]

@@ -1,15 +1,62 @@
-"""Each kernel once more in plain torch, as its definition reads: slow, for tests and for reading.
+"""Visibility, occlusion edges and interpolation in plain torch, as their definitions read: slow, for tests.
 
-Arguments and results are those of the primitive of the same name; derivatives are autograd's own.
+Derivatives are autograd's own. `find` asks the library for the same.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
 import torch
 
-from vig_renderer.primitives.texture import Pyramid
-from vig_renderer.primitives.visibility import Visible
-from vig_renderer.raster import NEAR
+from vig_native import engine
+from vig_renderer import Pyramid, Topology
+from vig_renderer.general import MARGIN
+from vig_renderer.scene import NEAR
+
+Edges = set[tuple[int, int, int, int, int]]
+"""Visible occlusion edges: vertex a, vertex b, axis, line, the first of the two pixels."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """What the library sees of one layer of H x W pixels: face (H, W), numbered through, -1 for none."""
+
+    face: torch.Tensor
+    edges: Edges
+
+
+def layers(points: torch.Tensor, topologies: Sequence[Topology], size: tuple[int, int]) -> Any:
+    """A layer for each topology in the library; points (V, 3) of all, one after the other."""
+    kind = engine.Scenes32 if points.dtype == torch.float32 else engine.Scenes64
+    count = len(topologies)
+    numbers = [0] * count, list(range(count + 1))
+    scenes = kind([each.mesh for each in topologies], [None] * count, *numbers, *size, 1, NEAR, 1, True)
+    scenes.bind(points.numpy(), None)
+    return scenes
+
+
+def find(points: torch.Tensor, topologies: Sequence[Topology], size: tuple[int, int]) -> list[Found]:
+    """What is seen of each layer."""
+    scenes, found = layers(points, topologies, size), []
+    scenes.find(True, 1)
+    for face, silhouettes, crossings in scenes.found():
+        grid = torch.from_numpy(face).view(size[0] + 2 * MARGIN, size[1] + 2 * MARGIN)
+        edges = set()
+        for edge, axis, line, low, *_ in (crossings - [0, 0, MARGIN, MARGIN, 0, 0, 0]).tolist():
+            if 0 <= line < size[axis] and 0 <= low < size[1 - axis] - 1:
+                edges.add((*silhouettes[edge, :2].tolist(), axis, line, low))
+        found.append(Found(grid[MARGIN:-MARGIN, MARGIN:-MARGIN], edges))
+    return found
+
+
+def coverage(points: torch.Tensor, topology: Topology, size: tuple[int, int]) -> torch.Tensor:
+    """The share of each pixel that a mesh covers, by the library: (H, W)."""
+    mask = points.new_empty(1, 1, *size)
+    layers(points, [topology], size).paint(None, None, None, mask.numpy(), 1)
+    return mask[0, 0]
 
 
 def _edge_functions(corners: torch.Tensor, x: torch.Tensor, y: torch.Tensor) -> torch.Tensor:
@@ -35,23 +82,16 @@ def _depth_at(corners: torch.Tensor, x: torch.Tensor, y: torch.Tensor) -> torch.
     return torch.where(inside & (depth >= NEAR), depth, torch.inf)
 
 
-def visible_faces(
-    points: torch.Tensor, faces: torch.Tensor, layer: torch.Tensor, size: tuple[int, int, int]
-) -> Visible:
-    """Every face against every pixel."""
-    nearest = points.new_full(size, torch.inf)
-    seen = torch.full(size, -1)
-    y, x = torch.meshgrid(
-        torch.arange(size[1]).to(points) + 0.5, torch.arange(size[2]).to(points) + 0.5, indexing="ij"
-    )
+def visible_faces(points: torch.Tensor, faces: torch.Tensor, size: tuple[int, int]) -> torch.Tensor:
+    """Every face against every pixel: the nearest (H, W), -1 for none."""
+    nearest, seen = points.new_full(size, torch.inf), torch.full(size, -1)
+    y, x = torch.meshgrid(*(torch.arange(side).to(points) + 0.5 for side in size), indexing="ij")
     for face, corners in enumerate(faces.long()):
-        depth = _depth_at(points[corners].expand(*size[1:], 3, 3), x, y)
-        image = int(layer[face])
-        nearer = depth < nearest[image]
-        nearest[image] = torch.where(nearer, depth, nearest[image])
-        seen[image] = torch.where(nearer, face, seen[image])
-    pixel = (seen.view(-1) >= 0).nonzero().squeeze(1)
-    return Visible(pixel, seen.view(-1)[pixel], size)
+        depth = _depth_at(points[corners].expand(*size, 3, 3), x, y)
+        nearer = depth < nearest
+        nearest = torch.where(nearer, depth, nearest)
+        seen = torch.where(nearer, face, seen)
+    return seen
 
 
 def barycentrics(points: torch.Tensor, corners: torch.Tensor, pixels: torch.Tensor) -> torch.Tensor:
@@ -74,27 +114,18 @@ def interpolate(attributes: torch.Tensor, corners: torch.Tensor, weights: torch.
     return (attributes[corners.long()] * weights[..., None]).sum(1)
 
 
-def sample_texture(
-    textures: Pyramid, texture: torch.Tensor, uv: torch.Tensor, footprint: torch.Tensor
-) -> torch.Tensor:
+def sample_texture(texture: Pyramid, uv: torch.Tensor, footprint: torch.Tensor) -> torch.Tensor:
     """One point after the other."""
-    rows = []
-    for which, place, change in zip(texture.tolist(), uv, footprint.reshape(-1, 2, 2), strict=True):
-        if which < 0:
-            rows.append(textures.texels.new_ones(textures.texels.shape[1]))
-            continue
-        first, end = textures.first[which : which + 2].tolist()
-        height, width = textures.levels[first, 1:].tolist()
+    rows, last = [], len(texture.levels) - 1
+    _, height, width = texture.levels[0].tolist()
+    for place, change in zip(uv, footprint.reshape(-1, 2, 2), strict=True):
         texels = change * change.new_tensor([width, height])
         mean_square = texels.square().sum() / 2
-        level = (0.5 * torch.log2(mean_square.clamp_min(1e-12))).clamp(0, end - first - 1)
+        level = (0.5 * torch.log2(mean_square.clamp_min(1e-12))).clamp(0, last)
         fine = int(level)
-        coarse = min(fine + 1, end - first - 1)
         share = level - fine
-        rows.append(
-            (1 - share) * _bilinear(textures, first + fine, place)
-            + share * _bilinear(textures, first + coarse, place)
-        )
+        coarse = _bilinear(texture, min(fine + 1, last), place)
+        rows.append((1 - share) * _bilinear(texture, fine, place) + share * coarse)
     return torch.stack(rows)
 
 
@@ -113,17 +144,11 @@ def _bilinear(textures: Pyramid, level: int, uv: torch.Tensor) -> torch.Tensor:
     return (1 - fy) * upper + fy * lower
 
 
-def visible_crossings(
-    points: torch.Tensor,
-    faces: torch.Tensor,
-    edges: torch.Tensor,
-    layer: torch.Tensor,
-    size: tuple[int, int, int],
-) -> set[tuple[int, int, int, int, int]]:
-    """What `find_crossings` finds, as a set: vertex a, vertex b, axis, first pixel, second pixel."""
-    _, height, width = size
-    faces, found = faces.long(), set()
-    for a, b, apex, beyond, face, other in edges.tolist():
+def visible_edges(points: torch.Tensor, topology: Topology, size: tuple[int, int]) -> Edges:
+    """What `find` finds."""
+    height, width = size
+    faces, found = topology.faces.long(), set()
+    for a, b, apex, beyond, face, other in topology.edges.tolist():
         if min(points[a, 2], points[b, 2]) < NEAR:
             continue
         pixel_a, pixel_b = points[a, :2] / points[a, 2], points[b, :2] / points[b, 2]
@@ -132,9 +157,7 @@ def visible_crossings(
             sides = [torch.linalg.det(torch.stack([points[a], points[b], points[c]])) for c in (apex, beyond)]
             if sides[0] * sides[1] <= 0:
                 continue
-        image = int(layer[face])
-        others = (layer == image).nonzero().squeeze(1)
-        others = others[(others != face) & (others != other)]
+        others = torch.tensor([number for number in range(len(faces)) if number not in (face, other)])
         for axis in range(2):
             across, lines, steps = 1 - axis, (height, width)[axis], (width, height)[axis]
             for line in range(lines):
@@ -149,12 +172,6 @@ def visible_crossings(
                 depth = 1 / ((1 - share) / points[a, 2] + share / points[b, 2])
                 x, y = (u, u.new_tensor(v)) if axis == 0 else (u.new_tensor(v), u)
                 before = _depth_at(points[faces[others]], x.expand(len(others)), y.expand(len(others)))
-                if (before < depth * (1 - 1e-7)).any():
-                    continue
-                here = (
-                    (image * height + line) * width + low
-                    if axis == 0
-                    else (image * height + low) * width + line
-                )
-                found.add((a, b, axis, here, here + (1 if axis == 0 else width)))
+                if not (before < depth * (1 - 1e-7)).any():
+                    found.add((a, b, axis, line, low))
     return found

@@ -1,4 +1,4 @@
-"""Crossings and antialiasing: which edges are seen, and what coverage they make of it."""
+"""Occlusion edges: which are seen, and what coverage they make of it."""
 
 from __future__ import annotations
 
@@ -7,11 +7,10 @@ import pytest
 import torch
 import trimesh
 
-from tests.vig_renderer.primitives import reference
+from tests.vig_renderer.reference import coverage, find, visible_edges
 from vig_renderer import Topology
-from vig_renderer.primitives import Crossings, antialias, find_crossings, visible_faces
 
-SIZE = (1, 24, 32)
+SIZE = (24, 32)
 
 
 def on_screen(vertices: np.ndarray, dtype: torch.dtype = torch.float64) -> torch.Tensor:
@@ -19,12 +18,6 @@ def on_screen(vertices: np.ndarray, dtype: torch.dtype = torch.float64) -> torch
     depth = vertices[:, 2:]
     points = np.concatenate([vertices[:, :2] * 40 + np.array([16.2, 11.9]) * depth, depth], axis=1)
     return torch.tensor(points, dtype=dtype)
-
-
-def rows_of(found: Crossings) -> set[tuple[int, int, int, int, int]]:
-    a, b = found.edges[found.edge].unbind(1)
-    columns = (a, b, found.axis, found.here, found.there)
-    return set(zip(*(column.tolist() for column in columns), strict=True))
 
 
 def flat(*polygons: list[tuple[float, float]], depth: float = 1.0) -> tuple[torch.Tensor, Topology]:
@@ -37,14 +30,6 @@ def flat(*polygons: list[tuple[float, float]], depth: float = 1.0) -> tuple[torc
         faces += [[start, start + i, start + i + 1] for i in range(1, len(polygon) - 1)]
     points = np.array(points)
     return torch.from_numpy(points), Topology.of(np.array(faces), points)
-
-
-def coverage(points: torch.Tensor, topology: Topology, size: tuple[int, int, int] = SIZE) -> torch.Tensor:
-    layer = torch.zeros(len(topology.faces)).int()
-    seen = visible_faces(points, topology.faces, layer, size)
-    crossings = find_crossings(points, topology.faces, topology.edges, layer, size)
-    ones = seen.image(points.new_ones(len(seen.pixel), 1))
-    return antialias(ones, points[:, :2] / points[:, 2:], crossings)[0, ..., 0]
 
 
 @pytest.mark.parametrize("dtype", [torch.float64, torch.float32])
@@ -60,12 +45,10 @@ def test_visible_rims_are_the_references(dtype: torch.dtype) -> None:
         )
         faces = np.concatenate([torus.faces, box.faces + len(torus.vertices)])
         topology = Topology.of(faces, vertices)
-        layer = torch.zeros(len(faces)).int()
-        found = find_crossings(on_screen(vertices, dtype), topology.faces, topology.edges, layer, SIZE)
-        arguments = on_screen(vertices), topology.faces, topology.edges, layer, SIZE
-        expected = reference.visible_crossings(*arguments)
+        (found,) = find(on_screen(vertices, dtype), [topology], SIZE)
+        expected = visible_edges(on_screen(vertices), topology, SIZE)
         assert len(expected) > 60  # and many more that are hidden
-        missed += len(rows_of(found) ^ expected)
+        missed += len(found.edges ^ expected)
         total += len(expected)
     assert missed <= (0 if dtype == torch.float64 else 0.02 * total)
 
@@ -75,11 +58,10 @@ def test_rims_behind_something_and_edges_within_a_surface_are_not_seen() -> None
         [(10.2, 8.1), (18.3, 8.2), (18.1, 15.7), (10.4, 15.4)],  # hidden
         [(5.2, 4.1), (25.3, 4.4), (25.1, 20.2), (5.4, 20.3)],
     )
-    layer = torch.zeros(len(topology.faces)).int()
-    found = find_crossings(points, topology.faces, topology.edges, layer, SIZE)
-    assert (found.edges[found.edge] >= 4).all()  # none of the first four vertices
-    pairs = {(a, b) for a, b, *_ in rows_of(found)}
-    assert pairs == {(4, 5), (5, 6), (6, 7), (4, 7)}  # the diagonal (4, 6) is no rim
+    (found,) = find(points, [topology], SIZE)
+    pairs = {(a, b) for a, b, *_ in found.edges}
+    # None of the first four vertices; the diagonal (4, 6) is no rim.
+    assert pairs == {(4, 5), (5, 6), (6, 7), (4, 7)}
 
 
 def test_an_edge_that_runs_away_is_as_near_as_perspective_has_it() -> None:
@@ -88,16 +70,15 @@ def test_an_edge_that_runs_away_is_as_near_as_perspective_has_it() -> None:
     behind = [(10.4, 10.1, 1.0), (25.2, 10.2, 1.0), (25.3, 13.8, 1.0), (10.3, 13.7, 1.0)]
     points = np.array([(x * z, y * z, z) for x, y, z in receding + behind])
     topology = Topology.of(np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]), points)
-    layer = torch.zeros(4).int()
-    found = find_crossings(torch.from_numpy(points), topology.faces, topology.edges, layer, SIZE)
-    right_edge = (found.edges[found.edge] == torch.tensor([1, 2])).all(1) & (found.axis == 0)
-    assert set(range(2, 22)) == set(found.line[right_edge].tolist())
+    (found,) = find(torch.from_numpy(points), [topology], SIZE)
+    right_edge = {line for a, b, axis, line, _ in found.edges if (a, b, axis) == (1, 2, 0)}
+    assert right_edge == set(range(2, 22))
 
 
 @pytest.mark.parametrize("right", [20.0, 20.3, 20.5, 20.6, 21.0])
 def test_upright_edges_cover_exactly_their_area(right: float) -> None:
     points, topology = flat([(5.25, 3.4), (right, 3.4), (right, 17.7), (5.25, 17.7)])
-    found = coverage(points, topology)
+    found = coverage(points, topology, SIZE)
     # Area of the rectangle in each pixel, corners left out.
     columns = np.clip(right - np.arange(32), 0, 1) * np.clip(np.arange(1, 33) - 5.25, 0, 1)
     rows = np.clip(17.7 - np.arange(24), 0, 1) * np.clip(np.arange(1, 25) - 3.4, 0, 1)
@@ -114,7 +95,7 @@ def test_the_covered_area_follows_the_polygon_without_jumps() -> None:
     for step in np.linspace(0, 1, 101):
         centre = (14 + step, 12 + 0.37 * step)
         hexagon = [(centre[0] + 8 * np.cos(t), centre[1] + 8 * np.sin(t)) for t in angles]
-        sums.append(coverage(*flat(hexagon)).sum().item())
+        sums.append(coverage(*flat(hexagon), SIZE).sum().item())
     assert np.mean(sums) == pytest.approx(area, abs=0.1)
     assert np.abs(np.array(sums) - area).max() < 1.0
     assert np.abs(np.diff(sums)).max() < 0.15
@@ -123,11 +104,11 @@ def test_the_covered_area_follows_the_polygon_without_jumps() -> None:
 def test_what_two_edges_share_is_blended_once() -> None:
     # Two sheets with the same outline, one right behind the other: the same coverage as one of them.
     outline = [(5.2, 4.1), (25.3, 4.4), (25.1, 20.2), (5.4, 20.3)]
-    double, single = coverage(*flat(outline, outline)), coverage(*flat(outline))
+    double, single = coverage(*flat(outline, outline), SIZE), coverage(*flat(outline), SIZE)
     torch.testing.assert_close(double, single)
 
 
 def test_images_without_edges_stay_as_they_are() -> None:
     points, topology = flat([(-50.0, -50.0), (90, -50), (90, 90), (-50, 90)])
-    assert (coverage(points, topology) == 1).all()
-    assert coverage(points, topology, (1, 1, 1)).item() == 1
+    assert (coverage(points, topology, SIZE) == 1).all()
+    assert coverage(points, topology, (1, 1)).item() == 1

@@ -1,0 +1,69 @@
+// Arrays of numpy at the boundary of the module: their shapes are checked before anything reads them, types by nanobind.
+#pragma once
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+
+#include <algorithm>
+#include <initializer_list>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace vig {
+
+template <class T> using Input = nb::ndarray<const T, nb::c_contig, nb::device::cpu>;
+template <class T> using InOut = nb::ndarray<T, nb::c_contig, nb::device::cpu>;
+template <class T> using Output = nb::ndarray<nb::numpy, T>;
+
+inline std::string text(const std::vector<int64_t>& shape) {
+    std::string out = "(";
+    for (const int64_t size : shape)
+        out += (size < 0 ? "any" : std::to_string(size)) + ", ";
+    return out.substr(0, out.size() - (shape.empty() ? 0 : 2)) + ")";
+}
+
+// Throw unless an array has a shape, -1 standing for any size.
+template <class A> void check_shape(const char* name, const A& array, std::vector<int64_t> wanted) {
+    std::vector<int64_t> shape;
+    bool fits = array.ndim() == wanted.size();
+    for (size_t i = 0; i < array.ndim(); ++i) {
+        shape.push_back(array.shape(i));
+        fits = fits && (wanted[i] < 0 || wanted[i] == shape.back());
+    }
+    if (!fits)
+        throw std::invalid_argument(std::string(name) + " must be " + text(wanted) + "; got " + text(shape));
+}
+
+template <class A> auto copy(const A& array) {
+    return std::vector<std::remove_const_t<typename A::Scalar>>(array.data(), array.data() + array.size());
+}
+
+// Throw unless all numbers of a table are from `least` to `count` - 1.
+inline void check_table(const char* name, const int32_t* table, size_t size, int least, int64_t count) {
+    if (size == 0)
+        return;
+    const auto [low, high] = std::minmax_element(table, table + size);
+    if (*low < least || *high >= count)
+        throw std::invalid_argument(std::string(name) + " must be from " + std::to_string(least) + " to " +
+                                    std::to_string(count - 1) + "; they are from " + std::to_string(*low) + " to " +
+                                    std::to_string(*high));
+}
+inline void check_table(const char* name, const std::vector<int32_t>& table, int least, int64_t count) {
+    check_table(name, table.data(), table.size(), least, count);
+}
+
+template <class T> Output<T> make(std::initializer_list<size_t> shape, T*& data) {
+    size_t size = 1;
+    for (const size_t length : shape)
+        size *= length;
+    data = new T[std::max<size_t>(size, 1)];
+    nb::capsule owner(data, [](void* p) noexcept { delete[] (T*)p; });
+    return Output<T>(data, shape, owner);
+}
+
+void bind_scenes(nb::module_& m);
+
+}  // namespace vig

@@ -1,0 +1,195 @@
+// Scenes of meshes for the public renderer: vertices on the screen, what is seen at each point of a grid of samples, visible
+// occlusion edges, pictures; and the way back from pictures to every input.
+#pragma once
+#include <algorithm>
+#include <array>
+#include <memory>
+
+#include "rows.h"
+#include "visibility.h"
+
+namespace vig {
+
+// Pixels drawn around a picture and cut off again, so that its border is blended like its middle.
+constexpr int MARGIN = 1;
+
+// A mesh that does not move, numbers checked. F faces of V vertices, E edges.
+struct Mesh {
+    int vertices, texture_rows;          // texture_rows: rows of texture coordinates that its corners name
+    std::vector<int32_t> corners;          // (F, 3)
+    std::vector<int32_t> texture_corners;  // (F, 3) rows of the texture coordinates
+    std::vector<int32_t> edges;          // (E, 6) vertices a and b, third vertex of the face on either side, those two faces; -1
+    int faces() const { return (int)(corners.size() / 3); }
+};
+
+// What places, colours and lights an object, each an array of numbers or absent. The last two are a texture's.
+enum ObjectInput {
+    VERTICES, ROTATION, TRANSLATION, NORMALS, ALBEDO, SKY, LAMP, RADIANCE, CAMERA_ROTATION, CAMERA_TRANSLATION, FOCAL,
+    CENTRE, COORDINATES, TEXELS, INPUTS
+};
+
+template <class R> struct Object {
+    std::shared_ptr<const Mesh> mesh;
+    int place;                      // in its scene's list
+    int first_vertex, first_face;   // where its own begin, of all objects' numbered through
+    std::array<const R*, INPUTS> in = {};
+    std::array<int64_t, INPUTS> count = {};  // numbers of each input
+    std::vector<int32_t> levels = {};  // (L, 3) first texel, height and width of each level of its texture
+    bool has_colours() const { return count[ALBEDO] > 3; }  // of its vertices
+    bool has_rgb_light() const { return count[SKY] == 27; }
+};
+template <class R> using Cotangents = std::array<R*, INPUTS>;  // null where nobody asks; added to
+
+// Light on an object: spherical harmonics of each channel, and a distant lamp.
+template <class R> struct Light {
+    R sky[3][LOBES] = {};
+    Vec3<R> lamp = {}, radiance = {};
+    bool is_on = false;  // without any light an object shows its albedo
+};
+// Cotangents on a light, summed in double precision.
+struct LightCotangent {
+    double sky[3][LOBES] = {}, lamp[3] = {}, radiance[3] = {};
+};
+
+// A silhouette edge: its two vertices and two faces, numbered through; -1 for none.
+struct Silhouette {
+    int first, second, face, other;
+};
+// Where silhouette `edge` visibly crosses the line between the centres of two neighbours, `here` and `there` on the grid:
+// along a row (axis 0) or column (1) number `line`, after neighbour `low`. sharers: crossings between the same two.
+struct Crossing {
+    int edge, axis, line, low, sharers, here, there;
+};
+
+// One layer: objects `begin` to `end` drawn together, on a grid of samples.
+template <class R> struct Layer {
+    int begin, end;
+    std::vector<int32_t> face;            // (grid) numbered through, or NO_FACE
+    std::vector<Silhouette> silhouettes;
+    std::vector<Crossing> crossings;
+    std::vector<R> joints;                // (vertices of the layer, 2) mean steepness of silhouettes that meet, their number
+    std::vector<R> steps;                 // (crossings, channels) differences of the two neighbours
+};
+
+// Images and cotangents on them; null where there is none. L layers.
+template <class R> struct Images {
+    R *rgb, *coverage, *visible;  // (L, H, W, 3), (L, H, W), (L, masks, H, W)
+};
+
+template <class R> class Scenes {
+  public:
+    std::vector<Object<R>> objects;
+    std::vector<int> starts;      // (L + 1) objects of layer l are starts[l] to starts[l + 1]
+    int height, width, samples;   // samples x samples points a pixel
+    int masks;                    // of each layer: one for each object, or one for all where nothing else is drawn
+    bool is_mask = false;         // draw coverage alone
+    int columns = 0;              // of attributes: unit normal, albedo and, of 9, the light that is reflected at the vertex
+    R near;                       // metres; nothing nearer is drawn
+    const R *points = nullptr, *attributes = nullptr;  // (V, 3) homogeneous: x z, y z, z; (V, columns)
+    const R* background = nullptr;  // (L, 3), or (L, H, W, 3)
+    bool background_is_image = false;
+    std::vector<Layer<R>> layers;
+
+    int grid_columns() const { return width * samples + 2 * MARGIN; }
+    int grid_rows() const { return height * samples + 2 * MARGIN; }
+    size_t grid() const { return (size_t)grid_columns() * grid_rows(); }
+    int vertex_count() const;
+    int colours() const { return is_mask ? 0 : 3; }
+    int channels() const { return colours() + masks; }
+
+    // Points and attributes from the inputs; false where an input is not finite or a focal length not above 0.
+    bool place(R* points, R* attributes, int threads);
+    // Add to the inputs' cotangents those on points, attributes and lights (O).
+    void place_back(const R* on_points, const R* on_attributes, const std::vector<LightCotangent>& on_lights,
+                    std::vector<Cotangents<R>>& on_inputs, int threads) const;
+    // Fill `layers`: visible faces and, with `edges`, visible occlusion edges.
+    void find(bool edges, int threads);
+    void paint(Images<R> to, int threads);
+    // Add cotangents on images to those on points, attributes, background, lights and textures.
+    void paint_back(Images<const R> on, R* on_points, R* on_attributes, R* on_background,
+                    std::vector<LightCotangent>& on_lights, std::vector<Cotangents<R>>& on_inputs, int threads) const;
+    // Of the surface at pixels' centres, one sample a pixel: depth, unit normals, numbers of object and triangle; -1 and
+    // infinity where there is none.
+    void surface(R* depth, R* normals, int32_t* object, int32_t* triangle) const;
+    void surface_back(const R* on_depth, const R* on_normals, R* on_points, R* on_attributes) const;
+
+  private:
+    std::vector<R> world_, raw_;        // (V, 3) metres; normals before they are of length one
+    std::vector<Light<R>> lights_;
+
+    void find_layer(int number, bool edges);
+    void paint_layer(int number, Images<R> to);
+    void paint_layer_back(int number, Images<const R> on, R* on_points, R* on_attributes, R* on_background,
+                          std::vector<LightCotangent>& on_lights, std::vector<Cotangents<R>>& on_inputs) const;
+    template <class> friend class Sampler;
+};
+
+// A vector of length one, and one over the length before; vectors shorter than 1e-15 become zero. Scaled first, as squares
+// may leave the range of numbers.
+template <class R> Vec3<R> unit(Vec3<R> v, R& inverse) {
+    const R size = std::max(std::max(std::fabs(v.x), std::fabs(v.y)), std::fabs(v.z));
+    inverse = 0;
+    if (!(size > R(1e-15)))
+        return {0, 0, 0};
+    const Vec3<R> scaled = {v.x / size, v.y / size, v.z / size};
+    const R shrink = 1 / std::sqrt(dot(scaled, scaled));
+    inverse = shrink / size;
+    return scaled * shrink;
+}
+// Pull a cotangent on a unit vector n back to the vector that was made of length one.
+template <class R> Vec3<R> pull_unit(Vec3<R> n, R inverse, Vec3<R> on) { return (on - n * dot(n, on)) * inverse; }
+
+// What a white surface of unit normal n reflects: max(0, sum A_l L_lm Y_lm(n)) + radiance max(0, n . lamp).
+template <class R> Vec3<R> reflect(const Light<R>& light, Vec3<R> n) {
+    if (!light.is_on)
+        return {1, 1, 1};
+    R row[LOBES], sum[3] = {};
+    lobes(n, row);
+    for (int c = 0; c < 3; ++c)
+        for (int l = 0; l < LOBES; ++l)
+            sum[c] += row[l] * light.sky[c][l];
+    const R cosine = std::max(dot(n, light.lamp), R(0));
+    return Vec3<R>{std::max(sum[0], R(0)), std::max(sum[1], R(0)), std::max(sum[2], R(0))} + light.radiance * cosine;
+}
+// Pull a cotangent on it back to the normal and, added, to the light.
+template <class R> Vec3<R> pull_reflect(const Light<R>& light, Vec3<R> n, Vec3<R> on, LightCotangent& on_light) {
+    Vec3<R> to = {0, 0, 0};
+    if (!light.is_on)
+        return to;
+    R row[LOBES];
+    lobes(n, row);
+    for (int c = 0; c < 3; ++c) {
+        R sum = 0;
+        for (int l = 0; l < LOBES; ++l)
+            sum += row[l] * light.sky[c][l];
+        if (!(sum >= 0))
+            continue;
+        for (int l = 0; l < LOBES; ++l)
+            on_light.sky[c][l] += row[l] * on[c];
+        to = to + light_slope(light.sky[c], n) * on[c];
+    }
+    const R cosine = dot(n, light.lamp);
+    if (cosine >= 0) {
+        const R pulled = dot(on, light.radiance);
+        to = to + light.lamp * pulled;
+        for (int c = 0; c < 3; ++c) {
+            on_light.lamp[c] += pulled * n[c];
+            on_light.radiance[c] += cosine * on[c];
+        }
+    }
+    return to;
+}
+
+// A homogeneous point on the grid's screen: x, y and one over its depth, which is 0 nearer than `near`.
+template <class R> Vec3<R> on_grid(const R* point, R scale, R near) {
+    const R q = point[2] >= near ? 1 / point[2] : 0, margin = q != 0 ? R(MARGIN) : R(0);
+    return {point[0] * scale * q + margin, point[1] * scale * q + margin, q};
+}
+
+// A silhouette edge on the screen: along x and y, square of its length, and the square of its normal's x.
+template <class R> struct Slope {
+    R x, y, square, steep;
+    Slope(Vec3<R> a, Vec3<R> b) : x(b.x - a.x), y(b.y - a.y), square(std::max(x * x + y * y, R(1e-12))), steep(y * y / square) {}
+};
+
+}  // namespace vig
