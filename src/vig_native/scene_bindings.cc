@@ -18,19 +18,24 @@ std::shared_ptr<Mesh> make_mesh(Input<int32_t> faces, Input<int32_t> texture_fac
     const int count = (int)faces.shape(0);
     check_shape("texture_faces", texture_faces, {count, 3});
     check_shape("edges", edges, {-1, 6});
-    auto mesh = std::make_shared<Mesh>(Mesh{vertices, 0, copy(faces), copy(texture_faces), copy(edges)});
+    auto mesh = std::make_shared<Mesh>(Mesh{vertices, 0, copy(faces), copy(texture_faces), {}});
+    const int edge_count = (int)edges.shape(0);
+    for (int column = 0; column < 6; ++column)
+        for (int e = 0; e < edge_count; ++e)
+            mesh->edges.push_back(edges.data()[6 * (size_t)e + column]);
     check_table("faces", mesh->corners, 0, vertices);
     for (const int32_t row : mesh->texture_corners) {
         if (row < 0)
             throw std::invalid_argument("texture_faces must name rows of coordinates, 0 and up; they name " + std::to_string(row));
         mesh->texture_rows = std::max(mesh->texture_rows, row + 1);
     }
-    for (size_t e = 0; e < mesh->edges.size(); e += 6) {
-        check_table("edges", &mesh->edges[e], 3, 0, vertices);
-        check_table("edges", &mesh->edges[e + 3], 1, -1, vertices);
-        check_table("edges", &mesh->edges[e + 4], 1, 0, count);
-        check_table("edges", &mesh->edges[e + 5], 1, -1, count);
-    }
+    const auto check_columns = [&](int first, int columns, int least, int end) {
+        check_table("edges", mesh->edges.data() + (size_t)first * edge_count, (size_t)columns * edge_count, least, end);
+    };
+    check_columns(0, 3, 0, vertices);
+    check_columns(3, 1, -1, vertices);
+    check_columns(4, 1, 0, count);
+    check_columns(5, 1, -1, count);
     return mesh;
 }
 
@@ -283,14 +288,14 @@ template <class R> void bind_type(nb::module_& m, const char* name) {
 void bind_scenes(nb::module_& m) {
     nb::class_<Mesh>(m, "Mesh")
         .def_ro("texture_rows", &Mesh::texture_rows)
-        .def("tables", [](const Mesh& mesh) {  // faces (F, 3), texture_faces (F, 3), edges (E, 6)
-            const auto table = [](const std::vector<int32_t>& numbers, size_t columns) {
+        .def("tables", [](const Mesh& mesh) {  // faces and texture_faces (F, 3)
+            const auto table = [](const std::vector<int32_t>& numbers) {
                 int32_t* to;
-                auto out = make<int32_t>({numbers.size() / columns, columns}, to);
+                auto out = make<int32_t>({numbers.size() / 3, 3}, to);
                 std::copy(numbers.begin(), numbers.end(), to);
                 return out;
             };
-            return nb::make_tuple(table(mesh.corners, 3), table(mesh.texture_corners, 3), table(mesh.edges, 6));
+            return nb::make_tuple(table(mesh.corners), table(mesh.texture_corners));
         });
     m.def("mesh", &make_mesh, "faces"_a.noconvert(), "texture_faces"_a.noconvert(), "edges"_a.noconvert(), "vertices"_a);
     bind_type<float>(m, "Scenes32");

@@ -78,7 +78,9 @@ template <class R> struct Planes {
     void spread(const R* from, int step, R* to) const {
         const int samples = scenes.samples;
         const R part = 1 / ((R)samples * (R)samples);
-        for (int j = 0; j < samples; ++j)
+        for (int n = 0; n < scenes.width * step && samples == 1; ++n)
+            to[n] += from[n];
+        for (int j = 0; j < samples && samples > 1; ++j)
             for (int x = 0; x < scenes.width; ++x)
                 for (int i = 0; i < samples; ++i)
                     for (int c = 0; c < step; ++c)
@@ -87,6 +89,24 @@ template <class R> struct Planes {
 
   private:
     size_t first(int y) const { return ((size_t)y * scenes.samples + MARGIN) * columns + MARGIN; }
+};
+
+// Columns of one row, handed on LANES at a time; those that are missing at the end repeat the last.
+struct RowBlocks {
+    int columns[LANES], count = 0;
+    template <class F> void add(int column, F&& run) {
+        columns[count++] = column;
+        if (count == LANES)
+            flush(run);
+    }
+    template <class F> void flush(F&& run) {
+        if (count == 0)
+            return;
+        for (int k = count; k < LANES; ++k)
+            columns[k] = columns[count - 1];
+        run(columns, count);
+        count = 0;
+    }
 };
 
 // Where the background's colour, or its cotangent, at a point of the grid lies; its border goes on in the margin.
@@ -113,14 +133,31 @@ template <class R> void Scenes<R>::paint_layer(int number, Images<R> to) {
     const int columns = grid_columns(), rows = grid_rows();
     Planes<R> picture(*this);
     Sampler<R> sampler(*this, number);
-    for (int row = 0; row < rows; ++row)
+    const bool blocks = !is_mask && sampler.has_blocks();
+    const R* const behind = background ? background + 3 * (size_t)number : nullptr;
+    const bool is_black = behind && !background_is_image && behind[0] == 0 && behind[1] == 0 && behind[2] == 0;
+    RowBlocks pending;
+    for (int row = 0; row < rows; ++row) {
+        const size_t first = (size_t)row * columns;
+        const auto paint_block = [&](const int* points, int size) {
+            SampleBlock<R> b;
+            sampler.block(&layer.face[first], points, row, b);
+            for (int c = 0; c < 3; ++c)
+                for (int k = 0; k < size; ++k)
+                    picture.numbers[3 * (first + points[k]) + c] = b.mixed[c][k] * b.mixed[3 + c][k];
+            for (int k = 0; k < size; ++k)
+                picture.at(first + points[k], 3 + objects[b.object[k]].place) = 1;
+        };
         for (int column = 0; column < columns; ++column) {
-            const size_t place = (size_t)row * columns + column;
+            const size_t place = first + column;
             const int face = layer.face[place];
-            if (is_mask) {
+            if (blocks && face >= 0) {
+                pending.add(column, paint_block);
+            } else if (is_mask) {
                 picture.at(place, 0) = face >= 0;
             } else if (face < 0) {
-                store3(&picture.at(place, 0), load3(background_at(*this, number, row, column, background)));
+                if (!is_black)
+                    store3(&picture.numbers[3 * place], load3(background_at(*this, number, row, column, background)));
             } else {
                 const Sample<R> seen = sampler.at(face, column, row);
                 picture.at(place, 3 + objects[seen.object].place) = 1;
@@ -129,6 +166,8 @@ template <class R> void Scenes<R>::paint_layer(int number, Images<R> to) {
                     picture.at(place, c) = albedo[c] * light[c] * texture[c];
             }
         }
+        pending.flush(paint_block);
+    }
     const int count = channels();
     layer.steps.reserve(layer.crossings.size() * count);
     for (const Crossing& crossing : layer.crossings)
@@ -225,18 +264,36 @@ void Scenes<R>::paint_layer_back(int number, Images<const R> on, R* on_points, R
         }
     Sampler<R> sampler(*this, number, on_points, on_attributes, &on_inputs);
     double behind[3] = {};
-    for (int row = 0; row < rows && !is_mask; ++row)
+    const bool blocks = !is_mask && sampler.has_blocks();
+    RowBlocks pending;
+    for (int row = 0; row < rows && !is_mask; ++row) {
+        const size_t first = (size_t)row * columns;
+        const auto pull_block = [&](const int* points, int size) {
+            SampleBlock<R> b;
+            R g[3][LANES];
+            for (int c = 0; c < 3; ++c)
+                for (int k = 0; k < LANES; ++k)
+                    g[c][k] = pulled.numbers[3 * (first + points[k]) + c];
+            sampler.block(&layer.face[first], points, row, b);
+            sampler.pull_block(b, g, size);
+        };
         for (int column = 0; column < columns; ++column) {
-            const size_t place = (size_t)row * columns + column;
-            const Vec3<R> g = load3(&pulled.at(place, 0));
+            const size_t place = first + column;
+            const int face = layer.face[place];
+            if (face < 0 && !on_background)
+                continue;
+            const Vec3<R> g = load3(&pulled.numbers[3 * place]);
             if (g.x == 0 && g.y == 0 && g.z == 0)
                 continue;
-            const int face = layer.face[place];
             if (face < 0) {
-                if (on_background && background_is_image)
+                if (background_is_image)
                     add3(background_at(*this, number, row, column, on_background), g);
                 for (int c = 0; c < 3; ++c)
                     behind[c] += g[c];
+                continue;
+            }
+            if (blocks) {
+                pending.add(column, pull_block);
                 continue;
             }
             const Sample<R> seen = sampler.at(face, column, row);
@@ -250,6 +307,8 @@ void Scenes<R>::paint_layer_back(int number, Images<const R> on, R* on_points, R
             sampler.pull_texture(seen, times(g, albedo, light), on_seen);
             sampler.pull(seen, on_seen);
         }
+        pending.flush(pull_block);
+    }
     for (int c = 0; c < 3 && on_background && !background_is_image; ++c)
         on_background[3 * (size_t)number + c] += (R)behind[c];
     if (vertices == 0)

@@ -16,6 +16,14 @@ template <class R> struct SampleCotangent {
     R w[3], e[3], x[3], y[3], z[3];
 };
 
+// LANES samples side by side, of surfaces whose light was found at the vertices, without textures.
+template <class R> struct SampleBlock {
+    static constexpr int COLOURS = 6;  // albedo and light, columns 3 to 8 of attributes
+    int vertex[3][LANES], object[LANES];
+    R column[LANES], row[LANES], x[3][LANES], y[3][LANES], z[3][LANES], w[3][LANES], inverse[LANES];
+    R corner[3][COLOURS][LANES], mixed[COLOURS][LANES];
+};
+
 // Texture look-up: bilinear in `levels` levels of the pyramid, linear between them (Williams 1983); derivatives of the
 // weights along the screen, wx and wy, are quotients of those of e, ex and ey.
 template <class R> struct Lookup {
@@ -35,17 +43,12 @@ template <class R> class Sampler {
   public:
     Sampler(const Scenes<R>& scenes, int layer, R* on_points = nullptr, R* on_attributes = nullptr,
             std::vector<Cotangents<R>>* on_inputs = nullptr)
-        : scenes_(scenes), scale_((R)scenes.samples), object_(scenes.starts[layer]), on_points_(on_points),
+        : scenes_(scenes), layer_(layer), scale_((R)scenes.samples), object_(scenes.starts[layer]), on_points_(on_points),
           on_attributes_(on_attributes), on_inputs_(on_inputs) {}
 
     // Face `face`, numbered through, at a point of the grid.
     Sample<R> at(int face, int column, int row) {
-        // Mostly that of the point before.
-        while (face < scenes_.objects[object_].first_face)
-            --object_;
-        while (face >= scenes_.objects[object_].first_face + scenes_.objects[object_].mesh->faces())
-            ++object_;
-        const Object<R>& object = scenes_.objects[object_];
+        const Object<R>& object = scenes_.objects[find_object(face)];
         Sample<R> seen;
         seen.object = object_;
         seen.face = face - object.first_face;
@@ -79,6 +82,85 @@ template <class R> class Sampler {
             const R gy = e[n] * seen.x[m] - e[m] * seen.x[n] + on.y[i];
             add3(on_points_ + 3 * (size_t)seen.vertex[i], Vec3<R>{gx * scale_, gy * scale_, gx * column_ + gy * row_ + on.z[i]});
         }
+    }
+
+    // Whether `block` serves this layer.
+    bool has_blocks() const {
+        const Layer<R>& layer = scenes_.layers[layer_];
+        return scenes_.columns == 9 && std::none_of(scenes_.objects.begin() + layer.begin, scenes_.objects.begin() + layer.end,
+                                                    [](const Object<R>& object) { return object.in[TEXELS] != nullptr; });
+    }
+    // Faces at LANES points of a row of the grid.
+    void block(const int32_t* face, const int* columns, int row, SampleBlock<R>& b) {
+        for (int k = 0; k < LANES; ++k) {
+            const Object<R>& object = scenes_.objects[find_object(face[columns[k]])];
+            b.object[k] = object_;
+            b.column[k] = MARGIN - columns[k] - R(0.5);
+            b.row[k] = MARGIN - row - R(0.5);
+            const int32_t* const corners = &object.mesh->corners[3 * (size_t)(face[columns[k]] - object.first_face)];
+            for (int i = 0; i < 3; ++i)
+                b.vertex[i][k] = object.first_vertex + corners[i];
+        }
+        for (int i = 0; i < 3; ++i)
+            for (int k = 0; k < LANES; ++k) {
+                const R* const point = scenes_.points + 3 * (size_t)b.vertex[i][k];
+                b.x[i][k] = point[0] * scale_ + b.column[k] * point[2];
+                b.y[i][k] = point[1] * scale_ + b.row[k] * point[2];
+                b.z[i][k] = point[2];
+            }
+        for (int i = 0; i < 3; ++i)
+            for (int k = 0; k < LANES; ++k) {
+                const int n = (i + 1) % 3, m = (i + 2) % 3;
+                b.w[i][k] = b.x[n][k] * b.y[m][k] - b.x[m][k] * b.y[n][k];
+            }
+        for (int k = 0; k < LANES; ++k)
+            b.inverse[k] = 1 / (b.w[0][k] + b.w[1][k] + b.w[2][k]);
+        for (int i = 0; i < 3; ++i)
+            for (int k = 0; k < LANES; ++k)
+                b.w[i][k] *= b.inverse[k];
+        for (int i = 0; i < 3; ++i)
+            for (int k = 0; k < LANES; ++k)
+                for (int c = 0; c < b.COLOURS; ++c)
+                    b.corner[i][c][k] = scenes_.attributes[9 * (size_t)b.vertex[i][k] + 3 + c];
+        for (int c = 0; c < b.COLOURS; ++c)
+            for (int k = 0; k < LANES; ++k)
+                b.mixed[c][k] = b.corner[0][c][k] * b.w[0][k] + b.corner[1][c][k] * b.w[1][k] + b.corner[2][c][k] * b.w[2][k];
+    }
+    // Add cotangents (3, LANES) on the colours of the first `count` samples to those on points and attributes.
+    void pull_block(const SampleBlock<R>& b, const R (&on)[3][LANES], int count) {
+        R on_mixed[b.COLOURS][LANES], on_w[3][LANES], gx[3][LANES], gy[3][LANES], gz[3][LANES], mean[LANES];
+        for (int c = 0; c < 3; ++c)
+            for (int k = 0; k < LANES; ++k) {
+                on_mixed[c][k] = on[c][k] * b.mixed[3 + c][k];
+                on_mixed[3 + c][k] = on[c][k] * b.mixed[c][k];
+            }
+        for (int i = 0; i < 3; ++i)
+            for (int k = 0; k < LANES; ++k) {
+                on_w[i][k] = 0;
+                for (int c = 0; c < b.COLOURS; ++c)
+                    on_w[i][k] += b.corner[i][c][k] * on_mixed[c][k];
+            }
+        for (int k = 0; k < LANES; ++k)
+            mean[k] = b.w[0][k] * on_w[0][k] + b.w[1][k] * on_w[1][k] + b.w[2][k] * on_w[2][k];
+        for (int i = 0; i < 3; ++i)
+            for (int k = 0; k < LANES; ++k)
+                on_w[i][k] = (on_w[i][k] - mean[k]) * b.inverse[k];
+        for (int i = 0; i < 3; ++i)
+            for (int k = 0; k < LANES; ++k) {
+                const int n = (i + 1) % 3, m = (i + 2) % 3;
+                const R x = on_w[m][k] * b.y[n][k] - on_w[n][k] * b.y[m][k];
+                const R y = on_w[n][k] * b.x[m][k] - on_w[m][k] * b.x[n][k];
+                gx[i][k] = x * scale_;
+                gy[i][k] = y * scale_;
+                gz[i][k] = x * b.column[k] + y * b.row[k];
+            }
+        for (int k = 0; k < count; ++k)
+            for (int i = 0; i < 3; ++i) {
+                const size_t vertex = b.vertex[i][k];
+                add3(on_points_ + 3 * vertex, Vec3<R>{gx[i][k], gy[i][k], gz[i][k]});
+                for (int c = 0; c < b.COLOURS; ++c)
+                    on_attributes_[9 * vertex + 3 + c] += b.w[i][k] * on_mixed[c][k];
+            }
     }
 
     // Attributes from column `first` on, interpolated.
@@ -125,6 +207,7 @@ template <class R> class Sampler {
 
   private:
     const Scenes<R>& scenes_;
+    int layer_;
     R scale_, column_ = 0, row_ = 0;
     int object_;
     R *on_points_, *on_attributes_;
@@ -134,6 +217,14 @@ template <class R> class Sampler {
         return table + scenes_.columns * (size_t)seen.vertex[corner] + first;
     }
     Lookup<R> look_up(const Sample<R>& seen) const;
+    // The object of a face, mostly that of the point before.
+    int find_object(int face) {
+        while (face < scenes_.objects[object_].first_face)
+            --object_;
+        while (face >= scenes_.objects[object_].first_face + scenes_.objects[object_].mesh->faces())
+            ++object_;
+        return object_;
+    }
 };
 
 constexpr double PER_OCTAVE = 0.72134752044448170368;  // 0.5 / log(2)

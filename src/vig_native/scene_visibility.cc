@@ -12,10 +12,12 @@ namespace {
 // Corners of a layer's faces, vertices counted from the layer's first; of the parts that are left of them beyond the near
 // plane, whose further vertices follow on the screen; and the face of each part.
 struct Parts {
-    std::vector<int32_t> corners, parts, origin;
+    const int32_t* corners;
+    int faces;
+    std::vector<int32_t> joined, parts, origin;  // joined: `corners` of several meshes
     bool is_cut() const { return !origin.empty(); }
-    const int32_t* drawn() const { return is_cut() ? parts.data() : corners.data(); }
-    int count() const { return (int)(is_cut() ? origin.size() : corners.size() / 3); }
+    const int32_t* drawn() const { return is_cut() ? parts.data() : corners; }
+    int count() const { return is_cut() ? (int)origin.size() : faces; }
     int face_of(int part) const { return is_cut() ? origin[part] : part; }
     void push(int face, int a, int b, int c) {
         parts.insert(parts.end(), {a, b, c});
@@ -26,8 +28,8 @@ struct Parts {
 // Clip faces at the near plane. A part's first corner is its farthest: near ones may lie far outside the image, and what is
 // drawn from there would be inexact.
 template <class R> void cut(const R* points, R scale, R near, Parts& faces, std::vector<R>& screen) {
-    for (size_t f = 0; 3 * f < faces.corners.size(); ++f) {
-        const int32_t* const corner = &faces.corners[3 * f];
+    for (int f = 0; f < faces.faces; ++f) {
+        const int32_t* const corner = faces.corners + 3 * (size_t)f;
         const R* p[3];
         bool behind[3];
         for (int i = 0; i < 3; ++i) {
@@ -36,7 +38,7 @@ template <class R> void cut(const R* points, R scale, R near, Parts& faces, std:
         }
         const int count = behind[0] + behind[1] + behind[2];
         if (count == 0)
-            faces.push((int)f, corner[0], corner[1], corner[2]);
+            faces.push(f, corner[0], corner[1], corner[2]);
         if (count == 0 || count == 3)
             continue;
         // The corner that is alone on its side of the plane comes first.
@@ -52,17 +54,66 @@ template <class R> void cut(const R* points, R scale, R near, Parts& faces, std:
             screen.insert(screen.end(), {at.x, at.y, at.z});
         }
         if (!one)
-            faces.push((int)f, corner[alone], extra, extra + 1);
+            faces.push(f, corner[alone], extra, extra + 1);
         else if (p[b][2] < p[c][2]) {
-            faces.push((int)f, corner[c], extra + 1, extra);
-            faces.push((int)f, corner[c], extra, corner[b]);
+            faces.push(f, corner[c], extra + 1, extra);
+            faces.push(f, corner[c], extra, corner[b]);
         } else {
-            faces.push((int)f, corner[b], corner[c], extra + 1);
-            faces.push((int)f, corner[b], extra + 1, extra);
+            faces.push(f, corner[b], corner[c], extra + 1);
+            faces.push(f, corner[b], extra + 1, extra);
         }
     }
     if (faces.origin.empty())  // all is behind: one part that covers nothing
         faces.push(0, 0, 0, 0);
+}
+
+// On which side of the edge from a to b, on the screen, point c lies; c may be behind the camera.
+template <class R> R side(const R* a, const R* b, const R* c) {
+    const R x = a[0] / a[2], y = a[1] / a[2];
+    return (b[0] - x * b[2]) * (c[1] - y * c[2]) - (b[1] - y * b[2]) * (c[0] - x * c[2]);
+}
+
+// Put an object's silhouette edges into `to`. points (V, 3) homogeneous and screen (V, 3) of the layer, in which the object's
+// vertices begin at `shift`.
+template <class R>
+void find_silhouettes(const Object<R>& object, int shift, const R* points, const R* screen, std::vector<Silhouette>& to) {
+    const int count = object.mesh->edge_count();
+    const int32_t* const table = object.mesh->edges.data();
+    const R *const own = points + 3 * (size_t)shift, *const own_screen = screen + 3 * (size_t)shift;
+    for (int base = 0; base < count; base += LANES) {
+        R x[4][LANES], y[4][LANES], q[4][LANES];
+        int chosen[LANES], exact[LANES];
+        for (int corner = 0; corner < 4; ++corner)
+            for (int k = 0; k < LANES; ++k) {
+                const int32_t vertex = table[(size_t)corner * count + std::min(base + k, count - 1)];
+                const R* const at = own_screen + 3 * (size_t)std::max(vertex, 0);
+                x[corner][k] = at[0];
+                y[corner][k] = at[1];
+                q[corner][k] = at[2];
+            }
+        for (int k = 0; k < LANES; ++k) {
+            const R bx = x[1][k] - x[0][k], by = y[1][k] - y[0][k];
+            const R here = bx * (y[2][k] - y[0][k]) - by * (x[2][k] - x[0][k]);
+            const R there = bx * (y[3][k] - y[0][k]) - by * (x[3][k] - x[0][k]);
+            const int ahead = (q[0][k] > 0) & (q[1][k] > 0);
+            exact[k] = ahead & ((q[2][k] <= 0) | (q[3][k] <= 0));
+            chosen[k] = ahead & (((here > 0) & (there > 0)) | ((here < 0) & (there < 0)));
+        }
+        for (int k = 0; k < LANES && base + k < count; ++k) {
+            const auto column = [&](int number) { return table[(size_t)number * count + base + k]; };
+            const bool border = column(3) < 0;
+            if (border)
+                chosen[k] = (q[0][k] > 0) & (q[1][k] > 0);
+            else if (exact[k]) {
+                const auto at = [&](int corner) { return own + 3 * (size_t)column(corner); };
+                const R here = side(at(0), at(1), at(2)), there = side(at(0), at(1), at(3));
+                chosen[k] = (here > 0 && there > 0) || (here < 0 && there < 0);
+            }
+            if (chosen[k])
+                to.push_back({column(0) + object.first_vertex, column(1) + object.first_vertex,
+                              column(4) + object.first_face, column(5) < 0 ? -1 : column(5) + object.first_face});
+        }
+    }
 }
 
 // A crossing before it is known whether a face, one nearer than `limit`, hides it. x and y on the grid's screen.
@@ -242,17 +293,20 @@ template <class R> void Scenes<R>::find_layer(int number, bool edges) {
     layer.end = starts[number + 1];
     const int columns = grid_columns(), rows = grid_rows();
     const R scale = (R)samples;
-    Parts faces;
+    Parts faces = {};
     int vertices = 0;
     for (int o = layer.begin; o < layer.end; ++o) {
-        for (const int32_t corner : objects[o].mesh->corners)
-            faces.corners.push_back(corner + vertices);
+        faces.faces += objects[o].mesh->faces();
+        if (layer.end - layer.begin > 1)
+            for (const int32_t corner : objects[o].mesh->corners)
+                faces.joined.push_back(corner + vertices);
         vertices += objects[o].mesh->vertices;
     }
-    if (faces.corners.empty()) {
+    if (faces.faces == 0) {
         layer.face.assign(grid(), NO_FACE);
         return;
     }
+    faces.corners = layer.end - layer.begin > 1 ? faces.joined.data() : objects[layer.begin].mesh->corners.data();
     const int first_vertex = objects[layer.begin].first_vertex, first_face = objects[layer.begin].first_face;
     const R* const place = points + 3 * (size_t)first_vertex;
     std::vector<R> screen(3 * (size_t)vertices);
@@ -268,37 +322,16 @@ template <class R> void Scenes<R>::find_layer(int number, bool edges) {
     seen.clear((int)grid());
     draw_faces(screen.data(), faces.drawn(), faces.count(), columns, rows, false, seen, facing.data());
     layer.face = std::move(seen.face);
+    for (size_t n = 0; faces.is_cut() && n < grid(); ++n)
+        layer.face[n] = layer.face[n] < 0 ? NO_FACE : faces.origin[layer.face[n]];
     for (int32_t& face : layer.face)
-        face = face < 0 ? NO_FACE : first_face + faces.face_of(face);
+        face = face < 0 ? NO_FACE : first_face + face;
     if (!edges)
         return;
     const auto screen_point = [&](int v) { return load3(&screen[3 * (size_t)v]); };
-    for (int o = layer.begin; o < layer.end; ++o) {
-        const std::vector<int32_t>& table = objects[o].mesh->edges;
-        const int shift = objects[o].first_vertex - first_vertex;
-        for (size_t e = 0; e < table.size(); e += 6) {
-            const int32_t* const edge = &table[e];
-            const Vec3<R> a = screen_point(edge[0] + shift);
-            if (a.z == 0 || screen[3 * (size_t)(edge[1] + shift) + 2] == 0)
-                continue;
-            if (edge[3] >= 0) {
-                const R* const pa = place + 3 * (size_t)(edge[0] + shift);
-                const R x = pa[0] * a.z, y = pa[1] * a.z;
-                const auto from_a = [&](int v) {
-                    const R* const p = place + 3 * (size_t)(v + shift);
-                    return Vec2<R>{p[0] - x * p[2], p[1] - y * p[2]};
-                };
-                const Vec2<R> b = from_a(edge[1]), c = from_a(edge[2]), d = from_a(edge[3]);
-                const R here = b.x * c.y - b.y * c.x, there = b.x * d.y - b.y * d.x;
-                if (!((here > 0 && there > 0) || (here < 0 && there < 0)))
-                    continue;
-            }
-            layer.silhouettes.push_back({edge[0] + objects[o].first_vertex, edge[1] + objects[o].first_vertex,
-                                         edge[4] + objects[o].first_face,
-                                         edge[5] < 0 ? -1 : edge[5] + objects[o].first_face});
-        }
-    }
-    Occlusion<R> occlusion(place, faces.corners.data(), scale, near);
+    for (int o = layer.begin; o < layer.end; ++o)
+        find_silhouettes(objects[o], objects[o].first_vertex - first_vertex, place, screen.data(), layer.silhouettes);
+    Occlusion<R> occlusion(place, faces.corners, scale, near);
     const int size[2] = {columns, rows};
     layer.joints.assign(2 * (size_t)vertices, 0);
     for (size_t e = 0; e < layer.silhouettes.size(); ++e) {

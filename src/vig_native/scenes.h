@@ -18,8 +18,10 @@ struct Mesh {
     int vertices, texture_rows;          // texture_rows: rows of texture coordinates that its corners name
     std::vector<int32_t> corners;          // (F, 3)
     std::vector<int32_t> texture_corners;  // (F, 3) rows of the texture coordinates
-    std::vector<int32_t> edges;          // (E, 6) vertices a and b, third vertex of the face on either side, those two faces; -1
+    // (6, E) vertices a and b, third vertex of the face on either side, those two faces; -1 where there is none.
+    std::vector<int32_t> edges;
     int faces() const { return (int)(corners.size() / 3); }
+    int edge_count() const { return (int)(edges.size() / 6); }
 };
 
 // What places, colours and lights an object, each an array of numbers or absent. The last two are a texture's.
@@ -44,7 +46,8 @@ template <class R> using Cotangents = std::array<R*, INPUTS>;  // null where nob
 template <class R> struct Light {
     R sky[3][LOBES] = {};
     Vec3<R> lamp = {}, radiance = {};
-    bool is_on = false;  // without any light an object shows its albedo
+    bool is_on = false;    // without any light an object shows its albedo
+    bool is_grey = false;  // all channels of `sky` are one
 };
 // Cotangents on a light, summed in double precision.
 struct LightCotangent {
