@@ -23,11 +23,9 @@ RUN VIG_ISAS="plain;avx2;avx512" /opt/vig/bin/pip install --no-cache-dir --const
 
 FROM ${PYTHON}
 COPY --from=build /opt/vig /opt/vig
-RUN useradd --create-home --uid 1000 vig && install --directory --owner vig --mode 777 /work /kernels
+RUN useradd --create-home --uid 1000 vig && install --directory --owner vig --mode 777 /work
 USER vig
-# Compiled kernels lie where any user can read and add some.
-ENV PATH=/opt/vig/bin:$PATH HOME=/home/vig WARP_CACHE_PATH=/kernels
-RUN vig demo --no-open --out /tmp/vig-demo && rm -r /tmp/vig-demo && chmod -R a+rwX /kernels
+ENV PATH=/opt/vig/bin:$PATH HOME=/home/vig
 WORKDIR /work
 EXPOSE 8080
 ENTRYPOINT ["vig"]

@@ -39,7 +39,7 @@ def metric(name: str, values: Iterable[float], unit: str, better: Better = "lowe
 
 def report(metrics: list[dict[str, Any]], threads: int, packages: Iterable[str] = ()) -> dict[str, Any]:
     """`{"machine", "versions", "metrics"}`, ready for JSON; `packages` are listed beside our own."""
-    names = ["vig", "torch", "warp-lang", "numpy", *packages]
+    names = ["vig", "torch", "numpy", *packages]
     versions = {name: metadata.version(name) for name in names}
     return {
         "machine": {"processor": processor(), "cpus": os.cpu_count(), "threads": threads},

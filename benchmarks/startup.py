@@ -1,7 +1,8 @@
 """Processor seconds of single commands, start included: `python -m benchmarks.startup [--json FILE]`.
 
-`vig fit` of a packaged example with compiled kernels (warm) and with an empty kernel cache (cold), and
-`vig --help`: processor time of all threads, the minimum of several runs, each in a process of its own.
+`vig fit` of a packaged example as any later time (warm) and as the first after an installation, without caches
+and without compiled Python (cold), and `vig --help`: processor time of all threads, the minimum of several
+runs, each in a process of its own.
 """
 
 from __future__ import annotations
@@ -41,9 +42,9 @@ def measure(warm: int, cold: int) -> dict[str, list[float]]:
         fit = ["fit", str(example_photos()[0].photo), "--out", str(Path(folder) / "fit")]
         seconds: dict[str, list[float]] = {"fit_warm_s": [], "fit_cold_s": [], "help_s": []}
         for run in range(cold):
-            cache = {"WARP_CACHE_PATH": str(Path(folder) / f"kernels{run}")}
-            seconds["fit_cold_s"].append(processor_seconds(fit, environment | cache))
-        environment |= {"WARP_CACHE_PATH": str(Path(folder) / "kernels0")}  # full by now
+            caches = [str(Path(folder) / f"{kind}{run}") for kind in ("bytecode", "cache")]
+            fresh = dict(zip(("PYTHONPYCACHEPREFIX", "XDG_CACHE_HOME"), caches, strict=True))
+            seconds["fit_cold_s"].append(processor_seconds(fit, environment | fresh))
         for _ in range(warm):
             seconds["fit_warm_s"].append(processor_seconds(fit, environment))
             seconds["help_s"].append(processor_seconds(["--help"], environment))
@@ -62,7 +63,7 @@ def arguments_of(given: list[str] | None = None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--json", type=Path)
     parser.add_argument("--warm", type=int, default=WARM_RUNS, help="runs of `vig fit` and `vig --help`")
-    parser.add_argument("--cold", type=int, default=COLD_RUNS, help="runs of `vig fit` without kernels")
+    parser.add_argument("--cold", type=int, default=COLD_RUNS, help="runs of `vig fit` without caches")
     arguments = parser.parse_args(given)
     if min(arguments.warm, arguments.cold) < 1:
         parser.error(f"expected at least one run of each; got {arguments.warm} and {arguments.cold}")

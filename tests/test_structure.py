@@ -13,7 +13,7 @@ SOURCE = Path(__file__).parents[1] / "src"
 # modules stand from the ground up, and each may import those before it.
 PACKAGES = {
     "vig_native": (),
-    "vig_renderer": (),
+    "vig_renderer": ("vig_native",),
     "vig": ("vig_native", "vig_renderer"),
     "vig_app": ("vig", "vig_native", "vig_renderer"),
     "vig_world": ("vig", "vig_native", "vig_renderer"),
@@ -23,8 +23,8 @@ PACKAGES = {
 ORDER = {
     "vig_native": ("processor", "cmake"),
     "vig_renderer": (
-        "errors", "checks", "once", "defaults", "internals", "harmonics", "device", "raster", "templates",
-        "primitives", "scene", "packing", "shading", "general", "native", "rendering",
+        "errors", "checks", "defaults", "internals", "harmonics", "texture", "topology", "scene", "packing",
+        "shading", "interpolation", "general", "native", "rendering",
     ),
     "vig": (
         "io", "parallel", "scene", "photo", "renderer", "search", "likelihood", "recognition", "inference",

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-FOLDERS = ("opt", "source", "work", "kernels", "home", "tmp")
+FOLDERS = ("opt", "source", "work", "home", "tmp")
 """Of the image, at its root, that steps name."""
 AS_ROOT = """
 useradd() { mkdir -p "$HOME"; }

@@ -1,9 +1,10 @@
-"""Breaks the Python code in small ways, one at a time, and says which breakages no test notices.
+"""Breaks the code in small ways, one at a time, and says which breakages no test notices.
 
     python tools/mutations.py [--only TEXT] [--jobs 2] [--list FILE]
 
 tools/mutations.toml holds the mutations: a file, a text that occurs in it once, what takes its place, and the
-tests that should fail. Each is tried in a copy of the tree. Run by hand: it takes some 20 minutes. Exits 1
+tests that should fail. Each is tried in a copy of the tree, the native library compiled anew where its code
+is broken: that needs CMake, ninja and `pip install nanobind`. Run by hand: it takes some 20 minutes. Exits 1
 when more than `MOST_SURVIVORS` survive, or when a text is not found once.
 """
 
@@ -19,6 +20,8 @@ import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from queue import Queue
+
+from vig_native import ISA
 
 ROOT = Path(__file__).parents[1]
 MOST_SURVIVORS = 3
@@ -40,19 +43,36 @@ def copy_of_tree() -> Path:
     return copy
 
 
+def compile_library(copy: Path) -> None:
+    """Compile what changed of the native library, for the instruction set in use, into a copy of the tree."""
+    build, source = copy / "build", copy / "src/vig_native"
+    options = [f"-DPython_EXECUTABLE={sys.executable}", f"-DVIG_ISAS={ISA}", "-G", "Ninja"]
+    for command in (["cmake", "-S", source / "cmake", "-B", build, *options], ["cmake", "--build", build]):
+        subprocess.run(command, capture_output=True, check=True)
+    for library in build.glob("_*.so"):
+        shutil.copy(library, source)
+
+
 def outcome(copy: Path, mutation: dict[str, str]) -> str:
     """`killed`, `SURVIVED`, `SLOW` (no verdict in time) or what is wrong with the mutation itself."""
     path = copy / "src" / mutation["file"]
     whole = path.read_text() if path.is_file() else ""
     if whole.count(mutation["old"]) != 1:
         return f"INVALID: the text occurs {whole.count(mutation['old'])} times"
+    native = mutation["file"].startswith("vig_native")
     path.write_text(whole.replace(mutation["old"], mutation["new"]))
     try:
+        if native:
+            compile_library(copy)
         code = exit_code(copy, mutation["tests"])
     except subprocess.TimeoutExpired:
         return "SLOW"
+    except subprocess.CalledProcessError:
+        return "INVALID: it does not compile"
     finally:
         path.write_text(whole)
+        if native:
+            compile_library(copy)
     return {0: "SURVIVED", 1: "killed"}.get(code, f"INVALID: pytest ended with {code}")
 
 
@@ -75,8 +95,7 @@ def main() -> int:
     parser.add_argument("--list", type=Path, help="write the outcomes here, too")
     given = parser.parse_args()
     every = tomllib.loads((ROOT / "tools" / "mutations.toml").read_text())["mutation"]
-    tried_here = [each for each in every if not each["file"].startswith("vig_native")]
-    chosen = [each for each in tried_here if given.only in each["file"] or given.only in each["old"]]
+    chosen = [each for each in every if given.only in each["file"] or given.only in each["old"]]
     copies: Queue[Path] = Queue()
     for _ in range(given.jobs):
         copies.put(copy_of_tree())

@@ -10,6 +10,7 @@ import json
 import math
 import os
 import stat
+import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from numbers import Real
@@ -22,7 +23,6 @@ from safetensors import safe_open
 
 from vig.io.errors import UserError
 from vig_renderer.checks import check_indices as check_indices
-from vig_renderer.once import MAKING
 
 MOST_JSON = 16 << 20
 """Bytes of a JSON file, unless its reader has another limit."""
@@ -30,6 +30,13 @@ MOST_TABLE = 1 << 30
 """Bytes of a JSON file with an entry for each of many photos."""
 MOST_TENSORS = 1 << 30
 """Bytes of a safetensors file."""
+
+_LEARNING = threading.RLock()
+"""Held where msgspec learns types, as it does not expect two threads there."""
+if hasattr(os, "register_at_fork"):  # a child has no thread that could release it
+    os.register_at_fork(
+        before=_LEARNING.acquire, after_in_parent=_LEARNING.release, after_in_child=_LEARNING.release
+    )
 
 
 @contextmanager
@@ -208,7 +215,7 @@ def decode(kind: Any, value: Any) -> Any:
         ValueError: A value has another type, a field is missing or unknown, or a number is 2^63 or more.
     """
     try:
-        with MAKING:
+        with _LEARNING:
             decoded = msgspec.convert(value, kind)
             built_in = msgspec.to_builtins(decoded, builtin_types=(tuple,))
     except msgspec.ValidationError as error:

@@ -19,16 +19,16 @@ def doctor() -> dict[str, Any]:
     """Collect versions, and draw one triangle with the renderer.
 
     Returns what `machine` does and `{"instruction_set": str, "classes": {name: "ok" or what is wrong with its
-    pack}, "kernels": {"ok", "detail"}, "speed": [{"what", "state", "do"}], "extras": {name: {"missing":
+    pack}, "renderer": {"ok", "detail"}, "speed": [{"what", "state", "do"}], "extras": {name: {"missing":
     [modules], "brings", "install"}}, "ok"}`, ready for JSON. Nothing is raised: what fails is a line in the
     place of its result.
     """
     described = machine()
     findings = [asdict(finding) for finding in speed.findings(described["cpus"])]
-    kernels = check_kernels()
+    renderer = check_renderer()
     classes = check_classes()
-    ok = kernels["ok"] and set(classes.values()) == {"ok"}
-    report = {"instruction_set": ISA, "classes": classes, "kernels": kernels, "speed": findings}
+    ok = renderer["ok"] and set(classes.values()) == {"ok"}
+    report = {"instruction_set": ISA, "classes": classes, "renderer": renderer, "speed": findings}
     return described | report | {"extras": speed.extras(), "ok": ok}
 
 
@@ -51,7 +51,7 @@ def check_classes() -> dict[str, str]:
     return states or {"none": "no class is packaged with this installation"}
 
 
-def check_kernels() -> dict[str, Any]:
+def check_renderer() -> dict[str, Any]:
     """Draw one triangle on the CPU and count its pixels: {"ok": bool, "detail": one line}."""
     # Corners at the pixels (0, 0), (18.5, 0), (0, 18.5) of a 20 x 20 image, 1 m away. The centre of pixel
     # (i, j) is inside when i + j + 1 < 18.5: 1 + 2 + ... + 18 pixels.
@@ -79,7 +79,7 @@ def check_kernels() -> dict[str, Any]:
 
 
 def run_doctor(settings: Doctor) -> int:
-    """Print the report, for people or as JSON; returns 0, or 1 when a class or the kernels do not work."""
+    """Print the report, for people or as JSON; returns 0, or 1 when a class or the renderer does not work."""
     report = doctor()
     print(json.dumps(report, indent=2) if settings.json else report_lines(report))
     return 0 if report["ok"] else 1
@@ -95,7 +95,7 @@ def report_lines(report: dict[str, Any]) -> str:
         *((name, version or "not installed") for name, version in report["packages"].items()),
         ("native code", f"for {report['instruction_set']}"),
         *((f"class {name}", state) for name, state in report["classes"].items()),
-        ("kernels", ("ok: " if report["kernels"]["ok"] else "NOT OK: ") + report["kernels"]["detail"]),
+        ("renderer", ("ok: " if report["renderer"]["ok"] else "NOT OK: ") + report["renderer"]["detail"]),
         *speed.rows(report["speed"], report["extras"]),
     ]
     width = max(len(name) for name, _ in rows) + 2

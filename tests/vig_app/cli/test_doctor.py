@@ -12,11 +12,11 @@ from vig_app.cli.common import Doctor
 from vig_app.cli.doctor import doctor, report_lines, run_doctor
 
 
-def test_the_report_is_ready_for_json_and_the_kernels_draw_the_triangle() -> None:
+def test_the_report_is_ready_for_json_and_the_renderer_draws_the_triangle() -> None:
     report = doctor()
     assert json.loads(json.dumps(report)) == report
     assert report["vig"] == vig.__version__ and report["packages"]["torch"] and report["cpus"] >= 1
-    assert report["kernels"]["detail"].startswith("171 of 171 pixels")
+    assert report["renderer"]["detail"].startswith("171 of 171 pixels")
     assert report["ok"] is True
 
 
@@ -25,11 +25,11 @@ def test_text_and_json_say_the_same(capsys: pytest.CaptureFixture[str]) -> None:
     report = json.loads(capsys.readouterr().out)
     assert run_doctor(Doctor()) == 0
     text = capsys.readouterr().out
-    for value in (report["python"], report["packages"]["numpy"], "kernels", "ok: 171 of 171"):
+    for value in (report["python"], report["packages"]["numpy"], "renderer", "ok: 171 of 171"):
         assert value in text
 
 
-def test_kernels_that_fail_are_a_line_and_an_exit_code(
+def test_a_renderer_that_fails_are_a_line_and_an_exit_code(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def broken(*arguments):
