@@ -15,6 +15,7 @@
 
 #include "images.h"
 #include "likelihood.h"
+#include "rays.h"
 #include "search.h"
 #include "threads.h"
 
@@ -409,6 +410,37 @@ nb::tuple damped_steps(Input<R> points, Input<R> gradient, Input<R> normal, Inpu
     return nb::make_tuple(steps, gains);
 }
 
+// Cast rays from points against a mesh: blocked (V, 9), faces (V, R), weights (V, R, 3), see rays.h.
+nb::tuple cast_rays(Input<float> vertices, Input<int32_t> corners, Input<double> points, Input<double> frames,
+                    Input<double> patterns, Input<double> turns, double offset, int chunk) {
+    check_shape("vertices", vertices, {-1, 3});
+    check_shape("faces", corners, {-1, 3});
+    check_table("faces", copy(corners), 0, (int)vertices.shape(0));
+    check_shape("points", points, {-1, 3});
+    const size_t count = points.shape(0);
+    if (chunk < 1)
+        throw std::invalid_argument("chunk must be 1 or more; got " + std::to_string(chunk));
+    check_shape("frames", frames, {(int64_t)count, 3, 3});
+    check_shape("patterns", patterns, {((int64_t)count + chunk - 1) / chunk, -1, 2});
+    check_shape("turns", turns, {(int64_t)count});
+    const size_t rays = patterns.shape(1);
+    if (std::max({count, rays, corners.shape(0)}) > INT_MAX / 4)
+        throw std::invalid_argument("points, rays and faces must fit into memory");
+    double* blocked;
+    int32_t* faces;
+    float* weights;
+    auto all_blocked = make<double>({count, (size_t)LOBES}, blocked);
+    auto all_faces = make<int32_t>({count, rays}, faces);
+    auto all_weights = make<float>({count, rays, 3}, weights);
+    {
+        const nb::gil_scoped_release released;
+        const RayMesh mesh(vertices.data(), corners.data(), (int)corners.shape(0));
+        look_round(mesh, {(int)count, (int)rays, chunk, points.data(), frames.data(), patterns.data(), turns.data(), offset},
+                   blocked, faces, weights);
+    }
+    return nb::make_tuple(all_blocked, all_faces, all_weights);
+}
+
 template <class R> void bind(nb::module_& m, const char* geometry, const char* photos, const char* prior) {
     nb::class_<Geometry<R>>(m, geometry);
     nb::class_<Photos<R>>(m, photos);
@@ -468,6 +500,8 @@ NB_MODULE(VIG_MODULE, m) {
                         links.data() + n * 8 * size, (uint8_t*)visible + n * size);
         return out;
     }, "free"_a, "alone"_a, "links"_a.noconvert());
+    m.def("look_round", &cast_rays, "vertices"_a, "faces"_a, "points"_a, "frames"_a, "patterns"_a, "turns"_a, "offset"_a,
+          "chunk"_a);
     m.def("colour_density", [](Input<double> photo, Input<double> shares) {
         check_shape("shares", shares, {-1, -1, -1});
         const size_t count = shares.shape(0), height = shares.shape(1), width = shares.shape(2), size = height * width;
