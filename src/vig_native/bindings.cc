@@ -9,6 +9,7 @@
 
 #include <climits>
 #include <initializer_list>
+#include <limits>
 #include <mutex>
 #include <stdexcept>
 #include <string>
@@ -410,6 +411,48 @@ nb::tuple damped_steps(Input<R> points, Input<R> gradient, Input<R> normal, Inpu
     return nb::make_tuple(steps, gains);
 }
 
+// Draw one mesh of points (V, 3) before a camera at the origin: face (H, W), weights of its corners (H, W, 3) and depth
+// (H, W), -1, 0 and infinity where nothing is seen. Faces nearer than `near` to the camera's plane are not drawn.
+template <class R>
+nb::tuple rasterize(Input<R> points, Input<int32_t> corners, std::tuple<double, double, double, int, int> camera,
+                    double near, bool cull) {
+    check_shape("points", points, {-1, 3});
+    check_shape("faces", corners, {-1, 3});
+    check_table("faces", copy(corners), 0, (int)points.shape(0));
+    const auto [focal, cx, cy, width, height] = camera;
+    const size_t vertices = points.shape(0), faces = corners.shape(0);
+    if (width < 1 || height < 1 || (int64_t)height * width > INT_MAX / 4 || std::max(vertices, faces) > INT_MAX / 4)
+        throw std::invalid_argument("width and height must be 1 or more, and pixels, points and faces fit into memory");
+    int32_t* face;
+    R *weights, *depth;
+    auto all_faces = make<int32_t>({(size_t)height, (size_t)width}, face);
+    auto all_weights = make<R>({(size_t)height, (size_t)width, 3}, weights);
+    auto depths = make<R>({(size_t)height, (size_t)width}, depth);
+    {
+        const nb::gil_scoped_release released;
+        std::vector<R> screen(3 * vertices);
+        for (size_t v = 0; v < vertices; ++v) {
+            const Vec3<R> point = load3(points.data() + 3 * v);
+            const R q = 1 / point.z, scale = R(focal) * q;
+            if (point.z > R(near))
+                store3(&screen[3 * v], {point.x * scale + R(cx), point.y * scale + R(cy), q});
+        }
+        VisibilityBuffer<R> seen;
+        seen.clear(height * width);
+        std::vector<uint8_t> facing(faces);
+        draw_faces(screen.data(), corners.data(), (int)faces, width, height, cull, seen, facing.data());
+        for (int y = 0, at = 0; y < height; ++y)
+            for (int x = 0; x < width; ++x, ++at) {
+                face[at] = seen.face[at];
+                const Fragment<R> here = face[at] == NO_FACE ? Fragment<R>{{0, 0, 0}, std::numeric_limits<R>::infinity()}
+                                                             : fragment_at(screen.data(), corners.data(), face[at], x, y);
+                std::copy_n(here.weights, 3, weights + 3 * (size_t)at);
+                depth[at] = here.depth;
+            }
+    }
+    return nb::make_tuple(all_faces, all_weights, depths);
+}
+
 // Cast rays from points against a mesh: blocked (V, 9), faces (V, R), weights (V, R, 3), see rays.h.
 nb::tuple cast_rays(Input<float> vertices, Input<int32_t> corners, Input<double> points, Input<double> frames,
                     Input<double> patterns, Input<double> turns, double offset, int chunk) {
@@ -472,6 +515,7 @@ template <class R> void bind(nb::module_& m, const char* geometry, const char* p
           "upper"_a, "iterations"_a, "tolerance"_a, "damping"_a, "give_up"_a, "threads"_a);
     m.def("search_function", &search_function<R>, "function"_a, "starts"_a, "lower"_a, "upper"_a, "iterations"_a,
           "tolerance"_a, "damping"_a, "give_up"_a);
+    m.def("rasterize", &rasterize<R>, "points"_a, "faces"_a, "camera"_a, "near"_a, "cull"_a);
     m.def("damped_steps", &damped_steps<R>);
 }
 
