@@ -235,8 +235,8 @@ class _Settings:
         learned = None if self.calibration is None else self.calibration.density
         if learned not in (None, self.likelihood.density):
             raise ValueError(
-                f"calibration must be of fits with density '{self.likelihood.density}'; got one of '{learned}'."
-                " Learn one for these."
+                f"calibration must be of fits with density '{self.likelihood.density}'; got one of"
+                f" '{learned}'. Learn one for these."
             )
 
     def calibration_for(self, object_class: ObjectClass) -> FitCalibration | None:
