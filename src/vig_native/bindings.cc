@@ -8,10 +8,12 @@
 #include <nanobind/stl/vector.h>
 
 #include <climits>
+#include <limits>
 #include <mutex>
 
 #include "images.h"
 #include "likelihood.h"
+#include "rays.h"
 #include "search.h"
 #include "threads.h"
 
@@ -360,6 +362,79 @@ nb::tuple damped_steps(Input<R> points, Input<R> gradient, Input<R> normal, Inpu
     return nb::make_tuple(steps, gains);
 }
 
+// Draw one mesh of points (V, 3) before a camera at the origin: face (H, W), weights of its corners (H, W, 3) and depth
+// (H, W), -1, 0 and infinity where nothing is seen. Faces nearer than `near` to the camera's plane are not drawn.
+template <class R>
+nb::tuple rasterize(Input<R> points, Input<int32_t> corners, std::tuple<double, double, double, int, int> camera,
+                    double near, bool cull) {
+    check_shape("points", points, {-1, 3});
+    check_shape("faces", corners, {-1, 3});
+    check_table("faces", copy(corners), 0, (int)points.shape(0));
+    const auto [focal, cx, cy, width, height] = camera;
+    const size_t vertices = points.shape(0), faces = corners.shape(0);
+    if (width < 1 || height < 1 || (int64_t)height * width > INT_MAX / 4 || std::max(vertices, faces) > INT_MAX / 4)
+        throw std::invalid_argument("width and height must be 1 or more, and pixels, points and faces fit into memory");
+    int32_t* face;
+    R *weights, *depth;
+    auto all_faces = make<int32_t>({(size_t)height, (size_t)width}, face);
+    auto all_weights = make<R>({(size_t)height, (size_t)width, 3}, weights);
+    auto depths = make<R>({(size_t)height, (size_t)width}, depth);
+    {
+        const nb::gil_scoped_release released;
+        std::vector<R> screen(3 * vertices);
+        for (size_t v = 0; v < vertices; ++v) {
+            const Vec3<R> point = load3(points.data() + 3 * v);
+            const R q = 1 / point.z, scale = R(focal) * q;
+            if (point.z > R(near))
+                store3(&screen[3 * v], {point.x * scale + R(cx), point.y * scale + R(cy), q});
+        }
+        VisibilityBuffer<R> seen;
+        seen.clear(height * width);
+        std::vector<uint8_t> facing(faces);
+        draw_faces(screen.data(), corners.data(), (int)faces, width, height, cull, seen, facing.data());
+        for (int y = 0, at = 0; y < height; ++y)
+            for (int x = 0; x < width; ++x, ++at) {
+                face[at] = seen.face[at];
+                const Fragment<R> here = face[at] == NO_FACE ? Fragment<R>{{0, 0, 0}, std::numeric_limits<R>::infinity()}
+                                                             : fragment_at(screen.data(), corners.data(), face[at], x, y);
+                std::copy_n(here.weights, 3, weights + 3 * (size_t)at);
+                depth[at] = here.depth;
+            }
+    }
+    return nb::make_tuple(all_faces, all_weights, depths);
+}
+
+// Cast rays from points against a mesh: blocked (V, 9), faces (V, R), weights (V, R, 3), see rays.h.
+nb::tuple cast_rays(Input<float> vertices, Input<int32_t> corners, Input<double> points, Input<double> frames,
+                    Input<double> patterns, Input<double> turns, double offset, int chunk) {
+    check_shape("vertices", vertices, {-1, 3});
+    check_shape("faces", corners, {-1, 3});
+    check_table("faces", copy(corners), 0, (int)vertices.shape(0));
+    check_shape("points", points, {-1, 3});
+    const size_t count = points.shape(0);
+    if (chunk < 1)
+        throw std::invalid_argument("chunk must be 1 or more; got " + std::to_string(chunk));
+    check_shape("frames", frames, {(int64_t)count, 3, 3});
+    check_shape("patterns", patterns, {((int64_t)count + chunk - 1) / chunk, -1, 2});
+    check_shape("turns", turns, {(int64_t)count});
+    const size_t rays = patterns.shape(1);
+    if (std::max({count, rays, corners.shape(0)}) > INT_MAX / 4)
+        throw std::invalid_argument("points, rays and faces must fit into memory");
+    double* blocked;
+    int32_t* faces;
+    float* weights;
+    auto all_blocked = make<double>({count, (size_t)LOBES}, blocked);
+    auto all_faces = make<int32_t>({count, rays}, faces);
+    auto all_weights = make<float>({count, rays, 3}, weights);
+    {
+        const nb::gil_scoped_release released;
+        const RayMesh mesh(vertices.data(), corners.data(), (int)corners.shape(0));
+        look_round(mesh, {(int)count, (int)rays, chunk, points.data(), frames.data(), patterns.data(), turns.data(), offset},
+                   blocked, faces, weights);
+    }
+    return nb::make_tuple(all_blocked, all_faces, all_weights);
+}
+
 template <class R> void bind(nb::module_& m, const char* geometry, const char* photos, const char* prior) {
     nb::class_<Geometry<R>>(m, geometry);
     nb::class_<Photos<R>>(m, photos);
@@ -391,6 +466,7 @@ template <class R> void bind(nb::module_& m, const char* geometry, const char* p
           "upper"_a, "iterations"_a, "tolerance"_a, "damping"_a, "give_up"_a, "threads"_a);
     m.def("search_function", &search_function<R>, "function"_a, "starts"_a, "lower"_a, "upper"_a, "iterations"_a,
           "tolerance"_a, "damping"_a, "give_up"_a);
+    m.def("rasterize", &rasterize<R>, "points"_a, "faces"_a, "camera"_a, "near"_a, "cull"_a);
     m.def("damped_steps", &damped_steps<R>);
 }
 
@@ -421,6 +497,8 @@ NB_MODULE(VIG_MODULE, m) {
                         links.data() + n * 8 * size, (uint8_t*)visible + n * size);
         return out;
     }, "free"_a, "alone"_a, "links"_a.noconvert());
+    m.def("look_round", &cast_rays, "vertices"_a, "faces"_a, "points"_a, "frames"_a, "patterns"_a, "turns"_a, "offset"_a,
+          "chunk"_a);
     m.def("colour_density", [](Input<double> photo, Input<double> shares) {
         check_shape("shares", shares, {-1, -1, -1});
         const size_t count = shares.shape(0), height = shares.shape(1), width = shares.shape(2), size = height * width;

@@ -78,6 +78,18 @@ void draw_faces(const R* screen, const int32_t* corners, int faces, int width, i
     }
 }
 
+template <class R> Fragment<R> fragment_at(const R* screen, const int32_t* corners, int face, int x, int y) {
+    const auto corner = [&](int k) { return load3(screen + 3 * (size_t)corners[3 * (size_t)face + k]); };
+    const Vec3<R> a = corner(0), b = corner(1) - a, c = corner(2) - a;
+    const R off_x = (R)x + R(0.5) - a.x, off_y = (R)y + R(0.5) - a.y, area = b.x * c.y - b.y * c.x;
+    // On the screen weights times q are linear.
+    const R wb = (c.y * off_x - c.x * off_y) / area, wc = (b.x * off_y - b.y * off_x) / area;
+    const R qa = (1 - wb - wc) * a.z, qb = wb * (b.z + a.z), qc = wc * (c.z + a.z), q = qa + qb + qc;
+    return {{qa / q, qb / q, qc / q}, 1 / q};
+}
+
+template Fragment<float> fragment_at(const float*, const int32_t*, int, int, int);
+template Fragment<double> fragment_at(const double*, const int32_t*, int, int, int);
 template void draw_faces(const float*, const int32_t*, int, int, int, bool, VisibilityBuffer<float>&, uint8_t*);
 template void draw_faces(const double*, const int32_t*, int, int, int, bool, VisibilityBuffer<double>&, uint8_t*);
 

@@ -56,4 +56,10 @@ template <class R>
 void draw_faces(const R* screen, const int32_t* corners, int faces, int width, int height, bool cull,
                 VisibilityBuffer<R>& seen, uint8_t* facing);
 
+// Where a pixel's centre lies on a face of these: the perspective-correct weights of its corners, and its depth.
+template <class R> struct Fragment {
+    R weights[3], depth;
+};
+template <class R> Fragment<R> fragment_at(const R* screen, const int32_t* corners, int face, int x, int y);
+
 }  // namespace vig

@@ -20,6 +20,7 @@ import torch
 from vig.io.checks import check_number, decode, read_json, reading
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
+from vig.likelihood.densities import DEFAULT_DENSITY
 from vig.scene import ObjectClass, latent_layout
 
 FILE = "calibration.json"
@@ -79,6 +80,8 @@ class FitCalibration:
             follows from the curvature, likewise: to the side and along the object's vertical as it is seen,
             in lengths of the object, and in depth, as a share of the distance. The spread of the sizes of a
             class's shapes is in it.
+        density: Of the noise in the fits that it was learned from; of others it says nothing. A file without
+            it is of the default's.
     """
 
     view_weights: torch.Tensor
@@ -94,6 +97,7 @@ class FitCalibration:
     position: torch.Tensor = field(
         default_factory=lambda: torch.tensor([UNCALIBRATED_POSITION] * 2, dtype=torch.float64)
     )
+    density: str = DEFAULT_DENSITY
 
     def confidence(self, features: torch.Tensor) -> float:
         """Probability that the view of a fit is right; it fades to 0 for photos out of distribution."""
@@ -155,7 +159,8 @@ class FitCalibration:
             limits = dict.fromkeys(("view_bias", "in_distribution_bias", "mask_bias"), 1e6)
             limits |= {"threshold": 2.0, "mask_threshold": 2.0}
             numbers = {name: check_number(name, values[name], -most, most) for name, most in limits.items()}
-            checked: dict[str, Any] = {**tensors, **numbers}
+            density = decode(str, values.get("density", DEFAULT_DENSITY))
+            checked: dict[str, Any] = {**tensors, **numbers, "density": density}
             return FitCalibration(**checked)
 
 

@@ -19,6 +19,7 @@ from vig.inference.objective import Objective
 from vig.inference.refinement import DISTINCT_AZIMUTH, Selection
 from vig.inference.settings import UNIFORM_TURN, Fit, FitSettings, OtherView, Verdict
 from vig.likelihood import PixelModel, spatial_posterior
+from vig.likelihood.densities import DEFAULT_DENSITY
 from vig.recognition import Prediction
 from vig.scene import Latents, latent_layout
 
@@ -69,7 +70,7 @@ def assess(
     share = 0.0 if settings.likelihood.mask is None else settings.network_mask_share
     coverage, visible = _joined(shown, prediction.mask[0], labels, share)
     confidence, verdict, reason = _verdict(
-        selection, features, calibration, bool((visible > 0.5).any()), settings.informed
+        selection, features, calibration, bool((visible > 0.5).any()), settings
     )
     mask_confidence, mask_trusted = math.nan, False
     if calibration is not None:
@@ -271,11 +272,11 @@ def _verdict(
     features: torch.Tensor,
     calibration: FitCalibration | None,
     anything: bool,
-    informed: bool,
+    settings: FitSettings,
 ) -> tuple[float, Verdict, str]:
     """Confidence, verdict and its reason.
 
-    anything: Whether a pixel of the object is visible. informed: Whether a network has seen the photo.
+    anything: Whether a pixel of the object is visible.
     """
     if calibration is None:
         confidence, trusted = math.nan, not selection.close and not selection.rival_is_other_view
@@ -284,7 +285,7 @@ def _verdict(
         trusted = confidence >= calibration.threshold
     if not anything:
         return (math.nan if calibration is None else 0.0), Verdict.FAILED, Verdict.FAILED.value
-    if not informed:
+    if not settings.informed:
         lead = "" if math.isinf(selection.gap) else f", by {selection.gap:.0f} nats"
         return confidence, Verdict.AMBIGUOUS, UNINFORMED + lead
     if selection.reverted:
@@ -292,8 +293,12 @@ def _verdict(
             confidence = min(confidence, UNTRUSTED_FACTOR * calibration.threshold)
         return confidence, Verdict.REVERTED, Verdict.REVERTED.value
     if trusted:
-        unknown = "; how often such a fit is right was not learned" if calibration is None else ""
-        return confidence, Verdict.TRUSTED, Verdict.TRUSTED.value + unknown
+        reason = Verdict.TRUSTED.value
+        if calibration is None:
+            reason += "; how often such a fit is right was not learned"
+            density = settings.likelihood.density
+            reason += "" if density == DEFAULT_DENSITY else f" with density '{density}'"
+        return confidence, Verdict.TRUSTED, reason
     if calibration is not None and calibration.in_distribution(features) < 0.5:
         reason = "the photo is unlike those that the recognition model knows"
     elif selection.close:

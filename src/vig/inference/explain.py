@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import torch
 
-from vig.inference.calibration import calibration_of
 from vig.inference.confidence import assess
 from vig.inference.hints import WindowHints
 from vig.inference.posterior import objectives_of
@@ -72,9 +71,7 @@ def explain_one(
         selection = select(objective, ends, prediction.best(), chosen.likelihood.sigma, chosen.informed)
         if chosen.gain_deviation and chosen.likelihood.alpha < 1 and not selection.reverted:
             objective, selection = with_shading_gain(objective, selection, chosen)
-        # Learned from fits with an outlier model: without one the evidence has another scale.
-        calibrated = chosen.calibrated and chosen.likelihood.alpha < 1
-        calibration = (chosen.calibration or calibration_of(object_class)) if calibrated else None
+        calibration = chosen.calibration_for(object_class)
         return assess(objective, selection, prediction, chosen, calibration, judge, hints)
 
     return on_one_core(fit)

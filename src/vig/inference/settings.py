@@ -9,7 +9,7 @@ from typing import Any
 
 import torch
 
-from vig.inference.calibration import UNCALIBRATED_POSITION, FitCalibration
+from vig.inference.calibration import UNCALIBRATED_POSITION, FitCalibration, calibration_of
 from vig.io.errors import UserError
 from vig.likelihood import SPATIAL, PixelModel
 from vig.scene import Latents, ObjectClass
@@ -232,6 +232,21 @@ class _Settings:
             )
         if self.silhouette not in ("exact", "paper"):
             raise ValueError(f"silhouette must be 'exact' or 'paper'; got {self.silhouette!r}. Choose one.")
+        learned = None if self.calibration is None else self.calibration.density
+        if learned not in (None, self.likelihood.density):
+            raise ValueError(
+                f"calibration must be of fits with density '{self.likelihood.density}'; got one of"
+                f" '{learned}'. Learn one for these."
+            )
+
+    def calibration_for(self, object_class: ObjectClass) -> FitCalibration | None:
+        """The calibration that judges fits of a class; None without one that was learned from such fits."""
+        # Learned from fits with an outlier model: without one the evidence has another scale.
+        if not self.calibrated or self.likelihood.alpha == 1:
+            return None
+        calibration = self.calibration or calibration_of(object_class)
+        comparable = calibration is not None and calibration.density == self.likelihood.density
+        return calibration if comparable else None
 
 
 @dataclass(frozen=True)
@@ -266,7 +281,7 @@ class ExplainSettings(_Settings):
             the Gaussian model and a photo for which the recognition model's guess is taken.
         optimizer: Runs the stages, within their budgets.
         silhouette: "exact", or "paper" for the authors' constant mask.
-        calibrated: Whether verdict and deviations follow from a calibration.
+        calibrated: Whether verdict and deviations follow from a calibration, see `calibration_for`.
         widened: Whether deviations without one are the evidence's times `UNCALIBRATED_WIDENING`, within the
             bounds; a calibration is learned from the evidence's own, which it widens itself.
         calibration: In place of the class's own.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import torch
 
-from vig.likelihood.densities import density_of
+from vig.likelihood.densities import DEFAULT_DENSITY, density_of
 from vig.likelihood.geometry import Geometry
 from vig.parallel.threads import thread_count
 from vig.scene import Camera, Latents, latent_layout
@@ -103,7 +103,7 @@ class Likelihood:
         photos: Photos,
         silhouette: str = "exact",
         stride: int | None = None,
-        density: str = "gaussian",
+        density: str = DEFAULT_DENSITY,
     ):
         if silhouette not in ("exact", "paper"):
             raise ValueError(f'silhouette must be "exact" or "paper"; got "{silhouette}"')

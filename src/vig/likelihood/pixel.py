@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import torch
 
-from vig.likelihood.densities import density_of
+from vig.likelihood.densities import DEFAULT_DENSITY, density_of
 from vig.likelihood.spatial import NEVER, SpatialMask
 from vig_native import engine
 
@@ -47,7 +47,7 @@ class PixelModel:
 
     sigma: float
     alpha: float
-    density: str = "gaussian"
+    density: str = DEFAULT_DENSITY
     mask: SpatialMask | None = None
 
     def __post_init__(self) -> None:
@@ -80,7 +80,7 @@ def mixture(
     rendered: torch.Tensor,
     log_prior: torch.Tensor,
     sigma: float,
-    density: str = "gaussian",
+    density: str = DEFAULT_DENSITY,
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """Log-likelihood of pixels that the object covers and the posterior of their being visible (Eq. 3).
 

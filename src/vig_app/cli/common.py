@@ -14,6 +14,11 @@ import tyro
 
 from vig.io.errors import UserError
 from vig_app.exports import FORMATS, RUN_FORMATS
+from vig_native import engine
+
+_MODELS = "robust", "gaussian", "spatial"
+LIKELIHOODS = (*_MODELS, *(name for name in engine.DENSITIES if name not in _MODELS))
+"""The names of `vig.likelihood.LIKELIHOODS`, which loads torch."""
 
 
 @dataclass(frozen=True)
@@ -74,9 +79,10 @@ class FitCommand:
     """By how far the photos are turned clockwise, degrees, which is then held."""
     pose: Path | None = None
     """Another tool's pose of the object in one photo: a JSON file with a 4 x 4 camera_from_object."""
-    likelihood: Literal["robust", "gaussian", "spatial"] = "spatial"
+    likelihood: Literal[LIKELIHOODS] = "spatial"  # type: ignore[valid-type]
     """The pixel model: robust allows for occluders, pixel by pixel; in spatial's mask neighbouring pixels are
-    hidden or visible together; gaussian takes all of the object as visible."""
+    hidden or visible together; gaussian takes all of the object as visible. The name of a density that was
+    added: spatial with it, without a calibration unless the class has one of such fits."""
     no_self_shadow: bool = False
     """Shade without self-shadowing and interreflection; docs/objective.md."""
     framing: Literal["auto", "fixed", "free"] = "auto"

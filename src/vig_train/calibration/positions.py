@@ -12,6 +12,7 @@ from vig.explainer import Explainer
 from vig.explanation import Explanation
 from vig.inference import ExplainSettings, FitCalibration, Verdict
 from vig.inference.calibration import WITHIN_90
+from vig.likelihood import SPATIAL
 from vig.photo.pinhole import sight_axes
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass
@@ -49,7 +50,8 @@ def calibrate_positions(
     ]
     if not photographs:
         return calibration
-    explainer = Explainer(object_class, ExplainSettings(calibration=calibration), recognizer=recognizer)
+    settings = ExplainSettings(replace(SPATIAL, density=calibration.density), calibration=calibration)
+    explainer = Explainer(object_class, settings, recognizer=recognizer)
     explained = [
         posed
         for dataset in photographs

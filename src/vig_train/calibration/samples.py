@@ -176,7 +176,7 @@ def calibrate_fits(
         *(np.concatenate(c) for c in zip(*[tuple(vars(p).values()) for p in parts], strict=True))
     )
     samples = replace(samples, fold=_by_mesh(samples.model, samples.fold))
-    return learn(samples), samples
+    return replace(learn(samples), density=uncalibrated.likelihood.density), samples
 
 
 def _by_mesh(model: np.ndarray, fold: np.ndarray) -> np.ndarray:

@@ -18,7 +18,6 @@ from vig.inference import (
     CONFIDENCE_FEATURES,
     Fit,
     FitSettings,
-    calibration_of,
     explain_one,
 )
 from vig.io.checks import check_arrays, decode, parse_json, read_tensors
@@ -225,7 +224,7 @@ def cache_key(recognizer: Recognizer, object_class: ObjectClass, settings: FitSe
     )
     tensors = {name: value for name, value in vars(recognizer).items() if isinstance(value, torch.Tensor)}
     tensors |= recognizer.calibration.tensors()
-    calibration = (settings.calibration or calibration_of(object_class)) if settings.calibrated else None
+    calibration = settings.calibration_for(object_class)
     if calibration is not None:
         digest.update(calibration.to_json().encode())
     for name, tensor in sorted((recognizer.network.state_dict() | tensors).items()):

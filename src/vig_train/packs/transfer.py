@@ -19,21 +19,18 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import scipy.sparse
 import torch
-import warp as wp
 
 from vig.io.files import atomic_write, write_arrays
 from vig.io.progress import Meter
 from vig.parallel import map_on_threads
 from vig.scene import SHAPE_LIMIT, ObjectClass, ShapeModel
-from vig.scene.light import COSINE_LOBE, Y00, Y1, Y2, Y20, sh_basis
+from vig.scene.light import COSINE_LOBE, sh_basis
 from vig.scene.object_class import TRANSFER_FILE
-from vig_renderer.device import initialise, launch
-from vig_renderer.once import make_once
+from vig_native import engine
 from vig_world.mesh import vertex_normals
 
 ALBEDO = 0.5
@@ -68,60 +65,6 @@ Keep = Callable[[str, list[str], Compute], Mapping[str, np.ndarray]]
 def computed(stage: str, inputs: list[str], compute: Compute) -> Mapping[str, np.ndarray]:
     """Keep nothing."""
     return compute()
-
-
-@make_once
-def ray_kernels() -> SimpleNamespace:
-    """The kernel that casts rays against a mesh, compiled at first use."""
-    initialise()
-    lobes = wp.types.vector(9, wp.float64)
-    y0, y1, y2, y20 = (wp.float64(factor) for factor in (Y00, Y1, Y2, Y20))
-    turn, offset, chunk = wp.float64(2 * math.pi), wp.float64(RAY_OFFSET), wp.int32(_CHUNK)
-    half, one, three = (wp.float64(number) for number in (0.5, 1.0, 3.0))
-
-    @wp.kernel(module="vig_transfer")
-    def look_round(
-        points: wp.array(dtype=wp.vec3d),
-        frames: wp.array2d(dtype=wp.vec3d),
-        patterns: wp.array2d(dtype=wp.vec2d),
-        turns: wp.array(dtype=wp.float64),
-        mesh: wp.uint64,
-        blocked: wp.array(dtype=lobes),
-        faces: wp.array2d(dtype=wp.int32),
-        weights: wp.array2d(dtype=wp.vec3),
-    ):
-        point = wp.tid()
-        normal = frames[point, 2]
-        origin = wp.vec3(points[point] + offset * normal)
-        total = lobes()
-        for ray in range(patterns.shape[1]):
-            cell = patterns[point / chunk, ray]
-            across, angle = wp.sqrt(cell[0]), turn * (cell[1] + turns[point])
-            w = (
-                across * wp.cos(angle) * frames[point, 0]
-                + across * wp.sin(angle) * frames[point, 1]
-                + wp.sqrt(one - cell[0]) * normal
-            )
-            hit = wp.mesh_query_ray(mesh, origin, wp.vec3(w), 1.0e3)
-            face = wp.int32(-1)
-            if hit.result:
-                face = hit.face
-                if hit.sign < 0.0:
-                    face = wp.int32(-2)
-                weights[point, ray] = wp.vec3(hit.u, hit.v, 1.0 - hit.u - hit.v)
-                total[0] += y0
-                total[1] += y1 * w[1]
-                total[2] += y1 * w[2]
-                total[3] += y1 * w[0]
-                total[4] += y2 * w[0] * w[1]
-                total[5] += y2 * w[1] * w[2]
-                total[6] += y20 * (three * w[2] * w[2] - one)
-                total[7] += y2 * w[0] * w[2]
-                total[8] += half * y2 * (w[0] * w[0] - w[1] * w[1])
-            faces[point, ray] = face
-        blocked[point] = total
-
-    return SimpleNamespace(look_round=look_round)
 
 
 @dataclass(frozen=True)
@@ -191,23 +134,15 @@ class Occlusion:
         normals = vertex_normals(vertices, faces).astype(np.float64)
         total, count = len(vertices), side**2
         rays, frames = Rays.draw(total, side, rng), frames_of(normals)
-        mesh = wp.Mesh(
-            wp.from_numpy(vertices.astype(np.float32), dtype=wp.vec3, device="cpu"),
-            wp.from_numpy(faces.astype(np.int32).ravel(), dtype=wp.int32, device="cpu"),
+        given = (vertices.astype(np.float64), frames, rays.patterns, rays.turns)
+        blocked, face, weights = engine.look_round(
+            vertices.astype(np.float32), faces.astype(np.int32), *given, RAY_OFFSET, _CHUNK
         )
-        blocked = torch.empty((total, 9), dtype=torch.float64)
-        met, weights = torch.empty((total, count), dtype=torch.int32), torch.empty((total, count, 3))
-        given = (np.asarray(vertices, np.float64), frames, rays.patterns, rays.turns)
-        inputs = [torch.from_numpy(np.ascontiguousarray(array)) for array in given]
-        launch(ray_kernels().look_round, total, *inputs, mesh.id, blocked, met, weights)
-        face = met.numpy()
         front = face >= 0
         starts = np.concatenate([[0], np.cumsum(3 * front.sum(1))])
-        entries = weights.numpy()[front].ravel().astype(np.float64) / count, faces[face[front]].ravel()
+        entries = weights[front].ravel().astype(np.float64) / count, faces[face[front]].ravel()
         seen = scipy.sparse.csr_matrix((*entries, starts), shape=(total, total))
-        return Occlusion(
-            normals, blocked.numpy() / count, seen, (face == _BEHIND).mean(axis=1) > INSIDE_SHARE
-        )
+        return Occlusion(normals, blocked / count, seen, (face == _BEHIND).mean(axis=1) > INSIDE_SHARE)
 
     def change(self, albedo: float, bounces: int, neighbours: scipy.sparse.csr_matrix) -> np.ndarray:
         """T minus `unoccluded` (V, 9) for an object of this albedo in its own light.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -295,6 +296,33 @@ def test_a_calibration_decides_the_verdict_and_widens_deviations(
         assert float(found.deviation[azimuth]) == pytest.approx(spread)
     flat = replace(given, likelihood=GAUSSIAN)  # of which nothing was learned
     assert math.isnan(explain_one(whole.photo, whole.prediction, teapot, flat).confidence)
+
+
+def test_a_calibration_of_another_density_judges_nothing(
+    whole: Case, teapot: ObjectClass, tmp_path: Path
+) -> None:
+    assert teapot.folder is not None
+    pack = shutil.copytree(teapot.folder, tmp_path / "pack")
+    file = pack / "calibration.json"
+    scale = torch.ones(2, 24, dtype=torch.float64)
+    settings = replace(ending_at(whole.truth), calibrated=True)
+    found = []
+    for density in ("gaussian", "cauchy"):
+        replace(saying(8.0, 20.0, scale), density=density).save(file)
+        assert FitCalibration.load(file).density == density
+        found.append(explain_one(whole.photo, whole.prediction, ObjectClass.load(pack), settings))
+    without = explain_one(whole.photo, whole.prediction, teapot, replace(settings, calibrated=False))
+    assert found[0].confidence > 0.9 and found[0].view_threshold == 0.9
+    assert math.isnan(found[1].confidence) and math.isnan(found[1].view_threshold)
+    assert found[1].verdict is without.verdict and found[1].reason == without.reason
+    torch.testing.assert_close(found[1].deviation, without.deviation)
+    # One that says nothing is of the default density.
+    text = json.loads(file.read_text())
+    file.write_text(json.dumps({name: value for name, value in text.items() if name != "density"}))
+    assert FitCalibration.load(file).density == "gaussian"
+    other = replace(saying(8.0, 20.0, scale), density="cauchy")
+    with pytest.raises(ValueError, match="of fits with density 'gaussian'; got one of 'cauchy'"):
+        replace(settings, calibration=other)
 
 
 def test_deviations_are_widened_by_scale_floor_and_residual() -> None:

@@ -52,5 +52,5 @@ def test_kernels_compute_the_reference_and_its_gradient(name: str, studio: Any) 
 
 
 def test_an_unknown_one_is_refused() -> None:
-    with pytest.raises(ValueError, match="density must be one of gaussian; got 'cauchy'"):
+    with pytest.raises(ValueError, match=f"density must be one of {', '.join(NAMES)}; got 'cauchy'"):
         dataclasses.replace(PixelModel(0.03, 0.9), density="cauchy")

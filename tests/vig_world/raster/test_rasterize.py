@@ -1,11 +1,14 @@
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import torch
 import trimesh
 
 from vig.scene import Camera, ObjectClass
+from vig_native import engine
 from vig_world.raster.rasterize import Fragments, rasterize
 
 CAMERA = Camera(width=120, height=90, focal=130.0, cx=61.3, cy=44.1)
@@ -167,3 +170,19 @@ def test_neighbouring_faces_leave_no_gap_and_hide_nothing() -> None:
     faces = np.concatenate([np.stack([a, b, c], 1), np.stack([b, d, c], 1)])
     seen = rasterize(points, faces, IDENTITY, ORIGIN, CAMERA)
     assert not (seen.face < 0).any()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"points": np.zeros((3, 4), np.float32)}, r"points must be \(any, 3\); got \(3, 4\)"),
+        ({"faces": np.array([[0, 1, 3]], np.int32)}, "faces must hold numbers from 0 to 2; got 3"),
+        ({"camera": (9.0, 1.0, 1.0, 0, 4)}, "width and height must be 1 or more"),
+        ({"camera": (9.0, 1.0, 1.0, 2**20, 2**20)}, "fit into memory"),
+    ],
+)
+def test_native_code_refuses_what_does_not_fit(change: dict[str, Any], message: str) -> None:
+    points, faces = np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.int32)
+    given = {"points": points, "faces": faces, "camera": (9.0, 1.0, 1.0, 4, 4), "near": 0.01, "cull": False}
+    with pytest.raises(ValueError, match=message):
+        engine.rasterize(**given | change)

@@ -18,6 +18,7 @@ from types import ModuleType
 
 from vig_native import engine
 
+DEFAULT_DENSITY = "gaussian"
 NAMES = tuple(engine.DENSITIES)
 """Of all densities: `PixelModel.density`."""
 
