@@ -1,6 +1,4 @@
 // The Python module: arrays in, arrays out. Shapes are checked here, before anything reads them; types by nanobind.
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
 #include <nanobind/stl/function.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
@@ -8,64 +6,19 @@
 #include <nanobind/stl/vector.h>
 
 #include <climits>
-#include <initializer_list>
 #include <mutex>
-#include <stdexcept>
-#include <string>
 
+#include "arrays.h"
 #include "images.h"
 #include "likelihood.h"
 #include "search.h"
 #include "threads.h"
 
-namespace nb = nanobind;
-using namespace nb::literals;
-
 namespace vig {
+
+void bind_world(nb::module_& m);
+
 namespace {
-
-template <class T> using Input = nb::ndarray<const T, nb::c_contig, nb::device::cpu>;
-template <class T> using Output = nb::ndarray<nb::numpy, T>;
-
-std::string text(const std::vector<int64_t>& shape) {
-    std::string out = "(";
-    for (const int64_t size : shape)
-        out += (size < 0 ? "any" : std::to_string(size)) + ", ";
-    return out.substr(0, out.size() - (shape.empty() ? 0 : 2)) + ")";
-}
-
-// Throw unless an array has a shape, -1 standing for any size.
-template <class A> void check_shape(const char* name, const A& array, std::vector<int64_t> wanted) {
-    std::vector<int64_t> shape;
-    bool fits = array.ndim() == wanted.size();
-    for (size_t i = 0; i < array.ndim(); ++i) {
-        shape.push_back(array.shape(i));
-        fits = fits && (wanted[i] < 0 || wanted[i] == shape.back());
-    }
-    if (!fits)
-        throw std::invalid_argument(std::string(name) + " must be " + text(wanted) + "; got " + text(shape));
-}
-
-template <class A> auto copy(const A& array) {
-    return std::vector<std::remove_const_t<typename A::Scalar>>(array.data(), array.data() + array.size());
-}
-
-// Throw unless all numbers of a table are from `least` to `count` - 1.
-void check_table(const char* name, const std::vector<int32_t>& table, int least, int count) {
-    for (const int32_t number : table)
-        if (number < least || number >= count)
-            throw std::invalid_argument(std::string(name) + " must hold numbers from " + std::to_string(least) + " to "
-                                        + std::to_string(count - 1) + "; got " + std::to_string(number));
-}
-
-template <class T> Output<T> make(std::initializer_list<size_t> shape, T*& data) {
-    size_t size = 1;
-    for (const size_t length : shape)
-        size *= length;
-    data = new T[std::max<size_t>(size, 1)];
-    nb::capsule owner(data, [](void* p) noexcept { delete[] (T*)p; });
-    return Output<T>(data, shape, owner);
-}
 
 #define VIG_COUNT(NAME) +1
 constexpr int DENSITY_COUNT = 0 VIG_DENSITIES(VIG_COUNT);
@@ -85,38 +38,6 @@ void close_links(int height, int width, const bool* free, int32_t* links) {
                 link = std::clamp(link, 0, 1 << 29);
             }
 }
-
-// Workspaces that are lent out and kept for the next.
-template <class R> class WorkspacePool {
-  public:
-    std::unique_ptr<Workspace<R>> take() {
-        const std::lock_guard<std::mutex> held(lock_);
-        if (free_.empty())
-            return std::make_unique<Workspace<R>>();
-        auto taken = std::move(free_.back());
-        free_.pop_back();
-        return taken;
-    }
-    void give(std::unique_ptr<Workspace<R>> workspace) {
-        const std::lock_guard<std::mutex> held(lock_);
-        if (free_.size() < 8)
-            free_.push_back(std::move(workspace));
-    }
-
-  private:
-    std::mutex lock_;
-    std::vector<std::unique_ptr<Workspace<R>>> free_;
-};
-
-template <class R> WorkspacePool<R>& pool() {
-    static WorkspacePool<R> one;
-    return one;
-}
-
-template <class R> struct Lent {
-    std::unique_ptr<Workspace<R>> workspace = pool<R>().take();
-    ~Lent() { pool<R>().give(std::move(workspace)); }
-};
 
 // Columns of a point in the order of `PointLayout`.
 PointLayout layout_of(const std::vector<int>& numbers) {
@@ -237,8 +158,8 @@ nb::tuple evaluate_points(const Geometry<R>& geometry, const Photos<R>& photos, 
         const nb::gil_scoped_release released;
         threads = (int)std::clamp<size_t>(count, 1, std::max(threads, 1));
         run_threads(threads, [&](int thread) {
-            Lent<R> lent;
-            Workspace<R>& work = *lent.workspace;
+            Lent<Workspace<R>> lent;
+            Workspace<R>& work = *lent;
             for (size_t n = thread; n < count; n += threads) {
                 value[n] = evaluate(geometry, photos, work, points.data() + n * size, photo.data()[n], sigma.data()[n],
                                     order, images, order ? gradient + n * size : nullptr,
@@ -331,8 +252,8 @@ nb::tuple search_all(Input<R> starts, Input<R> lower, Input<R> upper, const Sear
         const nb::gil_scoped_release released;
         threads = (int)std::clamp<size_t>(count, 1, std::max(threads, 1));
         run_threads(threads, [&](int thread) {
-            Lent<R> lent;
-            const Function<R> function = function_of(*lent.workspace);
+            Lent<Workspace<R>> lent;
+            const Function<R> function = function_of(*lent);
             for (size_t s = thread; s < count; s += threads) {
                 const SearchEnd end = search((int)n, function, starts.data() + s * n, lower.data(), upper.data(), settings,
                                              path + s * n, count * n, settings.iterations ? normal + s * n * n : nullptr);
@@ -446,6 +367,8 @@ template <class R> void bind(nb::module_& m, const char* geometry, const char* p
 }  // namespace
 
 NB_MODULE(VIG_MODULE, m) {
+    nb::set_leak_warnings(false);  // caches of modules hold assets until the process ends
+    bind_world(m);
     bind<float>(m, "Geometry32", "Photos32", "Prior32");
     bind<double>(m, "Geometry64", "Photos64", "Prior64");
     std::vector<std::string> names;

@@ -1,0 +1,89 @@
+// Arrays of Python: their shapes are checked, before anything reads them; types by nanobind.
+#pragma once
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/string.h>
+
+#include <algorithm>
+#include <initializer_list>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace vig {
+
+template <class T> using Input = nb::ndarray<const T, nb::c_contig, nb::device::cpu>;
+template <class T> using Output = nb::ndarray<nb::numpy, T>;
+
+inline std::string text(const std::vector<int64_t>& shape) {
+    std::string out = "(";
+    for (const int64_t size : shape)
+        out += (size < 0 ? "any" : std::to_string(size)) + ", ";
+    return out.substr(0, out.size() - (shape.empty() ? 0 : 2)) + ")";
+}
+
+// Throw unless an array has a shape, -1 standing for any size.
+template <class A> void check_shape(const char* name, const A& array, std::vector<int64_t> wanted) {
+    std::vector<int64_t> shape;
+    bool fits = array.ndim() == wanted.size();
+    for (size_t i = 0; i < array.ndim(); ++i) {
+        shape.push_back(array.shape(i));
+        fits = fits && (wanted[i] < 0 || wanted[i] == shape.back());
+    }
+    if (!fits)
+        throw std::invalid_argument(std::string(name) + " must be " + text(wanted) + "; got " + text(shape));
+}
+
+// How messages name the types of numbers.
+template <class T> const char* type_name() {
+    if constexpr (std::is_same_v<T, bool>)
+        return "bool";
+    else if constexpr (std::is_floating_point_v<T>)
+        return sizeof(T) == 4 ? "float32" : "float64";
+    else if constexpr (std::is_unsigned_v<T>)
+        return sizeof(T) == 1 ? "uint8" : "uint32";
+    else
+        return sizeof(T) == 2 ? "int16" : sizeof(T) == 4 ? "int32" : "int64";
+}
+
+// An argument that must be an array of exactly this type, in C order, of a shape, -1 standing for any size.
+template <class T> Input<T> array_of(const char* name, nb::handle given, std::vector<int64_t> shape) {
+    Input<T> array;
+    bool fits = nb::try_cast(given, array, false) && array.ndim() == shape.size();
+    for (size_t i = 0; fits && i < shape.size(); ++i)
+        fits = shape[i] < 0 || shape[i] == (int64_t)array.shape(i);
+    if (fits)
+        return array;
+    const bool is_array = nb::hasattr(given, "dtype") && nb::hasattr(given, "shape");
+    const std::string came = !is_array ? nb::cast<std::string>(nb::str(given.type()))
+        : nb::cast<std::string>(nb::str(given.attr("shape"))) + " of " + nb::cast<std::string>(nb::str(given.attr("dtype")))
+            + (nb::cast<bool>(given.attr("flags").attr("c_contiguous")) ? "" : " in another order");
+    throw std::invalid_argument(std::string(name) + " must be " + text(shape) + " of " + type_name<T>() + " in C order; got "
+                                + came);
+}
+
+template <class A> auto copy(const A& array) {
+    return std::vector<std::remove_const_t<typename A::Scalar>>(array.data(), array.data() + array.size());
+}
+
+// Throw unless all numbers of a table are from `least` to `count` - 1.
+inline void check_table(const char* name, const std::vector<int32_t>& table, int least, int count) {
+    for (const int32_t number : table)
+        if (number < least || number >= count)
+            throw std::invalid_argument(std::string(name) + " must hold numbers from " + std::to_string(least) + " to "
+                                        + std::to_string(count - 1) + "; got " + std::to_string(number));
+}
+
+template <class T> Output<T> make(std::initializer_list<size_t> shape, T*& data) {
+    size_t size = 1;
+    for (const size_t length : shape)
+        size *= length;
+    data = new T[std::max<size_t>(size, 1)];
+    nb::capsule owner(data, [](void* p) noexcept { delete[] (T*)p; });
+    return Output<T>(data, shape, owner);
+}
+
+}  // namespace vig
