@@ -8,14 +8,12 @@ namespace vig::world {
 
 SurfacePoint Drawing::interpolate(int face, float x, float y) const {
     const int32_t* const corner = &corners_[3 * (size_t)face];
-    const float* const a = &screen_[3 * (size_t)corner[0]];
-    const float* const b = &screen_[3 * (size_t)corner[1]];
-    const float* const c = &screen_[3 * (size_t)corner[2]];
-    const float bx = b[0] - a[0], by = b[1] - a[1], cx = c[0] - a[0], cy = c[1] - a[1];
-    const float inverse = 1 / (bx * cy - by * cx), off_x = x - a[0], off_y = y - a[1];
+    const Vertex &a = vertices_[corner[0]], &b = vertices_[corner[1]], &c = vertices_[corner[2]];
+    const float bx = b.x - a.x, by = b.y - a.y, cx = c.x - a.x, cy = c.y - a.y;
+    const float inverse = 1 / (bx * cy - by * cx), off_x = x - a.x, off_y = y - a.y;
     const float to_b = (cy * off_x - cx * off_y) * inverse, to_c = (bx * off_y - by * off_x) * inverse;
-    const float z = 1 / (a[2] + to_b * (b[2] - a[2]) + to_c * (c[2] - a[2]));
-    return {z, to_b * b[2] * z, to_c * c[2] * z};
+    const float z = 1 / (a.q + to_b * (b.q - a.q) + to_c * (c.q - a.q));
+    return {z, to_b * b.q * z, to_c * c.q * z};
 }
 
 void Drawing::collect(float* depth, uint8_t* seen, uint8_t* support) {
@@ -38,6 +36,20 @@ void Drawing::collect(float* depth, uint8_t* seen, uint8_t* support) {
             }
             depth[pixel] = 1 / nearest;
             seen[pixel] = support[pixel] = 0;
+            const auto add = [&](int face, int same, float x, float y) {
+                range = range_of(face, range);
+                ++ends_[range + 1];
+                const Item& item = items_[ranges_[range].item];
+                seen[pixel] += item.is_target ? same : 0;
+                support[pixel] += item.is_support ? same : 0;
+                fragments[count++] = {face, pixel, range, column * SAMPLES + x, row * SAMPLES + y,
+                                      (float)same / PIXEL_SAMPLES};
+            };
+            if (std::all_of(faces + 1, faces + PIXEL_SAMPLES, [&](int face) { return face == faces[0]; })) {
+                if (faces[0] >= 0)  // one face, as in most pixels
+                    add(faces[0], PIXEL_SAMPLES, 0.5f * SAMPLES, 0.5f * SAMPLES);
+                continue;
+            }
             for (int a = 0; a < PIXEL_SAMPLES; ++a) {
                 const int face = faces[a];
                 if (face < 0)
@@ -50,14 +62,8 @@ void Drawing::collect(float* depth, uint8_t* seen, uint8_t* support) {
                         sum_y += b / SAMPLES;
                         faces[b] = NO_FACE;
                     }
-                range = range_of(face, range);
-                ++ends_[range + 1];
-                const Item& item = items_[ranges_[range].item];
-                seen[pixel] += item.is_target ? same : 0;
-                support[pixel] += item.is_support ? same : 0;
                 const float less = 1.0f / same;
-                fragments[count++] = {face, pixel, range, column * SAMPLES + 0.5f + sum_x * less,
-                                      row * SAMPLES + 0.5f + sum_y * less, (float)same / PIXEL_SAMPLES};
+                add(face, same, 0.5f + sum_x * less, 0.5f + sum_y * less);
             }
         }
     // A counting sort by range.
@@ -84,12 +90,12 @@ void Drawing::surface(const uint8_t* seen, Surface& to) const {
             const int32_t* const corner = &corners_[3 * (size_t)face];
             float mixed[4];
             for (int a = 0; a < 4; ++a)
-                mixed[a] = (1 - at.b - at.c) * attributes_[ATTRIBUTES * corner[0] + a]
-                    + at.b * attributes_[ATTRIBUTES * corner[1] + a] + at.c * attributes_[ATTRIBUTES * corner[2] + a];
+                mixed[a] = (1 - at.b - at.c) * vertices_[corner[0]].attributes[a] + at.b * vertices_[corner[1]].attributes[a]
+                    + at.c * vertices_[corner[2]].attributes[a];
             to.points.insert(to.points.end(), {(float)place.x, (float)place.y, (float)place.z});
             to.normals.insert(to.normals.end(), mixed, mixed + 3);
             to.irradiance.push_back(mixed[3]);
-            to.vertices.push_back((int32_t)attributes_[ATTRIBUTES * corner[0] + 4]);
+            to.vertices.push_back((int32_t)vertices_[corner[0]].attributes[4]);
             to.pixels.push_back(pixel);
         }
 }
@@ -129,9 +135,9 @@ void Drawing::normals(float* to) const {
         // The face's own: across two of its edges, in the camera's frame.
         Vec3<float> ends[3], normal[3];
         for (int m = 0; m < 3; ++m) {
-            const Vec3<float> s = load3(&screen_[3 * (size_t)corner[m]]);
-            ends[m] = Vec3<float>{(s.x - (float)camera_.cx) / f, (s.y - (float)camera_.cy) / f, 1} * (1 / s.z);
-            normal[m] = load3(&attributes_[ATTRIBUTES * (size_t)corner[m]]);
+            const Vertex& v = vertices_[corner[m]];
+            ends[m] = Vec3<float>{(v.x - (float)camera_.cx) / f, (v.y - (float)camera_.cy) / f, 1} * (1 / v.q);
+            normal[m] = load3(v.attributes);
         }
         const Vec3<float> flat = cross(ends[1] - ends[0], ends[2] - ends[0]);
         const Vec3<float> mixed = normal[0] + (normal[1] - normal[0]) * at.b + (normal[2] - normal[0]) * at.c;
@@ -143,26 +149,27 @@ void Drawing::normals(float* to) const {
     }
 }
 
-uint8_t encode_srgb(float linear) {
-    constexpr int BINS = 4096;  // of linear light, each narrower than a level of 8-bit sRGB
-    // The lower bound of each level, and the level of the lower edge of each bin.
-    static const struct Tables {
-        float bounds[257];
-        uint8_t levels[BINS + 1];
-        Tables() {
-            for (int level = 0; level < 257; ++level) {
-                const double encoded = (level - 0.5) / 255;
-                bounds[level] = encoded <= 0.04045 ? encoded / 12.92 : std::pow((encoded + 0.055) / 1.055, 2.4);
-            }
-            bounds[0] = 0;
-            bounds[256] = INFINITY;
-            for (int bin = 0; bin <= BINS; ++bin)
-                levels[bin] = uint8_t(std::upper_bound(bounds, bounds + 257, (float)bin / BINS) - bounds - 1);
+// The lower bound of each level of 8-bit sRGB, and the level of the lower edge of each bin of linear light, narrower than one.
+static const struct Levels {
+    static constexpr int BINS = 4096;
+    float bounds[257];
+    uint8_t levels[BINS + 1];
+    Levels() {
+        for (int level = 0; level < 257; ++level) {
+            const double encoded = (level - 0.5) / 255;
+            bounds[level] = encoded <= 0.04045 ? encoded / 12.92 : std::pow((encoded + 0.055) / 1.055, 2.4);
         }
-    } tables;
+        bounds[0] = 0;
+        bounds[256] = INFINITY;
+        for (int bin = 0; bin <= BINS; ++bin)
+            levels[bin] = uint8_t(std::upper_bound(bounds, bounds + 257, (float)bin / BINS) - bounds - 1);
+    }
+} LEVELS;
+
+uint8_t encode_srgb(float linear) {
     const float value = linear < 1 ? linear > 0 ? linear : 0 : 1;
-    const int level = tables.levels[(int)(value * BINS)];
-    return uint8_t(level + (value >= tables.bounds[level + 1]));
+    const int level = LEVELS.levels[(int)(value * Levels::BINS)];
+    return uint8_t(level + (value >= LEVELS.bounds[level + 1]));
 }
 
 void Drawing::encode(uint8_t* image) const {

@@ -24,6 +24,10 @@ bool in_frame(const Sphere& sphere, const Mat3<float>& turn, Vec3<float> shift, 
     return true;
 }
 
+Vertex vertex_of(const float* a, const float* screen) {
+    return {{a[0], a[1], a[2], a[3], a[4]}, screen[0], screen[1], screen[2]};
+}
+
 }  // namespace
 
 // Cut a face at the near plane: its triangles go to `cut_`, their corners to the end of the vertices.
@@ -55,7 +59,7 @@ void Drawing::clip(const Asset& asset, const int32_t* corner, bool shaded) {
         const float q = 1 / out[m][2];
         store3(screen + 3 * m, {f * out[m][0] * q + mid_x, f * out[m][1] * q + mid_y, q});
         if (shaded)
-            std::copy_n(out[m] + 3, ATTRIBUTES, grow(attributes_, ATTRIBUTES * (vertex_count_ + 4)) + ATTRIBUTES * (vertex_count_ + m));
+            grow(vertices_, vertex_count_ + 4)[vertex_count_ + m] = vertex_of(out[m] + 3, screen + 3 * m);
     }
     for (int m = 1; m + 1 < count; ++m) {
         // From the farthest corner, as the near ones may lie far outside the image: what is small stays exact.
@@ -96,9 +100,12 @@ void Drawing::add_part(const Item& item, const Part& part, bool shaded) {
             screen[3 * v + 1] = f * y * q + mid_y;
             screen[3 * v + 2] = q;
         }
-        if (shaded)
-            std::copy_n(&asset.attributes[ATTRIBUTES * (size_t)cluster.first_vertex], ATTRIBUTES * (size_t)count,
-                        grow(attributes_, ATTRIBUTES * ((size_t)vertex_count_ + count)) + ATTRIBUTES * (size_t)vertex_count_);
+        if (shaded) {
+            Vertex* const vertices = grow(vertices_, (size_t)vertex_count_ + count) + vertex_count_;
+            const float* const attributes = &asset.attributes[ATTRIBUTES * (size_t)cluster.first_vertex];
+            for (int v = 0; v < count; ++v)
+                vertices[v] = vertex_of(attributes + ATTRIBUTES * v, screen + 3 * v);
+        }
         const int corners = 3 * (cluster.end_face - cluster.first_face), base = vertex_count_ - cluster.first_vertex;
         const int32_t* const from = &asset.corners[3 * (size_t)cluster.first_face];
         int32_t* const to = grow(corners_, (size_t)corner_count_ + corners) + corner_count_;

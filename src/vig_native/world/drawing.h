@@ -32,6 +32,11 @@ struct Light {
     Vec3<float> albedo;
 };
 
+// A vertex as shading reads it: place on the screen and one over depth beside the attributes of its asset.
+struct Vertex {
+    float attributes[ATTRIBUTES], x, y, q;
+};
+
 // A point of a face: its depth, metres, and the weights of the second and third corner.
 struct SurfacePoint {
     float z, b, c;
@@ -79,7 +84,8 @@ class Drawing {
     Vec3<float> shift_;
     VisibilityBuffer<float> seen_;
     int vertex_count_ = 0, corner_count_ = 0;
-    std::vector<float> screen_, attributes_;  // (vertices, 3): x, y, one over depth; (vertices, ATTRIBUTES)
+    std::vector<float> screen_;               // (vertices, 3): x, y, one over depth
+    std::vector<Vertex> vertices_;            // the same with their attributes
     std::vector<int32_t> corners_;            // (faces, 3), of those vertices
     std::vector<int32_t> cut_;                // the corners of faces that were cut at the near plane
     std::vector<uint8_t> facing_;

@@ -13,8 +13,8 @@ constexpr float LEAST_LIGHT = 0.1f;  // share of the irradiance that no shadow t
 constexpr float MOST_LIGHT = 1.25f;  // largest ratio of a place's light to the object's, which may be in a dim corner
 constexpr float EVEN = 0.6f;         // far from the object, this share of the irradiance is the mean of all directions; half at 1 m
 
-typedef float Four __attribute__((vector_size(16)));
-typedef int16_t FourStored __attribute__((vector_size(8), aligned(2), may_alias));
+typedef float Eight __attribute__((vector_size(32)));
+typedef int16_t EightStored __attribute__((vector_size(16), aligned(2), may_alias));
 
 struct Rows {
     float x[LANES], y[LANES], z[LANES];
@@ -45,14 +45,18 @@ void look_up(const Grid& grid, const Rows& places, const Rows& normals, float* l
         share.set(n, {x - ix, y - iy, z - iz});
         cell[n] = iz * plane + iy * X + ix;
     }
-    const auto mix = [](Four a, Four b, float share) { return a + share * (b - a); };
+    // Values of two neighbours along x at a time.
+    const auto mix = [](Eight a, Eight b, float share) { return a + share * (b - a); };
+    Eight pairs[LANES];
     for (int n = 0; n < LANES; ++n) {
-        const auto along = [&](int cells) {
-            const FourStored* const here = (const FourStored*)grid.values.data() + cell[n] + cells;
-            return mix(__builtin_convertvector(here[0], Four), __builtin_convertvector(here[1], Four), share.x[n]);
-        };
-        const Four value = mix(mix(along(0), along(X), share.y[n]), mix(along(plane), along(plane + X), share.y[n]), share.z[n]);
-        lost[n] = grid.scale * (value[0] + value[1] * normals.x[n] + value[2] * normals.y[n] + value[3] * normals.z[n]);
+        const int16_t* const here = grid.values.data() + 4 * (size_t)cell[n];
+        const auto pair = [&](int cells) { return __builtin_convertvector(*(const EightStored*)(here + 4 * cells), Eight); };
+        pairs[n] = mix(mix(pair(0), pair(X), share.y[n]), mix(pair(plane), pair(plane + X), share.y[n]), share.z[n]);
+    }
+    const float(*const pair)[8] = (const float(*)[8])pairs;
+    for (int n = 0; n < LANES; ++n) {
+        const auto value = [&](int c) { return pair[n][c] + share.x[n] * (pair[n][4 + c] - pair[n][c]); };
+        lost[n] = grid.scale * (value(0) + value(1) * normals.x[n] + value(2) * normals.y[n] + value(3) * normals.z[n]);
     }
 }
 
@@ -166,47 +170,39 @@ void Drawing::shade_range(int number, const int* sorted, int total, const Light&
         const int count = std::min(total - base, LANES);
         int pixel[LANES];
         float share[LANES], px[LANES], py[LANES], z[LANES], slopes[4][LANES];
-        float a[3][LANES], b[3][LANES], c[3][LANES], at[ATTRIBUTES][LANES], to_b[ATTRIBUTES][LANES], to_c[ATTRIBUTES][LANES];
+        float at[ATTRIBUTES][LANES];
+        Vertex corners[3][LANES];
         for (int n = 0; n < LANES; ++n) {
             const Fragment& fragment = fragments_[sorted[base + (n < count ? n : 0)]];
-            const int32_t* const corner = &corners_[3 * (size_t)fragment.face];
             pixel[n] = fragment.pixel;
             share[n] = fragment.share;
             px[n] = fragment.x;
             py[n] = fragment.y;
-            for (int r = 0; r < 3; ++r) {
-                a[r][n] = screen_[3 * (size_t)corner[0] + r];
-                b[r][n] = screen_[3 * (size_t)corner[1] + r];
-                c[r][n] = screen_[3 * (size_t)corner[2] + r];
-            }
-            for (int r = 0; r < ATTRIBUTES; ++r) {
-                at[r][n] = attributes_[ATTRIBUTES * (size_t)corner[0] + r];
-                to_b[r][n] = attributes_[ATTRIBUTES * (size_t)corner[1] + r];
-                to_c[r][n] = attributes_[ATTRIBUTES * (size_t)corner[2] + r];
-            }
+            for (int m = 0; m < 3; ++m)
+                corners[m][n] = vertices_[corners_[3 * (size_t)fragment.face + m]];
         }
         for (int n = 0; n < LANES; ++n) {
-            const float bx = b[0][n] - a[0][n], by = b[1][n] - a[1][n], cx = c[0][n] - a[0][n], cy = c[1][n] - a[1][n];
-            const float inverse = 1 / (bx * cy - by * cx), off_x = px[n] - a[0][n], off_y = py[n] - a[1][n];
+            const Vertex &a = corners[0][n], &b = corners[1][n], &c = corners[2][n];
+            const float bx = b.x - a.x, by = b.y - a.y, cx = c.x - a.x, cy = c.y - a.y;
+            const float inverse = 1 / (bx * cy - by * cx), off_x = px[n] - a.x, off_y = py[n] - a.y;
             const float bdx = cy * inverse, bdy = -cx * inverse, cdx = -by * inverse, cdy = bx * inverse;
-            const float to_second = bdx * off_x + bdy * off_y, to_third = cdx * off_x + cdy * off_y;
-            const float b_more = b[2][n] - a[2][n], c_more = c[2][n] - a[2][n];
-            z[n] = 1 / (a[2][n] + to_second * b_more + to_third * c_more);
-            const float wb = to_second * b[2][n] * z[n], wc = to_third * c[2][n] * z[n];
+            const float to_b = bdx * off_x + bdy * off_y, to_c = cdx * off_x + cdy * off_y;
+            const float b_more = b.q - a.q, c_more = c.q - a.q, depth = 1 / (a.q + to_b * b_more + to_c * c_more);
+            const float wb = to_b * b.q * depth, wc = to_c * c.q * depth;
 #pragma GCC unroll 5
-            for (int r = 0; r < ATTRIBUTES; ++r) {
-                to_b[r][n] -= at[r][n];
-                to_c[r][n] -= at[r][n];
-                at[r][n] += wb * to_b[r][n] + wc * to_c[r][n];
-            }
+            for (int r = 0; r < ATTRIBUTES; ++r)
+                at[r][n] = a.attributes[r] + wb * (b.attributes[r] - a.attributes[r]) + wc * (c.attributes[r] - a.attributes[r]);
             // How the weights change over the screen, and with them the place in the texture, in texels.
-            const float qdx = bdx * b_more + cdx * c_more, qdy = bdy * b_more + cdy * c_more, scale = z[n] * SAMPLES;
-            const float wbdx = scale * (bdx * b[2][n] - wb * qdx), wbdy = scale * (bdy * b[2][n] - wb * qdy);
-            const float wcdx = scale * (cdx * c[2][n] - wc * qdx), wcdy = scale * (cdy * c[2][n] - wc * qdy);
-            slopes[0][n] = (wbdx * to_b[3][n] + wcdx * to_c[3][n]) * texture_width;
-            slopes[1][n] = (wbdy * to_b[3][n] + wcdy * to_c[3][n]) * texture_width;
-            slopes[2][n] = (wbdx * to_b[4][n] + wcdx * to_c[4][n]) * texture_height;
-            slopes[3][n] = (wbdy * to_b[4][n] + wcdy * to_c[4][n]) * texture_height;
+            const float qdx = bdx * b_more + cdx * c_more, qdy = bdy * b_more + cdy * c_more, scale = depth * SAMPLES;
+            const float wbdx = scale * (bdx * b.q - wb * qdx), wbdy = scale * (bdy * b.q - wb * qdy);
+            const float wcdx = scale * (cdx * c.q - wc * qdx), wcdy = scale * (cdy * c.q - wc * qdy);
+            const float ub = b.attributes[3] - a.attributes[3], uc = c.attributes[3] - a.attributes[3];
+            const float vb = b.attributes[4] - a.attributes[4], vc = c.attributes[4] - a.attributes[4];
+            z[n] = depth;
+            slopes[0][n] = (wbdx * ub + wcdx * uc) * texture_width;
+            slopes[1][n] = (wbdy * ub + wcdy * uc) * texture_width;
+            slopes[2][n] = (wbdx * vb + wcdx * vc) * texture_height;
+            slopes[3][n] = (wbdy * vb + wcdy * vc) * texture_height;
         }
         Rows colour;
         if (item.is_target)
