@@ -2,6 +2,7 @@
 #pragma once
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/string.h>
 
 #include <algorithm>
 #include <initializer_list>
@@ -35,6 +36,34 @@ template <class A> void check_shape(const char* name, const A& array, std::vecto
     }
     if (!fits)
         throw std::invalid_argument(std::string(name) + " must be " + text(wanted) + "; got " + text(shape));
+}
+
+// How messages name the types of numbers.
+template <class T> const char* type_name() {
+    if constexpr (std::is_same_v<T, bool>)
+        return "bool";
+    else if constexpr (std::is_floating_point_v<T>)
+        return sizeof(T) == 4 ? "float32" : "float64";
+    else if constexpr (std::is_unsigned_v<T>)
+        return sizeof(T) == 1 ? "uint8" : "uint32";
+    else
+        return sizeof(T) == 2 ? "int16" : sizeof(T) == 4 ? "int32" : "int64";
+}
+
+// An argument that must be an array of exactly this type, in C order, of a shape, -1 standing for any size.
+template <class T> Input<T> array_of(const char* name, nb::handle given, std::vector<int64_t> shape) {
+    Input<T> array;
+    bool fits = nb::try_cast(given, array, false) && array.ndim() == shape.size();
+    for (size_t i = 0; fits && i < shape.size(); ++i)
+        fits = shape[i] < 0 || shape[i] == (int64_t)array.shape(i);
+    if (fits)
+        return array;
+    const bool is_array = nb::hasattr(given, "dtype") && nb::hasattr(given, "shape");
+    const std::string came = !is_array ? nb::cast<std::string>(nb::str(given.type()))
+        : nb::cast<std::string>(nb::str(given.attr("shape"))) + " of " + nb::cast<std::string>(nb::str(given.attr("dtype")))
+            + (nb::cast<bool>(given.attr("flags").attr("c_contiguous")) ? "" : " in another order");
+    throw std::invalid_argument(std::string(name) + " must be " + text(shape) + " of " + type_name<T>() + " in C order; got "
+                                + came);
 }
 
 template <class A> auto copy(const A& array) {

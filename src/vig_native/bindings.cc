@@ -1,6 +1,4 @@
 // The Python module: arrays in, arrays out. Shapes are checked here, before anything reads them; types by nanobind.
-#include "arrays.h"
-
 #include <nanobind/stl/function.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
@@ -11,6 +9,7 @@
 #include <limits>
 #include <mutex>
 
+#include "arrays.h"
 #include "images.h"
 #include "likelihood.h"
 #include "rays.h"
@@ -18,6 +17,9 @@
 #include "threads.h"
 
 namespace vig {
+
+void bind_world(nb::module_& m);
+
 namespace {
 
 #define VIG_COUNT(NAME) +1
@@ -38,38 +40,6 @@ void close_links(int height, int width, const bool* free, int32_t* links) {
                 link = std::clamp(link, 0, 1 << 29);
             }
 }
-
-// Workspaces that are lent out and kept for the next.
-template <class R> class WorkspacePool {
-  public:
-    std::unique_ptr<Workspace<R>> take() {
-        const std::lock_guard<std::mutex> held(lock_);
-        if (free_.empty())
-            return std::make_unique<Workspace<R>>();
-        auto taken = std::move(free_.back());
-        free_.pop_back();
-        return taken;
-    }
-    void give(std::unique_ptr<Workspace<R>> workspace) {
-        const std::lock_guard<std::mutex> held(lock_);
-        if (free_.size() < 8)
-            free_.push_back(std::move(workspace));
-    }
-
-  private:
-    std::mutex lock_;
-    std::vector<std::unique_ptr<Workspace<R>>> free_;
-};
-
-template <class R> WorkspacePool<R>& pool() {
-    static WorkspacePool<R> one;
-    return one;
-}
-
-template <class R> struct Lent {
-    std::unique_ptr<Workspace<R>> workspace = pool<R>().take();
-    ~Lent() { pool<R>().give(std::move(workspace)); }
-};
 
 // Columns of a point in the order of `PointLayout`.
 PointLayout layout_of(const std::vector<int>& numbers) {
@@ -190,8 +160,8 @@ nb::tuple evaluate_points(const Geometry<R>& geometry, const Photos<R>& photos, 
         const nb::gil_scoped_release released;
         threads = (int)std::clamp<size_t>(count, 1, std::max(threads, 1));
         run_threads(threads, [&](int thread) {
-            Lent<R> lent;
-            Workspace<R>& work = *lent.workspace;
+            Lent<Workspace<R>> lent;
+            Workspace<R>& work = *lent;
             for (size_t n = thread; n < count; n += threads) {
                 value[n] = evaluate(geometry, photos, work, points.data() + n * size, photo.data()[n], sigma.data()[n],
                                     order, images, order ? gradient + n * size : nullptr,
@@ -284,8 +254,8 @@ nb::tuple search_all(Input<R> starts, Input<R> lower, Input<R> upper, const Sear
         const nb::gil_scoped_release released;
         threads = (int)std::clamp<size_t>(count, 1, std::max(threads, 1));
         run_threads(threads, [&](int thread) {
-            Lent<R> lent;
-            const Function<R> function = function_of(*lent.workspace);
+            Lent<Workspace<R>> lent;
+            const Function<R> function = function_of(*lent);
             for (size_t s = thread; s < count; s += threads) {
                 const SearchEnd end = search((int)n, function, starts.data() + s * n, lower.data(), upper.data(), settings,
                                              path + s * n, count * n, settings.iterations ? normal + s * n * n : nullptr);
@@ -473,7 +443,8 @@ template <class R> void bind(nb::module_& m, const char* geometry, const char* p
 }  // namespace
 
 NB_MODULE(VIG_MODULE, m) {
-    nb::set_leak_warnings(false);  // of what lives until the interpreter ends
+    nb::set_leak_warnings(false);  // caches of modules hold assets until the process ends
+    bind_world(m);
     bind<float>(m, "Geometry32", "Photos32", "Prior32");
     bind<double>(m, "Geometry64", "Photos64", "Prior64");
     std::vector<std::string> names;

@@ -3,11 +3,42 @@
 #include <algorithm>
 #include <atomic>
 #include <exception>
+#include <memory>
 #include <mutex>
 #include <thread>
 #include <vector>
 
 namespace vig {
+
+// Scratch memory that is lent to a call and kept for the next.
+template <class T> class Lent {
+  public:
+    Lent() {
+        const std::lock_guard<std::mutex> held(pool().lock);
+        auto& free = pool().free;
+        held_ = free.empty() ? std::make_unique<T>() : std::move(free.back());
+        if (!free.empty())
+            free.pop_back();
+    }
+    ~Lent() {
+        const std::lock_guard<std::mutex> held(pool().lock);
+        if (pool().free.size() < 8)
+            pool().free.push_back(std::move(held_));
+    }
+    T& operator*() const { return *held_; }
+    T* operator->() const { return held_.get(); }
+
+  private:
+    struct Pool {
+        std::mutex lock;
+        std::vector<std::unique_ptr<T>> free;
+    };
+    static Pool& pool() {
+        static Pool one;
+        return one;
+    }
+    std::unique_ptr<T> held_;
+};
 
 // Call run(thread) for thread 0 to `threads` - 1, side by side; the first error is thrown again.
 template <class F> void run_threads(int threads, F&& run) {

@@ -19,6 +19,7 @@ import vig.scene
 import vig_world
 from vig.io.errors import UserError
 from vig.io.files import write_arrays
+from vig_native import engine
 
 Arrays = dict[str, np.ndarray]
 KEPT_VERSIONS = 2
@@ -83,8 +84,9 @@ def _version() -> str:
     digest = hashlib.sha256()
     for package in (vig_world, vig.scene):
         root = Path(package.__path__[0])
-        for path in sorted(path for path in root.rglob("*") if path.suffix in (".py", ".cc", ".json")):
+        for path in sorted(path for path in root.rglob("*") if path.suffix in (".py", ".json")):
             digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
+    digest.update(Path(str(engine.__file__)).read_bytes())
     for name in ("numpy", "scipy", "torch"):
         digest.update(metadata.version(name).encode())
     return digest.hexdigest()[:16]

@@ -29,6 +29,7 @@ from vig_world.assets.props.shapes import scaled
 from vig_world.assets.textures import FINISHES, KINDS, texture
 from vig_world.dataset.spec import Room, Split, Surface
 from vig_world.raster import PackedAsset, TextureLevels
+from vig_world.raster.packed import pack
 from vig_world.rooms import Layout, draw_hall, draw_layout, draw_sweep, material_under
 from vig_world.streams import asset_rng
 
@@ -175,7 +176,7 @@ class Library:
         def made() -> Arrays:
             parts = self.prop(family, number).parts
             extremes = extreme_points(np.concatenate([mesh.vertices for mesh, _ in parts]))
-            return {"extremes": extremes, **PackedAsset.of(parts).arrays()}
+            return {"extremes": extremes, **pack(parts)}
 
         held = self._held(family in self._own_props, f"prop/{family}/{number}", made)
         return PackedAsset.from_arrays(held), held["extremes"]
@@ -231,7 +232,7 @@ class Library:
                 "text": packed_text([layout.kind, layout.height, supports, grounds]),
                 "outline": layout.outline,
                 "solids": layout.solids,
-                **PackedAsset.of(layout.parts).arrays(),
+                **pack(layout.parts),
             }
 
         held = self._held(bool(self.own.furniture), f"layout/{number}", made)

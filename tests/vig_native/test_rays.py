@@ -121,7 +121,7 @@ def test_what_is_no_triangle_or_no_ray_meets_nothing() -> None:
     ("name", "value", "message"),
     [
         ("vertices", np.zeros((3, 2), np.float32), r"vertices must be \(any, 3\); got \(3, 2\)"),
-        ("faces", np.array([[0, 1, 3]], np.int32), "faces must hold numbers from 0 to 2; got 3"),
+        ("faces", np.array([[0, 1, 3]], np.int32), "faces must be from 0 to 2; they are from 0 to 3"),
         ("points", np.zeros((5, 4)), r"points must be \(any, 3\); got \(5, 4\)"),
         ("frames", np.zeros((4, 3, 3)), r"frames must be \(5, 3, 3\); got \(4, 3, 3\)"),
         ("patterns", np.zeros((2, 4, 2)), r"patterns must be \(3, any, 2\); got \(2, 4, 2\)"),

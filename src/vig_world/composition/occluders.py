@@ -9,20 +9,10 @@ from itertools import accumulate
 
 import numpy as np
 
+from vig_native import engine
 from vig_world.composition.stage import StagedRoom
 from vig_world.dataset.spec import Placed, Role
 from vig_world.library import ALL_ZONES
-from vig_world.raster.native import workspace
-from vig_world.raster.records import (
-    ARM,
-    BOARD,
-    IN_HAND,
-    OCCLUDER,
-    OCCLUDER_INPUTS,
-    STANDING,
-    TWIG,
-    address,
-)  # fmt: skip
 from vig_world.rotations import vector_of
 
 
@@ -55,7 +45,6 @@ Kind = Callable[[StagedRoom, np.random.Generator, float], OccluderCandidate | No
 DRAWS = 12
 PROPS, TURNS = 3, 5
 """Number of props, and of orientations of each, considered at a time to stand before the object."""
-FIXTURES = {ARM: "arm", TWIG: "twig", BOARD: "board"}
 GRASPS = 6
 """Number of draws for a held prop to have room before the object with the hand in the frame."""
 MORE_THAN_HIDES = 0.008
@@ -134,7 +123,7 @@ def standing(stage: StagedRoom, rng: np.random.Generator, level: float) -> Occlu
     """A prop on the same support, between the camera and the object; moves sideways."""
     least_area = area_to_hide(stage, level, 0.7)
     names = [draw_large(stage, rng, (least_area, np.inf), True) for _ in range(PROPS)]
-    return _drawn(stage, STANDING, level, names, rng.random((PROPS * TURNS, 3)))
+    return _drawn(stage, "standing", level, names, rng.random((PROPS * TURNS, 3)))
 
 
 def in_hand(stage: StagedRoom, rng: np.random.Generator, level: float) -> OccluderCandidate | None:
@@ -144,36 +133,36 @@ def in_hand(stage: StagedRoom, rng: np.random.Generator, level: float) -> Occlud
     numbers = rng.integers(stage.library.members("arm"), size=GRASPS).tolist()
     arms = [stage.member("arm", number) for number in numbers]
     draws = rng.random((GRASPS, 7)), rng.standard_normal((GRASPS, 3))
-    return _drawn(stage, IN_HAND, level, [name], *draws, ends=(0.0, 0.4 * scale), arms=arms)
+    return _drawn(stage, "in hand", level, [name], *draws, ends=(0.0, 0.4 * scale), arms=arms)
 
 
 def reaching(stage: StagedRoom, rng: np.random.Generator, level: float) -> OccluderCandidate | None:
     """A bare hand and its arm before the object."""
-    return _fixed(stage, rng, level, ARM, (-0.2, 0.3))
+    return _fixed(stage, rng, level, "arm", (-0.2, 0.3))
 
 
 def branch(stage: StagedRoom, rng: np.random.Generator, level: float) -> OccluderCandidate | None:
     """A leafy twig that reaches into the frame."""
-    return _fixed(stage, rng, level, TWIG, (-0.3, 0.2))
+    return _fixed(stage, rng, level, "twig", (-0.3, 0.2))
 
 
 def board(stage: StagedRoom, rng: np.random.Generator, level: float) -> OccluderCandidate | None:
     """The end of a board: level above the object, as of a shelf, or its broad side to the camera."""
-    return _fixed(stage, rng, level, BOARD, (-0.3, 0.3))
+    return _fixed(stage, rng, level, "board", (-0.3, 0.3))
 
 
 def _fixed(
-    stage: StagedRoom, rng: np.random.Generator, level: float, kind: int, ends: tuple[float, float]
+    stage: StagedRoom, rng: np.random.Generator, level: float, kind: str, ends: tuple[float, float]
 ) -> OccluderCandidate | None:
     """A fixture that reaches into the frame; `ends` of its offset are over the object's scale."""
-    name, scale = _fixture(stage, rng, FIXTURES[kind]), stage.actor.scale
+    name, scale = _fixture(stage, rng, kind), stage.actor.scale
     draws = rng.random((1, 7)), rng.standard_normal((1, 3))
     return _drawn(stage, kind, level, [name], *draws, ends=(ends[0] * scale, ends[1] * scale))
 
 
 def _drawn(
     stage: StagedRoom,
-    kind: int,
+    kind: str,
     level: float,
     names: list[tuple[str, int]],
     uniform: np.ndarray,
@@ -185,7 +174,7 @@ def _drawn(
 
     Args:
         stage: Where.
-        kind: One of the record's kinds.
+        kind: As native code names them.
         level: Share of the object that is to be hidden.
         names: The props, in turn one for each draw.
         uniform: (N, 3) in [0, 1) for what stands, else (N, 7).
@@ -196,22 +185,19 @@ def _drawn(
     library = stage.library
     points = np.stack([library.extremes(*name) for name in names])
     hands = np.stack([library.extremes(*arm) for arm in arms]) if arms else np.zeros((0, 0, 3))
-    thin = library.sizes(*names[0]).argmin()
-    workspace.fields("occluder", OCCLUDER, OCCLUDER_INPUTS)[0] = (
-        address(stage.record), kind, len(uniform), address(uniform),
-        0 if normal is None else address(normal), address(points), address(hands) if arms else 0,
-        points.shape[1], hands.shape[1], len(names), thin, level, stage.hidden(), *ends,
-    )  # fmt: skip
-    workspace.launch("occluder", "occluder")
-    drawn = workspace.record("occluder", OCCLUDER)[0]
-    number = int(drawn["drawn"])
-    if number < 0:
+    thin = int(library.sizes(*names[0]).argmin())
+    normal = np.zeros((0, 3)) if normal is None else normal
+    drawn = engine.draw_occluder(
+        stage.native, kind, uniform, normal, points, hands, thin, level, stage.hidden(), ends
+    )
+    if drawn is None:
         return None
-    parts = [placed(names[number % len(names)], drawn["position"], drawn["turn"])]
+    number, rows, least, most, front, bound = drawn
+    position, hand_position, motion = rows[6:]
+    parts = [placed(names[number % len(names)], position, rows[:3])]
     if arms:
-        parts.append(placed(arms[number], drawn["hand_position"], drawn["hand_turn"], "holder"))
-    least, most, front, bound = (float(drawn[name]) for name in ("least", "most", "front", "bound"))
-    return OccluderCandidate(parts, drawn["motion"].copy(), least, most, kind == STANDING, front, bound)
+        parts.append(placed(arms[number], hand_position, rows[3:6], "holder"))
+    return OccluderCandidate(parts, motion, least, most, kind == "standing", front, bound)
 
 
 def _fixture(stage: StagedRoom, rng: np.random.Generator, family: str) -> tuple[str, int]:

@@ -11,21 +11,11 @@ import numpy as np
 
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
+from vig_native import engine
 from vig_world.assets.props import ZONE_NAMES
 from vig_world.composition.stage import Actor, StagedRoom
 from vig_world.dataset.spec import Room, Surface
 from vig_world.library import Library
-from vig_world.raster.native import workspace
-from vig_world.raster.records import (
-    PLACE,
-    PLACE_EYE,
-    PLACE_GOOD,
-    PLACE_TOO_SMALL,
-    PLACES,
-    SOLID,
-    SUPPORT,
-    address,
-)  # fmt: skip
 from vig_world.rooms import EMPTY, Layout
 from vig_world.rotations import about_z
 
@@ -131,81 +121,82 @@ class _Proposals:
 
     Attributes:
         support: (N,) number of each one's support.
+        states: (N,) whether each is good, or what it lacks: `PLACE_GOOD` and others of native code.
     """
 
     def __init__(self, layout: Layout, actor: Actor, hiding: bool, rng: np.random.Generator) -> None:
         """Draw them; `hiding`: only such are good that have something before the object."""
-        table = _support_table(layout, zone_weights(actor.object_class))
-        weights, solids, count = table["weight"], _solid_table(layout), PROPOSALS[hiding]
+        weights, supports = _support_table(layout, zone_weights(actor.object_class))
         self.fits_any = layout.kind in ("seamless", EMPTY) or bool(weights.any())  # these are for all things
-        weights = weights if weights.any() else np.ones(len(table))
+        weights = weights if weights.any() else np.ones(len(supports))
         if hiding:
-            weights = weights * np.where(table["clearance"] < LOW_COVER, COVERED, 1.0)
-        self.support = rng.choice(len(table), count, p=weights / weights.sum())
-        self._places = np.zeros(count, PLACE)
-        body = np.ascontiguousarray(actor.body.outline)
-        outline = np.ascontiguousarray(layout.outline, np.float64)
-        self._arrays = table, self.support, rng.random((count, 5)), body, outline, solids, self._places
-        clearance = EYE_CLEARANCE * actor.small
-        self._record = np.array(
-            (
-                *map(address, self._arrays), 0, count, len(body), len(layout.outline), len(solids), hiding,
-                actor.body.heights[1], actor.view.eye, math.atan2(actor.ahead[1], actor.ahead[0]), 0.0,
-                # On the ground of an empty hall the camera may lie.
-                clearance, 0.0 if layout.kind == EMPTY else LOWEST_EYE * actor.small,
-                layout.height - clearance, EDGE, NEAR_RAY, WALL_SHARE,
-            ),
-            PLACES,
-        )  # fmt: skip
-        self._run()
+            weights = weights * np.where(supports[:, 1] < LOW_COVER, COVERED, 1.0)
+        count = PROPOSALS[hiding]
+        self.support = rng.choice(len(supports), count, p=weights / weights.sum())
+        draws, clearance = rng.random((count, 5)), EYE_CLEARANCE * actor.small
 
-    def _run(self) -> None:
-        workspace.record("places", PLACES)[0] = self._record
-        workspace.launch("places", "places")
+        def propose(places: slice, slid: float) -> tuple[np.ndarray, np.ndarray]:
+            proposed: tuple[np.ndarray, np.ndarray] = engine.propose_places(
+                supports, self.support[places], draws[places],
+                body=np.ascontiguousarray(actor.body.outline),
+                outline=np.ascontiguousarray(layout.outline, np.float64),
+                solids=_solid_table(layout),
+                hiding=hiding,
+                body_height=float(actor.body.heights[1]),
+                eye=actor.view.eye,
+                ahead=math.atan2(actor.ahead[1], actor.ahead[0]),
+                slid=slid,
+                clearance=clearance,
+                # On the ground of an empty hall the camera may lie.
+                lowest=0.0 if layout.kind == EMPTY else LOWEST_EYE * actor.small,
+                highest=layout.height - clearance,
+                edge=EDGE,
+                near_ray=NEAR_RAY,
+                wall_share=WALL_SHARE,
+            )  # fmt: skip
+            return proposed
+
+        self._propose = propose
+        self.states, self._poses = propose(slice(None), 0.0)
 
     def sifted(self, rejected: Counter[str]) -> list[int]:
         """Numbers of the first good places; the others are counted by what they lack."""
-        state = self._places["state"] if self.fits_any else np.full(len(self._places), PLACE_TOO_SMALL)
-        for lack, reason in ((PLACE_TOO_SMALL, "too small"), (PLACE_EYE, "eye")):
+        small = engine.PLACE_TOO_SMALL
+        state = self.states if self.fits_any else np.full(len(self.states), small)
+        for lack, reason in ((small, "too small"), (engine.PLACE_EYE, "eye")):
             rejected[f"place {reason}"] += int(np.count_nonzero(state == lack))
-        return np.flatnonzero(state == PLACE_GOOD)[:MOST_LOOKED_AT].tolist()
+        return np.flatnonzero(state == engine.PLACE_GOOD)[:MOST_LOOKED_AT].tolist()
 
     def is_free(self, place: int, slid: float) -> bool:
         """Whether the camera is free at one of the places that was free before it was slid."""
         if slid == 0:
             return True
-        self._record["first"], self._record["end"], self._record["slid"] = place, place + 1, slid
-        self._run()
-        return int(self._places["state"][place]) != PLACE_EYE
+        return int(self._propose(slice(place, place + 1), slid)[0][0]) != engine.PLACE_EYE
 
     def pose(self, place: int, slid: float) -> tuple[tuple[float, float, float], float]:
         """The layout's origin and turn in the world at one of the places, slid to the edge by 0 to 1."""
-        at = self._places[place]
-        turn = float(at["turn"])
-        x, y, z = (-about_z(turn) @ (at["spot"] + slid * at["slide"])).tolist()
+        turn, spot, slide = float(self._poses[place, 0]), self._poses[place, 1:4], self._poses[place, 4:]
+        x, y, z = (-about_z(turn) @ (spot + slid * slide)).tolist()
         return (x, y, z), turn
 
 
 @lru_cache(maxsize=256)
-def _support_table(layout: Layout, places: tuple[tuple[str, float], ...]) -> np.ndarray:
-    """A layout's supports as records (N,), with the weight of each, see `zone_weights`."""
+def _support_table(layout: Layout, places: tuple[tuple[str, float], ...]) -> tuple[np.ndarray, np.ndarray]:
+    """The weight (N,) of each of a layout's supports, see `zone_weights`, and the supports as native code
+    reads them (N, 8): turn, clearance, behind, half (2), centre (3)."""
     zones, wanted = [support.zone for support in layout.supports], dict(places)
-    rows = [
-        (wanted.get(each.zone, 0.0) / zones.count(each.zone), each.turn, each.clearance, each.behind,
-         each.half, each.centre)
-        for each in layout.supports
-    ]  # fmt: skip
-    return np.array(rows, SUPPORT)
+    weights = [wanted.get(zone, 0.0) / zones.count(zone) for zone in zones]
+    rows = [(each.turn, each.clearance, each.behind, *each.half, *each.centre) for each in layout.supports]
+    return np.array(weights), np.array(rows, np.float64).reshape(-1, 8)
 
 
 @lru_cache(maxsize=256)
 def _solid_table(layout: Layout) -> np.ndarray:
-    """A layout's furniture as SOLID records (M,)."""
-    table = np.zeros(len(layout.solids), SOLID)
-    if len(table):
-        corners = layout.solids[:, :4]
-        way = np.roll(corners, -1, axis=1) - corners
-        normal = np.stack([way[..., 1], -way[..., 0]], axis=2) / np.linalg.norm(way, axis=2, keepdims=True)
-        table["sides"] = np.concatenate([normal, (normal * corners).sum(2, keepdims=True)], axis=2)
-        table["low"], table["high"] = layout.solids[:, 4].T
-    return table
+    """A layout's furniture (M, 14): outward normals and offsets of four sides, low and high."""
+    if not len(layout.solids):
+        return np.zeros((0, 14))
+    corners = layout.solids[:, :4]
+    way = np.roll(corners, -1, axis=1) - corners
+    normal = np.stack([way[..., 1], -way[..., 0]], axis=2) / np.linalg.norm(way, axis=2, keepdims=True)
+    sides = np.concatenate([normal, (normal * corners).sum(2, keepdims=True)], axis=2)
+    return np.hstack([sides.reshape(-1, 12), layout.solids[:, 4]]).astype(np.float64)

@@ -5,17 +5,18 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 
 from vig.scene import ObjectClass
+from vig_native import engine
 from vig_world.assets.footprint import Footprint, extreme_points
 from vig_world.assets.furniture import Support
 from vig_world.assets.props import is_of_class
 from vig_world.dataset.spec import Placed, Room
 from vig_world.library import Library
 from vig_world.raster import Item, ObjectPixels, Target, depth, settle
-from vig_world.raster.records import STAGE, address
 from vig_world.raster.view import View
 from vig_world.rotations import about_z
 
@@ -141,19 +142,17 @@ class StagedRoom:
     _obstacles: Footprint | None = None
 
     @cached_property
-    def record(self) -> np.ndarray:
-        """Itself as a STAGE record (1,), when it is first used to hide the object."""
-        actor, view, camera = self.actor, self.actor.view, self.actor.view.camera
-        axes, origin = self.pose(self.support)
-        values = (
-            view.rotation, view.translation, view.eye, camera.focal, camera.cx, camera.cy,
-            camera.width, camera.height, address(actor.sums), len(actor.pixels), self.closer, actor.middle,
-            actor.ahead, actor.aside, actor.front, actor.body.depths[0], actor.scale,
-            self.margin, self.nearest, LEAST_GAP * 0.5**self.halvings,
-            WIDEST_GAP * actor.scale * math.cos(actor.elevation),
-            axes.T, origin @ axes, self.support.half, self.support.clearance, HAND_INSIDE,
+    def native(self) -> Any:
+        """Itself for native code, when it is first used to hide the object."""
+        actor, (axes, origin) = self.actor, self.pose(self.support)
+        numbers = (
+            *actor.middle, actor.front, float(actor.body.depths[0]), actor.scale, self.margin, self.nearest,
+            LEAST_GAP * 0.5**self.halvings, WIDEST_GAP * actor.scale * math.cos(actor.elevation),
+            *self.support.half, self.support.clearance, HAND_INSIDE,
         )  # fmt: skip
-        return np.array([values], STAGE)
+        shown = actor.view.native, actor.sums, len(actor.pixels)
+        support = np.ascontiguousarray(axes.T), origin @ axes
+        return engine.stage(*shown, self.closer, actor.ahead, actor.aside, *support, numbers)
 
     @staticmethod
     def empty(library: Library, actor: Actor, room: Room) -> StagedRoom:

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import functools
-import struct
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from vig.scene import ObjectClass
 from vig.scene.light import COSINE_LOBE, Y00, Y1, Y2, Y20
-from vig_world.raster.native import workspace
-from vig_world.raster.packed import PackedAsset, assembled
+from vig_native import engine
+from vig_world.raster.packed import PackedAsset
 from vig_world.raster.pyramid import TextureLevels
-from vig_world.raster.records import CLUSTER, FINISH, ITEM, PART, TARGET, address
 
 HARMONICS = np.array([Y00, Y1, Y1, Y1, Y2, Y2, Y20, Y2, Y2 / 2], np.float64)
 """What each polynomial of the basis is multiplied by, see `vig.scene.light.sh_basis`."""
@@ -42,6 +41,16 @@ class Item:
     finishes: Mapping[str, tuple[TextureLevels, float]] = field(default_factory=dict)
     is_support: bool = False
 
+    @cached_property
+    def native(self) -> Any:
+        """Itself for native code."""
+        finishes: list[tuple[np.ndarray, tuple[int, int], float] | None] = []
+        for slot in self.packed.slots if self.finishes else ():
+            levels, metres = self.finishes.get(slot, (None, 1.0))
+            finishes.append(None if levels is None else (levels.texels, levels.log_size, 1 / metres))
+        pose = (np.ascontiguousarray(array, np.float64) for array in (self.rotation, self.translation))
+        return engine.item(self.packed.native, *pose, self.owner, self.is_support, finishes)
+
 
 @dataclass(frozen=True, eq=False)
 class Target:
@@ -50,7 +59,7 @@ class Target:
     Attributes:
         packed: Its geometry, with the irradiance of each vertex.
         vertices: (V, 3) float32 metres.
-        albedo: (3,).
+        albedo: (3,) float32.
     """
 
     packed: PackedAsset
@@ -70,71 +79,19 @@ class Target:
         Its colour at a vertex is albedo * max(0, sum_l L_l (A_l Y_l(n) + transfer_l)): with self-shadow and
         interreflection where the class has them (`ObjectClass.transfer`).
         """
-        template = _template(object_class)
-        vertices = np.ascontiguousarray(vertices, np.float32)
+        vertices, coefficients = np.ascontiguousarray(vertices, np.float32), np.asarray(light)
         added = None
-        if object_class.transfer is not None and np.any(light):
+        if object_class.transfer is not None and coefficients.any():
             table = object_class.transfer
             weights = np.append(1.0, shape).astype(np.float32)
             change = (weights @ table.reshape(len(table), -1)).reshape(-1, table.shape[2])
-            added = change @ np.asarray(light, np.float32)
-        data = template.data.copy()
-        record = workspace.record("target", TARGET)
-        record["asset"], record["vertices"] = address(data), address(vertices)
-        record["added"] = 0 if added is None else address(added)
-        record["irradiance"] = np.asarray(light) * COSINE_LOBE * HARMONICS
-        workspace.launch("light", "target")
-        return Target(replace(template, data=data), vertices, np.asarray(albedo, np.float32))
+            added = np.ascontiguousarray(change @ coefficients.astype(np.float32), np.float32)
+        irradiance = (coefficients * COSINE_LOBE * HARMONICS).astype(np.float32)
+        faces = np.ascontiguousarray(object_class.shape_model.faces, np.int32)
+        packed = PackedAsset(engine.lit_asset(faces, vertices, added, irradiance), ())
+        return Target(packed, vertices, np.asarray(albedo, np.float32))
 
-
-ANYWHERE = 1e6
-"""Metres: the radius of a sphere that is always in the frame."""
-
-
-@functools.lru_cache(maxsize=4)
-def _template(object_class: ObjectClass) -> PackedAsset:
-    """The object's asset, yet without shape and light."""
-    count, faces = len(object_class.shape_model.mean), object_class.shape_model.faces
-    part = np.zeros(1, PART)
-    part["vertices"], part["faces"], part["slot"] = (0, count), (0, len(faces)), -1
-    part["clusters"] = 0, 1
-    whole = np.array([((0, 0, 0, ANYWHERE), (0, count), (0, len(faces)))], CLUSTER)
-    blocks = {
-        "clusters": whole,
-        "positions": np.zeros((3, count), np.float32),
-        "attributes": np.zeros((count, 5), np.float32),
-        "corners": np.ascontiguousarray(faces, np.int32),
-        "points": np.zeros((count, 4), np.float32),
-        "texels": np.zeros(1, np.uint32),
-    }
-    return PackedAsset(assembled(part, (0, 0, 0, 0), blocks), (1, count, len(faces)), ())
-
-
-_ROW = struct.Struct("=12d2q4i")
-"""An ITEM, field by field."""
-assert _ROW.size == ITEM.itemsize
-_AT_ORIGIN = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-
-
-def item_table(items: Sequence[Item], target: Target | None) -> tuple[np.ndarray, list[np.ndarray]]:
-    """The ITEM records (N,) of a target, if any, and items; and the arrays that must outlive them."""
-    arrays: list[np.ndarray] = []
-    rows = [] if target is None else [_ROW.pack(*_AT_ORIGIN, target.packed.address, 0, 0, 1, 0, 0)]
-    for item in items:
-        finishes = 0
-        if item.finishes and item.packed.slots:
-            arrays.append(_finishes(item))
-            finishes = address(arrays[-1])
-        pose = (*item.rotation.ravel().tolist(), *item.translation.tolist())
-        rows.append(_ROW.pack(*pose, item.packed.address, finishes, item.owner, 0, item.is_support, 0))
-    return np.frombuffer(bytearray().join(rows), ITEM), arrays
-
-
-def _finishes(item: Item) -> np.ndarray:
-    finishes = np.zeros(len(item.packed.slots), FINISH)
-    for row, slot in zip(finishes, item.packed.slots, strict=True):
-        if slot in item.finishes:
-            pyramid, metres = item.finishes[slot]
-            row["texels"], row["log_size"] = address(pyramid.texels), pyramid.log_size
-            row["repeats"] = 1 / metres
-    return finishes
+    @cached_property
+    def native(self) -> Any:
+        """Itself for native code."""
+        return Item(self.packed, np.eye(3), np.zeros(3)).native

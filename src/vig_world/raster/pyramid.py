@@ -6,9 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vig_world.raster.records import MOST_LEVELS
-
-MOST_TEXELS = 2 ** (MOST_LEVELS - 1)
+MOST_TEXELS = 512
 """Along a side; larger textures are reduced."""
 
 

@@ -7,14 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vig_world.raster.draw import depths_of, scene_of
+from vig_native import engine
 from vig_world.raster.items import Item
-from vig_world.raster.native import workspace
-from vig_world.raster.records import NO_OFFSET, NOT_OUT_OF_THE_WAY, SEARCH, TOO_SMALL, address
 from vig_world.raster.view import View
-
-REASONS = {NOT_OUT_OF_THE_WAY: "not out of the way", TOO_SMALL: "too small", NO_OFFSET: "no offset"}
-"""Why there is no offset: too much is hidden at the greatest, too little at the least, the search ended."""
 
 
 @dataclass(frozen=True)
@@ -53,14 +48,9 @@ def settle(
         tolerance: By which that may differ.
 
     Returns:
-        Offset and depth (H, W), or one of `REASONS`.
+        Offset and depth (H, W), or why there is none: "not out of the way" (too much is hidden at the
+        greatest), "too small" (too little at the least), "no offset" (the search ended).
     """
-    scene, table = scene_of(items, view)
-    starts = np.array([item.translation for item in items])
-    record = workspace.record("search", SEARCH)
-    addresses = map(address, (scene, starts, pixels.indices, pixels.depths, pixels.hidden))
-    record[0] = (*addresses, len(pixels.indices), 0, motion, *ends, level, tolerance, 0.0)
-    workspace.launch("settle", "search")
-    del table  # the search moved the items in it
-    outcome, offset = int(record["outcome"][0]), float(record["offset"][0])
-    return REASONS[outcome] if outcome in REASONS else (offset, depths_of(view))
+    natives, own = [item.native for item in items], (pixels.indices, pixels.depths, pixels.hidden)
+    reason, offset, far = engine.settle(natives, view.native, motion, ends, *own, level, tolerance)
+    return reason or (offset, far)

@@ -15,18 +15,8 @@ import numpy as np
 import torch
 
 from vig.scene.light import COSINE_LOBE, sh_basis
-from vig_world.raster.native import workspace
-from vig_world.raster.records import GRID, SWEEP, SWEEP_LANES, SWEEP_MARGIN, address
+from vig_native import engine
 
-SHADOW_CELL = 0.016
-"""Metres."""
-SHADOW_SIZE = (80, 80, 21)
-"""Cells along x and y, centred at the object, and planes from z = 0 up."""
-RISE = (0.010, 0.0006)
-"""Plane s is RISE[0] s + RISE[1] s^2 above the ground: 1 cm apart at first, 3 cm at the top, 0.44 m up."""
-LARGEST = 0.4
-"""Metres of an object from its origin that the grid is for."""
-OPACITY = 1.0
 BOUNCE = 0.25
 """Share of the blocked light that returns by reflection, from the blocker or its surroundings."""
 
@@ -36,40 +26,14 @@ MOST_CELLS = 72
 REACH = 0.5
 """Metres of height over which a blocker's effect fades to 1 / e: rooms are closed, and yet light."""
 
+LANES = 16
+"""Cells that native code sweeps side by side: a grid's width is a multiple of it."""
+
 _RINGS = ((90.0, 1), (60.0, 5), (32.0, 6))
 """Elevations in degrees, and how many directions are spread evenly over each."""
 
 
-def cast_shadows(table: np.ndarray, light: np.ndarray, reach: float = 0.0) -> np.ndarray:
-    """Compute the shadows that the object and props cast, on supports and on each other.
-
-    Args:
-        table: ITEM records (N,).
-        light: SH coefficients (9,).
-        reach: Metres of the object from its origin along any axis; beyond `LARGEST` the grid grows with it.
-
-    Returns:
-        A GRID record (1,) of the lost irradiance; its values lie in the thread's scratch memory.
-    """
-    x, y, z = SHADOW_SIZE
-    record = workspace.record("sweep", SWEEP)
-    values = workspace.buffer("shadow", x * y * z * 4, np.int16)
-    record["occupancy"] = address(workspace.buffer("occupancy", x * y * z, np.float32))
-    record["items"], record["item_count"] = address(table), len(table)
-    record["opacity"], record["reach"] = OPACITY, 0
-    grid = record["grid"]
-    scale = max(1.0, reach / LARGEST)
-    cell, rise = SHADOW_CELL * scale, tuple(step * scale for step in RISE)
-    grid["origin"] = -cell * (x - 1) / 2, -cell * (y - 1) / 2, 0
-    grid["cell"], grid["rise"], grid["size"], grid["values"] = cell, rise, SHADOW_SIZE, address(values)
-    workspace.launch("scatter", "sweep")
-    _run_sweep(record, sky_weights(light), directions(), SHADOW_SIZE)
-    result = np.zeros(1, GRID)
-    result[0] = grid[0]
-    return result
-
-
-def ambient_occlusion(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def ambient_occlusion(vertices: np.ndarray, faces: np.ndarray) -> dict[str, np.ndarray]:
     """Compute how much irradiance a room's own surfaces block, under uniform light of radiance 1.
 
     Args:
@@ -77,38 +41,29 @@ def ambient_occlusion(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
         faces: (F, 3).
 
     Returns:
-        A GRID record and its values, as bytes.
+        `ambient` (z, y, x, 4) int16, and `ambient_frame`, the grid's origin (3), cell and scale, as the
+        rasteriser takes them.
     """
     low, high = vertices.min(0), vertices.max(0)
     cell = max(AMBIENT_CELL, float((high - low).max()) / MOST_CELLS)
     points = surface_points(vertices, faces, cell**2 / 3)
     origin = low.astype(np.float64) - 1.5 * cell
     x, y, z = (np.ceil((high - origin) / cell).astype(int) + 3).tolist()
-    x = -(-x // SWEEP_LANES) * SWEEP_LANES
-    size = x, y, z
-    record = workspace.record("sweep", SWEEP)
-    grid = record["grid"]
-    grid["origin"], grid["cell"], grid["rise"], grid["size"] = origin, cell, (cell, 0), size
+    x = -(-x // LANES) * LANES
     # Places along x and y are of cells' centres, and cells lie between planes along z.
     cells = np.floor((points[:, :3] - origin) / cell + [0.5, 0.5, 0.0]).astype(np.int64)
     flat = (cells[:, 2] * y + cells[:, 1]) * x + cells[:, 0]
-    occupancy = np.bincount(flat, points[:, 3] / cell**2, minlength=(z - 1) * y * x).astype(np.float32)
-    record["reach"] = REACH
-    values = np.zeros((z, y, x, 4), np.int16)
+    opacity = np.bincount(flat, points[:, 3] / cell**2, minlength=(z - 1) * y * x).astype(np.float32)
     lost = np.zeros((z, y, x, 4), np.float32)
-    towards = directions()
     for side in (1, -1):
-        light = towards * [1, 1, side]
+        light = directions() * [1, 1, side]
         weights = np.hstack([np.ones((len(light), 1)), 2 * light]) / (2 * len(light))
-        turned = np.ascontiguousarray(occupancy.reshape(z - 1, y, x)[::side])
-        record["occupancy"], grid["values"] = address(turned), address(values)
-        _run_sweep(record, weights, towards, size)
-        lost += values[::side] * grid["scale"]
-    result = np.zeros(1, GRID)
-    result[0] = grid[0]
-    result["scale"], result["values"] = np.abs(lost).max() / 32000 + 1e-12, 0  # the values follow
-    stored = (lost / result["scale"]).astype(np.int16)
-    return np.concatenate([result.view(np.uint8), stored.reshape(-1).view(np.uint8)])
+        turned = np.ascontiguousarray(opacity.reshape(z - 1, y, x)[::side])
+        values, scale = engine.sweep(turned, cell, slopes(), weights.astype(np.float32), REACH)
+        lost += values[::side] * np.float32(scale)
+    scale = np.float32(np.abs(lost).max() / 32000 + 1e-12)
+    frame = np.array([*origin, cell, scale], np.float32)
+    return {"ambient": (lost / scale).astype(np.int16), "ambient_frame": frame}
 
 
 def surface_points(vertices: np.ndarray, faces: np.ndarray, area: float) -> np.ndarray:
@@ -150,6 +105,13 @@ def directions() -> np.ndarray:
     return np.concatenate(rows)
 
 
+@functools.cache
+def slopes() -> np.ndarray:
+    """Metres along x and y (K, 2) float32 per metre of height of each of `directions`."""
+    towards = directions()
+    return np.ascontiguousarray(towards[:, :2] / towards[:, 2:], np.float32)
+
+
 def sky_weights(light: np.ndarray) -> np.ndarray:
     """Irradiance (K, 4) lost with the light from each of `directions`: v0 and v, see the module's docstring.
 
@@ -170,20 +132,3 @@ def _basis() -> tuple[np.ndarray, np.ndarray]:
     basis = sh_basis(torch.from_numpy(np.concatenate([towards, [[0.0, 0.0, 1.0]]]))).numpy()
     # A_l Y_l(d) Y_l(n) of degrees 0 and 1: 1 / (4 pi) and d . n / (2 pi), of a solid angle of 2 pi / K.
     return basis, np.hstack([np.full((len(towards), 1), 0.5), towards]) / len(towards)
-
-
-def _run_sweep(record: np.ndarray, weights: np.ndarray, towards: np.ndarray, size: tuple[int, ...]) -> None:
-    """Sweep the shadows of a SWEEP record (1,) whose grid and occupancy are set.
-
-    weights: (K, 4) irradiance lost to each direction. towards: (K, 3) unit vectors towards the light, upward.
-    """
-    x, y, _ = size
-    slopes = np.ascontiguousarray((towards[:, :2] / towards[:, 2:]).astype(np.float32))
-    weights = np.ascontiguousarray(weights.astype(np.float32))
-    plane = (x + 2 * SWEEP_MARGIN) * (y + 2 * SWEEP_MARGIN)
-    record["planes"] = address(workspace.buffer("planes", 2 * len(weights) * plane, np.float32))
-    record["gathered"] = address(workspace.buffer("gathered", 4 * x * y, np.float32))
-    record["directions"], record["weights"] = address(slopes), address(weights)
-    record["direction_count"] = len(weights)
-    record["grid"]["scale"] = np.abs(weights).sum(0).max() / 32000 + 1e-12
-    workspace.launch("sweep", "sweep")

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 
 from vig.scene import IMAGE_SIZE, Camera, ObjectClass
+from vig_native import engine
 from vig_world.dataset.spec import Lens, SceneSpec
 from vig_world.raster.rasterize import rasterize
 from vig_world.rotations import about_z
@@ -95,6 +97,13 @@ class View:
         """Depth, metres, up to which things are clipped: less for an eye near the object or the ground."""
         height = max(float(self.eye[2]), LOWEST)
         return min(NEAR, NEAR_SHARE * self.camera.distance, EYE_SHARE * height)
+
+    @cached_property
+    def native(self) -> Any:
+        """Itself for native code."""
+        c, pose = self.camera, (self.rotation, self.translation)
+        pose = (np.ascontiguousarray(array, np.float64) for array in pose)
+        return engine.camera(*pose, c.focal, c.cx, c.cy, self.near, c.width, c.height)
 
     @property
     def forward(self) -> np.ndarray:

@@ -176,7 +176,7 @@ def test_neighbouring_faces_leave_no_gap_and_hide_nothing() -> None:
     ("change", "message"),
     [
         ({"points": np.zeros((3, 4), np.float32)}, r"points must be \(any, 3\); got \(3, 4\)"),
-        ({"faces": np.array([[0, 1, 3]], np.int32)}, "faces must hold numbers from 0 to 2; got 3"),
+        ({"faces": np.array([[0, 1, 3]], np.int32)}, "faces must be from 0 to 2; they are from 0 to 3"),
         ({"camera": (9.0, 1.0, 1.0, 0, 4)}, "width and height must be 1 or more"),
         ({"camera": (9.0, 1.0, 1.0, 2**20, 2**20)}, "fit into memory"),
     ],
