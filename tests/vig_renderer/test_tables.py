@@ -71,7 +71,7 @@ def test_a_write_that_torch_does_not_know_of_changes_nothing(
     [
         ("faces", (0, 1), 7, "faces must be from 0 to 2; they are from 0 to 7"),
         ("texture_faces", (0, 2), 3, "a texture needs a row of texture_coordinates"),
-        ("edges", (1, 4), 1, "edges must be from 0 to 0; they are from 1 to 1"),
+        ("edges", (1, 4), 1, "edges must be from 0 to 0; they are from 0 to 1"),
         ("edges", (0, 3), -2, "edges must be from -1 to 2; they are from -2"),
         ("levels", (1, 2), 0, "levels must lie within the texels"),
     ],
