@@ -25,19 +25,23 @@ def asset(**changed: Any) -> Any:
 
 
 def camera(**changed: Any) -> Any:
-    given = dict(focal=10.0, cx=4.0, cy=4.0, near=0.01, width=8, height=8)
+    given = {"focal": 10.0, "cx": 4.0, "cy": 4.0, "near": 0.01, "width": 8, "height": 8}
     return engine.camera(np.eye(3), np.array([0.0, 0.0, 2.0]), **given | changed)
 
 
 def item(**changed: Any) -> Any:
-    given = dict(rotation=np.eye(3), translation=np.zeros(3), owner=0, is_support=False, finishes=[])
-    return engine.item(asset(), **given | changed)
+    given = {"rotation": np.eye(3), "translation": np.zeros(3), "owner": 0, "is_support": False}
+    return engine.item(asset(), **given | {"finishes": []} | changed)
 
 
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
-        ("vertices", np.zeros((3, 2), np.float32), r"vertices must be \(any, 3\) of float32 in C order; got \(3, 2\)"),
+        (
+            "vertices",
+            np.zeros((3, 2), np.float32),
+            r"vertices must be \(any, 3\) of float32 in C order; got \(3, 2\)",
+        ),
         ("vertices", np.zeros((3, 3)), r"vertices must be \(any, 3\) .* got \(3, 3\) of float64"),
         ("vertices", np.zeros((3, 3), np.float32, "F"), r"got \(3, 3\) of float32 in another order"),
         ("vertices", [[0.0] * 3] * 3, "got <class 'list'>"),

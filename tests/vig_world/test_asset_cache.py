@@ -85,8 +85,8 @@ def test_kept_assets_are_those_that_were_made(tmp_path: Path, monkeypatch: pytes
             (first.packed("mug", 2), other.packed("mug", 2)),
             (first.plan(1).packed, other.plan(1).packed),
         ):
-            seen = [depth([Item(each, np.eye(3), np.zeros(3))], view) for each in (a, b)]
-            np.testing.assert_array_equal(*seen)
+            ours, theirs = (depth([Item(each, np.eye(3), np.zeros(3))], view)[0] for each in (a, b))
+            np.testing.assert_array_equal(ours, theirs)
             assert a.slots == b.slots
         np.testing.assert_array_equal(first.extremes("mug", 2), other.extremes("mug", 2))
         np.testing.assert_array_equal(first.radiance(4), other.radiance(4))

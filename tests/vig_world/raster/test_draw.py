@@ -140,8 +140,8 @@ def test_depth_and_owner_agree_with_the_fits_rasteriser(teapot: ObjectClass) -> 
         meshes.append([(mesh.vertices + place, mesh.faces) for mesh, _ in parts])
     far, owner = depth(things, view)
     nearest, expected = np.full((75, 75), np.inf), np.full((75, 75), -1)
-    for number, parts in enumerate(meshes):
-        for vertices, faces in parts:
+    for number, shapes in enumerate(meshes):
+        for vertices, faces in shapes:
             seen = rasterize(vertices, faces, view.rotation, view.translation, view.camera, cull=True).depth
             expected[seen < nearest] = number + 4
             nearest = np.minimum(nearest, seen)

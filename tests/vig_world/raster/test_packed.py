@@ -90,7 +90,7 @@ def test_light_from_all_directions_is_what_a_level_surface_gets() -> None:
 
 
 def test_a_sweep_loses_the_light_that_is_blocked() -> None:
-    """Under a plate that lets nothing through, wider than all shadows move, all light is lost; above it none."""
+    """Under a plate wider than all shadows move all light is lost; above it none."""
     opacity = np.zeros((6, 48, 48), np.float32)
     opacity[3, 8:-8, 8:-8] = 1
     weights = np.full((len(directions()), 4), 0.1, np.float32)
