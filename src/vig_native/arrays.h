@@ -58,10 +58,11 @@ template <class T> Input<T> array_of(const char* name, nb::handle given, std::ve
         fits = shape[i] < 0 || shape[i] == (int64_t)array.shape(i);
     if (fits)
         return array;
-    const bool is_array = nb::hasattr(given, "dtype") && nb::hasattr(given, "shape");
-    const std::string came = !is_array ? nb::cast<std::string>(nb::str(given.type()))
-        : nb::cast<std::string>(nb::str(given.attr("shape"))) + " of " + nb::cast<std::string>(nb::str(given.attr("dtype")))
-            + (nb::cast<bool>(given.attr("flags").attr("c_contiguous")) ? "" : " in another order");
+    const auto said = [](nb::handle value) { return std::string(nb::str(value).c_str()); };
+    const bool is_array = nb::hasattr(given, "dtype") && nb::hasattr(given, "shape") && nb::hasattr(given, "flags");
+    const std::string came = !is_array ? said(given.type())
+        : said(nb::object(given.attr("shape"))) + " of " + said(nb::object(given.attr("dtype")))
+            + (nb::object(given.attr("flags").attr("c_contiguous")).is(Py_True) ? "" : " in another order");
     throw std::invalid_argument(std::string(name) + " must be " + text(shape) + " of " + type_name<T>() + " in C order; got "
                                 + came);
 }

@@ -214,7 +214,8 @@ void Drawing::shade_range(int number, const int* sorted, int total, const Light&
             Rows place, normal, mirrored, from;
             float facing[LANES], full[LANES], left[LANES], lost[LANES], lobe[LANES];
             for (int n = 0; n < LANES; ++n) {
-                const Vec3<float> ray = camera.transposed({(px[n] - mid_x) * inverse_focal, (py[n] - mid_y) * inverse_focal, 1});
+                const Vec3<float> ray = camera.transposed(
+                    Vec3<float>{(px[n] - mid_x) * inverse_focal, (py[n] - mid_y) * inverse_focal, 1});
                 const Vec3<float> here = eye + ray * z[n], own = {at[0][n], at[1][n], at[2][n]};
                 // 1e-12: a degenerate normal stays finite.
                 const Vec3<float> up = (R * own) * (1 / std::sqrt(dot(own, own) + 1e-12f));

@@ -36,6 +36,9 @@ void scatter(const Grid& grid, std::vector<float>& opacity, const Item& item) {
     }
 }
 
+// From -limit to limit, NaN too.
+float bounded(float value, float limit) { return value > -limit ? value < limit ? value : limit : -limit; }
+
 }  // namespace
 
 void cast_shadows(SweepSpace& space, const std::vector<Item>& items, const Sky& sky, float reach) {
@@ -82,9 +85,8 @@ void sweep(SweepSpace& space, const Sky& sky, float reach) {
         const float kept = reach > 0 ? std::exp(-step / reach) : 1;
         int furthest = 0;  // cells that shadows move at most
         for (int k = 0; k < K; ++k) {
-            const float limit = SWEEP_MARGIN - 2;
-            const float move_x = std::clamp(sky.slopes[2 * k] * step / grid.cell, -limit, limit);
-            const float move_y = std::clamp(sky.slopes[2 * k + 1] * step / grid.cell, -limit, limit);
+            const float move_x = bounded(sky.slopes[2 * k] * step / grid.cell, SWEEP_MARGIN - 2);
+            const float move_y = bounded(sky.slopes[2 * k + 1] * step / grid.cell, SWEEP_MARGIN - 2);
             const int whole_x = (int)std::floor(move_x), whole_y = (int)std::floor(move_y);
             const float fx = move_x - whole_x, fy = move_y - whole_y;
             furthest = std::max({furthest, 1 + std::abs(whole_x), 1 + std::abs(whole_y)});
@@ -119,15 +121,15 @@ void sweep(SweepSpace& space, const Sky& sky, float reach) {
         float* const after = space.planes.data() + (s & 1 ? 0 : K * plane_size);
         for (int y = first_y; y < end_y; ++y)
             for (int x = first_x; x < end_x; x += LANES) {
-                const Lanes32 here = lanes_at<float>((const float*)opaque + (size_t)y * X + x), clear = 1 - here;
-                Lanes32 lost[4] = {};
+                const Lanes<float> here = lanes_at<float>((const float*)opaque + (size_t)y * X + x), clear = 1 - here;
+                Lanes<float> lost[4] = {};
                 const size_t place = (size_t)(y + SWEEP_MARGIN) * wide + SWEEP_MARGIN + x;
                 for (int k = 0; k < K; ++k) {
                     const float* const from = before + place + moves[k].by;
                     const float* const w = moves[k].shares;
-                    const Lanes32 above = w[0] * lanes_at(from) + w[1] * lanes_at(from + 1) + w[2] * lanes_at(from + wide)
+                    const Lanes<float> above = w[0] * lanes_at(from) + w[1] * lanes_at(from + 1) + w[2] * lanes_at(from + wide)
                         + w[3] * lanes_at(from + wide + 1);
-                    const Lanes32 dark = here + above * clear;
+                    const Lanes<float> dark = here + above * clear;
                     lanes_at(after + place + k * plane_size) = dark;
                     for (int c = 0; c < 4; ++c)
                         lost[c] += sky.weights[4 * k + c] * dark;

@@ -98,7 +98,7 @@ class Actor:
         """Metres from its axis towards the camera that it reaches."""
         return float((self.body.outline @ -self.ahead[:2]).max())
 
-    @property
+    @cached_property
     def scale(self) -> float:
         """Over a teapot; see `ObjectClass.scale`."""
         return self.object_class.scale

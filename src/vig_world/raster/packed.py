@@ -44,7 +44,9 @@ class PackedAsset:
     @staticmethod
     def from_arrays(arrays: dict[str, np.ndarray]) -> PackedAsset:
         """The asset that `pack` gave."""
-        native = {name.removeprefix("asset_"): array for name, array in arrays.items() if name.startswith("asset_")}
+        native = {
+            name.removeprefix("asset_"): array for name, array in arrays.items() if name.startswith("asset_")
+        }
         return PackedAsset(engine.asset(**native), tuple(unpacked_text(arrays["slots"])))
 
 

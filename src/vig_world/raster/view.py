@@ -101,8 +101,10 @@ class View:
     @cached_property
     def native(self) -> Any:
         """Itself for native code."""
-        c, pose = self.camera, (self.rotation, self.translation)
-        pose = (np.ascontiguousarray(array, np.float64) for array in pose)
+        c, pose = (
+            self.camera,
+            [np.ascontiguousarray(a, np.float64) for a in (self.rotation, self.translation)],
+        )
         return engine.camera(*pose, c.focal, c.cx, c.cy, self.near, c.width, c.height)
 
     @property

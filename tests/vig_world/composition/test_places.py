@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from vig.scene import ObjectClass
+from vig_native import engine
 from vig_world.assets.footprint import Footprint
 from vig_world.assets.target import NO_DESIGN, standing_vertices
 from vig_world.composition import occluders
@@ -16,12 +17,13 @@ from vig_world.composition.place import EDGE, EYE_CLEARANCE, LOWEST_EYE, NEAR_RA
 from vig_world.composition.stage import HAND_INSIDE, LAYOUT_SIZE, Actor, StagedRoom
 from vig_world.dataset.spec import Lens, Room
 from vig_world.library import Library
-from vig_world.raster.records import PLACE_EYE, PLACE_GOOD, PLACE_OPEN, PLACE_TOO_SMALL
 from vig_world.raster.view import View
 from vig_world.rooms import Layout
 from vig_world.rotations import about_z
 
 AZIMUTH, LEVEL = 0.7, 0.4
+PLACE_GOOD, PLACE_TOO_SMALL = engine.PLACE_GOOD, engine.PLACE_TOO_SMALL
+PLACE_EYE, PLACE_OPEN = engine.PLACE_EYE, engine.PLACE_OPEN
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +82,7 @@ def test_states_of_places_are_those_of_a_plain_reference(
         layout, rng = library.plan(number).layout, np.random.default_rng(number)
         actor = actor_at(packaged, float(rng.uniform(0.05, 0.7)))
         proposals = _Proposals(layout, actor, hiding, rng)
-        states = proposals._places["state"]
+        states = proposals.states
         for place in range(0, len(states), 4):
             support, state = layout.supports[proposals.support[place]], int(states[place])
             origin, turn = proposals.pose(place, 0.0)
@@ -188,9 +190,11 @@ def test_broad_sides_of_held_props_face_the_camera(stage: StagedRoom) -> None:
     assert len(cosines) > 20 and np.mean(np.array(cosines) > np.cos(0.6)) > 0.9
 
 
-def test_a_draw_without_room_gives_nothing(library: Library, packaged: ObjectClass) -> None:
+def test_a_draw_without_room_gives_nothing(
+    library: Library, packaged: ObjectClass, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """An arm's length nearer to the eye than anything may be."""
     stage = StagedRoom.empty(library, actor_at(packaged, 0.4), Room(3, 0, "desk", (0.0, 0.0, 0.0), 0.0, ()))
-    stage.record["nearest"] = 1.0
+    monkeypatch.setattr(StagedRoom, "nearest", 1.0)
     kinds: list[Callable] = [occluders.in_hand, occluders.reaching, occluders.branch]
     assert all(kind(stage, np.random.default_rng(1), LEVEL) is None for kind in kinds)

@@ -20,10 +20,11 @@ from vig_world.raster import Item, PackedAsset, Target, TextureLevels, depth, dr
 from vig_world.raster.draw import SurfaceSamples
 from vig_world.raster.picture import Picture
 from vig_world.raster.rasterize import rasterize
-from vig_world.raster.records import EVEN, MOST_LIGHT
 from vig_world.raster.view import View
 
 HERE = np.eye(3), np.zeros(3)
+EVEN, MOST_LIGHT = 0.6, 1.25
+"""As in shade.cc."""
 LIGHT = np.array([EXPOSURE_L00, 0.4, 1.2, -0.5, 0.1, -0.2, 0.2, 0.1, -0.1])
 ABOVE = np.array([EXPOSURE_L00, 0, 1.0, 0, 0, 0, 0, 0, 0])
 
@@ -139,8 +140,8 @@ def test_depth_and_owner_agree_with_the_fits_rasteriser(teapot: ObjectClass) -> 
         meshes.append([(mesh.vertices + place, mesh.faces) for mesh, _ in parts])
     far, owner = depth(things, view)
     nearest, expected = np.full((75, 75), np.inf), np.full((75, 75), -1)
-    for number, parts in enumerate(meshes):
-        for vertices, faces in parts:
+    for number, shapes in enumerate(meshes):
+        for vertices, faces in shapes:
             seen = rasterize(vertices, faces, view.rotation, view.translation, view.camera, cull=True).depth
             expected[seen < nearest] = number + 4
             nearest = np.minimum(nearest, seen)
@@ -233,6 +234,21 @@ def test_the_samples_of_the_object_lie_on_what_is_seen_of_it(teapot: ObjectClass
     plain = draw([screen], pot, view, LIGHT)
     off = np.abs(picture.image.astype(int) - plain.image)
     assert off.max() <= 6 and (off > 1).mean() < 0.002
+
+
+def test_parts_of_meshes_outside_the_frame_are_left_out_alone(teapot: ObjectClass) -> None:
+    """A long wavy strip, of which a camera near to it sees a few of many clusters, in order or shuffled."""
+    rng, view = np.random.default_rng(5), View.of(teapot, 0.0, np.pi / 2, 75)
+    u, v = np.meshgrid(np.linspace(-3, 3, 601), np.linspace(-0.1, 0.1, 5), indexing="ij")
+    vertices = np.stack([u, v, 0.05 * np.sin(9 * u)], -1).reshape(-1, 3).astype(np.float32)
+    corner = (np.arange(600)[:, None] * 5 + np.arange(4)).ravel()
+    faces = np.stack([corner, corner + 5, corner + 6, corner, corner + 6, corner + 1], -1).reshape(-1, 3)
+    expected = rasterize(vertices, faces, view.rotation, view.translation, view.camera, cull=True).depth
+    for shuffled in (faces, rng.permutation(faces)):
+        mesh = Mesh(vertices, shuffled.astype(np.int32), np.zeros((len(vertices), 2), np.float32))
+        far, _ = depth([Item(PackedAsset.of([(mesh, stuff(0.5))]), *HERE)], view)
+        assert 500 < np.isfinite(far).sum() < 75 * 75
+        np.testing.assert_allclose(far, expected, rtol=1e-5)
 
 
 def test_nothing_is_nowhere(teapot: ObjectClass) -> None:

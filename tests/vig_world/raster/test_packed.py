@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from vig.scene import srgb8_from_linear
+from vig_native import engine
 from vig_world.assets.props.material import Material
 from vig_world.mesh import Mesh
 from vig_world.raster import PackedAsset, TextureLevels
-from vig_world.raster.draw import srgb_tables
-from vig_world.raster.packed import clustered
-from vig_world.raster.records import BINS
-from vig_world.raster.shadows import BOUNCE, directions, sky_weights, surface_points
+from vig_world.raster.packed import pack
+from vig_world.raster.shadows import BOUNCE, directions, sky_weights, slopes, surface_points
 
 
 def decoded(pyramid: TextureLevels) -> list[np.ndarray]:
@@ -46,25 +45,6 @@ def test_any_size_becomes_a_power_of_two_and_keeps_its_mean(shape: tuple[int, in
     np.testing.assert_allclose(finest.mean(), texture.mean(), atol=0.01)
 
 
-def test_clusters_hold_every_face_once_within_their_spheres() -> None:
-    """A strip of 300 faces; with its vertices in random order, clusters would not be worth while."""
-    count = 302
-    vertices = np.stack([np.arange(count) * 0.01, np.arange(count) % 2 * 0.02, np.zeros(count)], 1)
-    faces = np.arange(300)[:, None] + [0, 1, 2]
-    clusters = clustered(vertices, faces)
-    assert len(clusters) == 5
-    numbers = [np.arange(*cluster["faces"]) for cluster in clusters]
-    np.testing.assert_array_equal(np.concatenate(numbers), np.arange(300))
-    for cluster, own in zip(clusters, numbers, strict=True):
-        first, end = cluster["vertices"]
-        assert faces[own].min() == first and faces[own].max() == end - 1
-        away = np.linalg.norm(vertices[first:end] - cluster["sphere"][:3], axis=1)
-        assert 0.9 * cluster["sphere"][3] < away.max() <= cluster["sphere"][3]
-    spread = np.random.default_rng(0).permutation(count)
-    (whole,) = clustered(vertices[np.argsort(spread)], spread[faces])
-    assert whole["faces"].tolist() == [0, 300] and whole["vertices"].tolist() == [0, count]
-
-
 def test_surface_points_stand_for_the_whole_surface() -> None:
     rng = np.random.default_rng(0)
     vertices = rng.uniform(0, 0.3, (12, 3)).astype(np.float32)
@@ -92,10 +72,12 @@ def test_slots_and_shared_textures_are_kept_once() -> None:
     points = 0.1 * np.eye(3, dtype=np.float32)
     mesh = Mesh(points, np.array([[0, 1, 2]], np.int32), np.zeros((3, 2), np.float32))
     wood, top = Material(texture, "wood", 0.5, "wood"), Material(texture, "wood", 0.5, "top")
-    packed = PackedAsset.of([(mesh, wood), (mesh, top), (mesh, wood)])
+    arrays = pack([(mesh, wood), (mesh, top), (mesh, wood)])
+    packed = PackedAsset.from_arrays(arrays)
     assert packed.slots == ("wood", "top")
-    assert packed.counts == (3, 9, 3)
-    assert len(packed.data) < 2 * 4 * 64 * 64
+    assert (packed.native.vertices, packed.native.faces) == (9, 3)
+    assert arrays["asset_parts"][:, 4].tolist() == [0, 1, 0]
+    assert len(arrays["asset_texels"]) == len(TextureLevels.of(texture).texels)
 
 
 def test_light_from_all_directions_is_what_a_level_surface_gets() -> None:
@@ -107,11 +89,23 @@ def test_light_from_all_directions_is_what_a_level_surface_gets() -> None:
     np.testing.assert_allclose(weights[:, 1:3].sum(0), 0, atol=0.05)
 
 
-def test_tables_encode_as_the_formula_does() -> None:
-    """Each bin's level, or the next where its threshold is reached: what the native code does."""
-    levels, thresholds = srgb_tables()
+def test_a_sweep_loses_the_light_that_is_blocked() -> None:
+    """Under a plate wider than all shadows move all light is lost; above it none."""
+    opacity = np.zeros((6, 48, 48), np.float32)
+    opacity[3, 8:-8, 8:-8] = 1
+    weights = np.full((len(directions()), 4), 0.1, np.float32)
+    values, scale = engine.sweep(opacity, 0.1, slopes(), weights, 0.0)
+    assert values.shape == (7, 48, 48, 4)
+    lost = values * scale
+    np.testing.assert_allclose(lost[:4, 21:27, 21:27], 0.1 * len(weights), rtol=1e-3)
+    assert not values[4:].any() and not values[:, 0].any() and not values[:, :, -1].any()
+    fading, _ = engine.sweep(opacity, 0.1, slopes(), weights, 0.1)
+    ratio = fading[:4, 24, 24, 0] / fading[3, 24, 24, 0]
+    np.testing.assert_allclose(ratio, np.exp([-3, -2, -1, 0]), rtol=2e-3)  # a plane is .1 m below the other
+
+
+def test_linear_light_is_encoded_as_the_formula_does() -> None:
     values = np.random.default_rng(0).uniform(0, 1, 20000).astype(np.float32) ** 2
-    found = levels[(values * BINS).astype(int)].astype(int)
-    found += values >= thresholds[found + 1]
-    assert (found != srgb8_from_linear(values)).mean() < 1e-4
-    assert levels[-1] == 255
+    assert (engine.encode_srgb(values) != srgb8_from_linear(values)).mean() < 1e-4
+    ends = np.array([-1, 0, 1, 7, np.nan], np.float32)
+    assert engine.encode_srgb(ends)[:4].tolist() == [0, 0, 255, 255]
