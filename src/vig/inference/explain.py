@@ -65,10 +65,11 @@ def explain_one(
 
     def fit() -> Fit:
         scales = {stage.scale for stage in chosen.stages} | {1.0}
-        objectives = objectives_of(photo, prediction, object_class, chosen, scales, valid, hints)
-        ends = refine(objectives, prediction, chosen, expected)
+        coarse = prediction.rounded()  # so that searches are the same on every processor
+        objectives = objectives_of(photo, coarse, object_class, chosen, scales, valid, hints)
+        ends = refine(objectives, coarse, chosen, expected)
         objective = objectives[1.0]
-        selection = select(objective, ends, prediction.best(), chosen.likelihood.sigma, chosen.informed)
+        selection = select(objective, ends, coarse.best(), chosen.likelihood.sigma, chosen.informed)
         if chosen.gain_deviation and chosen.likelihood.alpha < 1 and not selection.reverted:
             objective, selection = with_shading_gain(objective, selection, chosen)
         calibration = chosen.calibration_for(object_class)

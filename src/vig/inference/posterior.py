@@ -15,6 +15,7 @@ from vig.inference.refinement import AZIMUTH_SPREAD
 from vig.inference.settings import ExplainSettings, FitSettings, resolve
 from vig.likelihood import NEVER, Geometry, Likelihood, Photos, log_colour_density
 from vig.recognition import Prediction
+from vig.recognition.prediction import START_STEP, round_to_grid
 from vig.scene import ObjectClass, latent_layout
 
 
@@ -107,7 +108,8 @@ def prior_of(
     precision[places] = settings.recognition_weight / deviation**2
     precision[layout.indices("albedo", "light")] *= settings.appearance_weight
     _, azimuths = prediction.modes(settings.peaks, settings.informed)
-    return RecognitionPrior(mean, precision, azimuths[0], settings.azimuth_weight / AZIMUTH_SPREAD**2)
+    azimuths = round_to_grid(azimuths[0], START_STEP)  # as starts are
+    return RecognitionPrior(mean, precision, azimuths, settings.azimuth_weight / AZIMUTH_SPREAD**2)
 
 
 def _pooled(image: torch.Tensor, scale: float) -> torch.Tensor:

@@ -14,6 +14,7 @@ from vig.inference.objective import Objective
 from vig.inference.settings import FitSettings
 from vig.recognition import Prediction, box_in_window
 from vig.recognition.network import latents_of
+from vig.recognition.prediction import START_STEP, round_to_grid
 from vig.scene import Latents, ObjectClass, Symmetry
 from vig.scene.latents import FRAMING
 
@@ -71,7 +72,7 @@ def select(
     Where that network is not `informed` its guess is no rival.
     """
     best = int(ends.scores.argmax())
-    start = objective.point(guess)
+    start = start_point(objective, guess)
     start_evidence = float(objective.of_one(start, sigma, derivatives=False).value)
     # By evidence alone: the view probability of the guess is the highest by its nature.
     reverted = informed and float(ends.evidence[best]) <= start_evidence + LEAST_GAIN_NATS
@@ -184,11 +185,12 @@ def refine(
     objective, count = objectives[1.0], settings.stages[0].starts - int(expected is not None)
     symmetry = objective.object_class.symmetry
     begin = starts(prediction, count, objective.object_class, settings.peaks, broad=settings.informed)
-    points = objective.point(begin, framings(begin, prediction, objective) if settings.free_framing else None)
+    framing = framings(begin, prediction, objective) if settings.free_framing else None
+    points = start_point(objective, begin, framing)
     if expected is not None:
         elsewhere = symmetry.difference(begin.azimuth, expected.latents.azimuth).abs() > AZIMUTH_SPREAD
         framing = framing_of_box(expected.latents, expected.box, objective) if settings.free_framing else None
-        points = torch.cat([objective.point(expected.latents, framing), points[elsewhere]])
+        points = torch.cat([start_point(objective, expected.latents, framing), points[elsewhere]])
     evidence = scores = torch.zeros(len(points), dtype=torch.float64)
     evaluations, given_up, paths = 0, points[:0], points[None]
     for stage in settings.stages:
@@ -213,6 +215,15 @@ def refine(
         scores = evidence + settings.view_weight * stage.scale**2 * view_log_probability
         evaluations += int(descent.evaluations.sum())
     return RefinedStarts(points, evidence, scores, evaluations, given_up, paths, descent.normal)
+
+
+def start_point(objective: Objective, latents: Latents, framing: torch.Tensor | None = None) -> torch.Tensor:
+    """`Objective.point` in steps of `START_STEP`, as last digits differ between processors.
+
+    See `Prediction.rounded`.
+    """
+    point = round_to_grid(objective.point(latents, framing), START_STEP)
+    return point.clamp(objective.lower, objective.upper)
 
 
 def survivors(

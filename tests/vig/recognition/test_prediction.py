@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 
@@ -123,3 +125,25 @@ def test_log_mass_counts_two_bins_on_either_hand():
     mass = prediction.log_mass(torch.deg2rad(torch.tensor([52.5, 55.0]))).exp()
     here, next_one = 0.05 + 0.1 + 0.4 + 0.2 + 0.15, 0.1 + 0.4 + 0.2 + 0.15 + 0.07
     assert mass.tolist() == pytest.approx([here, (here + next_one) / 2], abs=1e-5)
+
+
+def test_rounding_hides_a_last_digit_and_changes_little() -> None:
+    rng = np.random.default_rng(3)
+    size = 20
+    mask = torch.from_numpy(rng.dirichlet([0.3, 0.3, 0.3], (1, 40, 40))).float()
+    numbers = torch.from_numpy(rng.normal(size=(1, size))).float()
+    deviation = torch.from_numpy(rng.uniform(0.01, 1, (1, size))).float()
+    azimuth = torch.full((1, BINS), 1 / BINS)
+    one = Prediction(azimuth, numbers, deviation, mask, torch.zeros(1), torch.ones(1))
+    other = replace(one, mask=mask * (1 + 1e-7), numbers=numbers + 1e-7, deviation=deviation * (1 + 1e-7))
+    coarse = one.rounded()
+    for name in ("mask", "numbers", "deviation"):
+        assert not torch.equal(getattr(one, name), getattr(other, name))
+        assert torch.equal(getattr(coarse, name), getattr(other.rounded(), name))
+        assert torch.equal(getattr(coarse, name), getattr(coarse.rounded(), name))
+    assert (coarse.numbers - numbers).abs().max() <= 1 / 1024
+    torch.testing.assert_close(coarse.deviation, deviation, rtol=0.032, atol=0)
+    seen = mask >= 0.02
+    torch.testing.assert_close(coarse.mask[seen], mask[seen], rtol=0.065, atol=0)
+    assert not coarse.mask[~seen].any()
+    assert torch.equal(coarse.azimuth, azimuth)
