@@ -203,12 +203,19 @@ Photos<R> make_photos(std::tuple<double, double, double, double, double, int, in
     p.exact = exact;
     p.density = density;
     p.log_unit = log_unit;
-    p.observed = copy(observed);
-    p.log_prior = copy(log_prior);
+    const size_t pixels = p.pixels();
+    const auto by_channel = [&](const R* of, std::vector<R>& to) {
+        to.assign(p.count * pixels * 3 + LANES, 0);
+        for (size_t at = 0; at < p.count * pixels; ++at)
+            for (size_t channel = 0; channel < 3; ++channel)
+                to[(at / pixels * 3 + channel) * pixels + at % pixels] = of[3 * at + channel];
+    };
+    by_channel(observed.data(), p.observed);
+    by_channel(log_prior.data(), p.log_prior);
     for (int n = 0; n < p.count; ++n) {
         double sum = 0;
-        for (int at = 0; at < p.pixels(); ++at)
-            sum += p.log_prior[((size_t)n * p.pixels() + at) * 3 + 2];
+        for (size_t at = 0; at < pixels; ++at)
+            sum += p.log_prior[(3 * (size_t)n + 2) * pixels + at];
         p.background.push_back(sum);
     }
     return p;
@@ -244,8 +251,8 @@ nb::tuple evaluate_points(const Geometry<R>& geometry, const Photos<R>& photos, 
                                     order, images, order ? gradient + n * size : nullptr,
                                     order > 1 ? normal + n * size * size : nullptr);
                 if (images) {
-                    std::copy(work.posterior.begin(), work.posterior.end(), posterior + n * pixels);
-                    std::copy(work.irradiance.begin(), work.irradiance.end(), irradiance + n * pixels);
+                    std::copy_n(work.posterior.begin(), pixels, posterior + n * pixels);
+                    std::copy_n(work.irradiance.begin(), pixels, irradiance + n * pixels);
                     for (size_t at = 0; at < pixels; ++at)
                         coverage[n * pixels + at] = std::clamp(work.coverage[at], R(0), R(1));
                 }
@@ -276,7 +283,7 @@ nb::dict stages(const Geometry<R>& geometry, const Photos<R>& photos, Input<R> p
     add("screen", work.screen, {vertices, 3});
     add("used", work.used, {vertices});
     add("normals", work.normals, {vertices, 3});
-    add("irradiances", work.irradiances, {vertices});
+    add("points", work.points, {vertices, 4});
     add("shape_rows", work.shape_rows, {vertices, width});
     add("rest_rows", work.rest_rows, {vertices, (size_t)REST});
     return out;

@@ -30,7 +30,7 @@ template <class R> void Workspace<R>::fit(const Geometry<R>& geometry, const Pho
     screen.resize(3 * vertices);
     normals.resize(3 * vertices);
     inverse_lengths.resize(vertices);
-    irradiances.resize(vertices);
+    points.resize(4 * vertices);
     shape_rows.resize(vertices * width);
     rest_rows.resize(vertices * REST);
     if (geometry.shadowed) {
@@ -41,7 +41,7 @@ template <class R> void Workspace<R>::fit(const Geometry<R>& geometry, const Pho
     facing.resize(geometry.faces);
     used.assign(vertices, 0);
     products.resize((width + REST) * (width + REST));
-    posterior.resize(pixels);
+    posterior.resize(pixels + LANES);
     coefficients.assign(width, 0);
     row_count = 0;
 }
@@ -190,7 +190,7 @@ double evaluate(const Geometry<R>& geometry, const Photos<R>& photos, Workspace<
     }
     if (images) {
         for (std::vector<R>* image : {&work.posterior, &work.coverage, &work.irradiance})
-            image->assign(photos.pixels(), 0);
+            image->assign(photos.pixels() + LANES, 0);
     }
     Task<R> task{geometry, photos, work, eye_of(point, layout, photos.camera), Noise<R>(sigma, photos.log_unit),
                  load3(point + layout.albedo), point + layout.light, photos.observed.data() + first,

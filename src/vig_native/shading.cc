@@ -113,7 +113,8 @@ template <class R> void shade(Task<R>& task) {
         }
         store3(&work.normals[3 * (size_t)vertex], normal);
         work.inverse_lengths[vertex] = inverse;
-        work.irradiances[vertex] = total > 0 ? total : 0;
+        store3(&work.points[4 * (size_t)vertex], load3(&work.screen[3 * (size_t)vertex]));
+        work.points[4 * (size_t)vertex + 3] = total > 0 ? total : 0;
         if (task.order > 1 && work.used[vertex] == 2)
             write_rows(task, ring, vertex, row, total);
     }
@@ -132,7 +133,7 @@ template <class R> void unshade(Task<R>& task, R* shape, R* rest) {
         const Vec3<R> in_world = eye.rotation.transposed(camera_cotangent(eye, spot, pull));
         const Vec3<R> normal = load3(&work.normals[3 * (size_t)vertex]);
         Vec3<R> by_normal = {0, 0, 0};
-        if (work.irradiances[vertex] > 0) {
+        if (work.points[4 * (size_t)vertex + 3] > 0) {
             const R strength = on_corner[3] * geometry.reflectance[vertex];
             R row[LOBES];
             lobes(normal, row);

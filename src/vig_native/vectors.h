@@ -69,4 +69,48 @@ template <class R> R sum_lanes(const R* parts) {
 }
 template <class R> R sum_lanes(const Lanes<R>& parts) { return sum_lanes<R>((const R*)&parts); }
 
+
+// Four numbers, as points of vertices are kept.
+template <class R> struct Four {
+    typedef R type __attribute__((vector_size(4 * sizeof(R)), aligned(sizeof(R)), may_alias));
+};
+
+#define VIG_BLOCKS(a, b, c, d) a, b, c, d, a + 4, b + 4, c + 4, d + 4, a + 8, b + 8, c + 8, d + 8, a + 12, b + 12, c + 12, d + 12
+// Transpose the 4 x 4 blocks of four rows of LANES numbers.
+template <class R> void transpose_blocks(Lanes<R>* rows) {
+    const Lanes<R> a = rows[0], b = rows[1], c = rows[2], d = rows[3];
+    const Lanes<R> low_ab = __builtin_shufflevector(a, b, VIG_BLOCKS(0, 16, 1, 17));
+    const Lanes<R> high_ab = __builtin_shufflevector(a, b, VIG_BLOCKS(2, 18, 3, 19));
+    const Lanes<R> low_cd = __builtin_shufflevector(c, d, VIG_BLOCKS(0, 16, 1, 17));
+    const Lanes<R> high_cd = __builtin_shufflevector(c, d, VIG_BLOCKS(2, 18, 3, 19));
+    rows[0] = __builtin_shufflevector(low_ab, low_cd, VIG_BLOCKS(0, 1, 16, 17));
+    rows[1] = __builtin_shufflevector(low_ab, low_cd, VIG_BLOCKS(2, 3, 18, 19));
+    rows[2] = __builtin_shufflevector(high_ab, high_cd, VIG_BLOCKS(0, 1, 16, 17));
+    rows[3] = __builtin_shufflevector(high_ab, high_cd, VIG_BLOCKS(2, 3, 18, 19));
+}
+#undef VIG_BLOCKS
+
+// Load rows of four numbers at LANES places, transposed: to[n] holds the n-th of each.
+template <class R> void gather_four(const R* rows, const int* place, Lanes<R>* to) {
+    typedef typename Four<R>::type Quad;
+    for (int n = 0; n < 4; ++n) {
+        Quad quad[4];
+        for (int block = 0; block < 4; ++block)
+            quad[block] = *(const Quad*)(rows + 4 * (size_t)place[4 * block + n]);
+        const auto low = __builtin_shufflevector(quad[0], quad[1], 0, 1, 2, 3, 4, 5, 6, 7);
+        const auto high = __builtin_shufflevector(quad[2], quad[3], 0, 1, 2, 3, 4, 5, 6, 7);
+        to[n] = __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    }
+    transpose_blocks<R>(to);
+}
+
+// The way back: add numbers to the rows at their places, one after the other; 0 where a lane is left over.
+template <class R> void add_four(Lanes<R>* numbers, const int* place, R* rows) {
+    typedef typename Four<R>::type Quad;
+    transpose_blocks<R>(numbers);
+    for (int block = 0; block < 4; ++block)
+        for (int n = 0; n < 4; ++n)
+            *(Quad*)(rows + 4 * (size_t)place[4 * block + n]) += *(const Quad*)((const R*)&numbers[n] + 4 * block);
+}
+
 }  // namespace vig
