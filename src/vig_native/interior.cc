@@ -57,7 +57,7 @@ template <class R> struct Pixels {
                 corner[n][lane] = task.geometry.corners[3 * (size_t)face[lane] + n];
         Row at[3][4];
         for (int n = 0; n < 3; ++n) {
-            gather_four(task.work.points.data(), corner[n], at[n]);
+            gather_four(task.work.points, corner[n], at[n]);
             q[n] = at[n][2];
             light[n] = at[n][3];
         }
@@ -161,7 +161,7 @@ template <class D, class R> Gain<R> explain_lanes(Task<R>& task) {
             for (int n = 0; n < 3; ++n) {
                 Row on[4] = {parts[n] * pull_x, parts[n] * pull_y, parts[n] * (light[n] * lit + depth),
                                    parts[n] * q[n] * lit};
-                add_four(on, pixels.corner[n], work.on_corner.data());
+                scatter_four<R>(on, [&](int lane, Four<R> part) { four_at(work.on_corner, pixels.corner[n][lane]) += part; });
             }
         }
         gain.value += sum_lanes<R>(total);

@@ -23,16 +23,16 @@ template <class R> struct Photos {
 
 // Memory of one evaluation, kept from one to the next. Sizes as in `Geometry`; H, W of the photos.
 template <class R> struct Workspace {
-    std::vector<R> world, screen;                      // (V, 3) metres; (x, y, q)
+    std::vector<R> world, points;                      // (V, 4) x, y, z, 0 in metres; x, y, q, irradiance where in use
     std::vector<uint8_t> used;                         // (V,) 2: of a face that is seen, 1: of an occlusion edge alone
-    std::vector<R> normals, inverse_lengths;           // (V, 3) unit, world; (V,) one over the length before
-    std::vector<R> points;                             // (V, 4) x, y, q, irradiance of vertices in use
+    std::vector<R> normals;                            // (V, 4) unit, world, and one over the length before
     std::vector<R> shape_rows, rest_rows;              // (V, W), (V, REST) derivatives of the irradiances
-    std::vector<R> lobe_changes, shadow_rates;         // (V, LOBES), (V, W), see `shadow`
+    std::vector<R> shadow_rates;                       // (V, W) part of the shape rows, see `shadow`
     VisibilityBuffer<R> visible;                       // of (H * W)
     std::vector<uint8_t> facing;                       // (F,)
     std::vector<int32_t> seen_vertices;                // vertices in use, in their order
-    std::vector<R> on_corner, on_normal, on_world;     // (V, 4) by (x, y, q, irradiance); (V, 3) camera; (V, 3) world
+    std::vector<R> arms;                               // (., 4) cotangents on the places of a ring
+    std::vector<R> on_corner, on_normal, on_world;     // (V, 4) by point; by normal in the camera's frame; by world place
     std::vector<R> rows;                               // rows of the normal matrix, (., W + REST)
     std::vector<R> products;                           // (W + REST, W + REST)
     std::vector<R> posterior, coverage, irradiance;    // (H * W) images, and LANES more as in `VisibilityBuffer`

@@ -45,12 +45,12 @@ template <class R> Edge<R> edge_of(const Task<R>& task, int number) {
         std::swap(edge.i, edge.j);
         std::swap(apex, other);
     }
-    edge.a = load3(&work.screen[3 * (size_t)edge.i]);
-    edge.b = load3(&work.screen[3 * (size_t)edge.j]);
+    edge.a = load3(&work.points[4 * (size_t)edge.i]);
+    edge.b = load3(&work.points[4 * (size_t)edge.j]);
     edge.fold = 1;
     if (row[3] >= 0) {
-        const Vec3<R> to_apex = load3(&work.screen[3 * (size_t)apex]) - edge.a;
-        const Vec3<R> to_other = load3(&work.screen[3 * (size_t)other]) - edge.a;
+        const Vec3<R> to_apex = load3(&work.points[4 * (size_t)apex]) - edge.a;
+        const Vec3<R> to_other = load3(&work.points[4 * (size_t)other]) - edge.a;
         if (dot(cross(edge.b - edge.a, to_apex), to_other) < 0)
             edge.fold = -1;
     }
@@ -133,7 +133,7 @@ template <class R> bool sides_of(const Task<R>& task, const Edge<R>& edge, const
     return true;
 }
 
-template <class R> Vec3<R> normal_at(const Task<R>& task, int vertex) { return load3(&task.work.normals[3 * (size_t)vertex]); }
+template <class R> Vec3<R> normal_at(const Task<R>& task, int vertex) { return load3(&task.work.normals[4 * (size_t)vertex]); }
 
 // How much of the front surface a target pixel takes, or gives to the surface behind.
 // weight: of this axis, times fold. taken: weight times |t - 1/2|, negative when the target is the inner pixel and gives.
@@ -179,8 +179,8 @@ template <class R> R pull_normal(Task<R>& task, const Edge<R>& edge, const Cross
     // d weight / d normal in the image; columns have the complement of rows.
     const R turn = 2 * normal.x * normal.y / (square * square) * on_weight * (c.axis == 1 ? -1 : 1);
     const Vec3<R> on_normal = {turn * normal.y, -turn * normal.x, 0};
-    add3(&task.work.on_normal[3 * (size_t)edge.i], on_normal * (1 - c.share));
-    add3(&task.work.on_normal[3 * (size_t)edge.j], on_normal * c.share);
+    add3(&task.work.on_normal[4 * (size_t)edge.i], on_normal * (1 - c.share));
+    add3(&task.work.on_normal[4 * (size_t)edge.j], on_normal * c.share);
     return dot(task.eye.rotation.transposed(on_normal), normal_at(task, edge.j) - normal_at(task, edge.i));
 }
 

@@ -4,7 +4,7 @@
 
 namespace vig {
 
-template <class R>
+template <class R, int STRIDE>
 void draw_faces(const R* screen, const int32_t* corners, int faces, int width, int height, bool cull,
                 VisibilityBuffer<R>& seen, uint8_t* facing) {
     // A centre that lies beyond a face's edge by rounding only is covered, so that no gap opens between neighbours.
@@ -15,9 +15,9 @@ void draw_faces(const R* screen, const int32_t* corners, int faces, int width, i
         R ax[LANES], ay[LANES], aq[LANES], bx[LANES], by[LANES], bq[LANES], cx[LANES], cy[LANES], cq[LANES], area[LANES];
         for (int lane = 0; lane < LANES; ++lane) {
             const int face = base + lane < faces ? base + lane : faces - 1;
-            i[lane] = 3 * corners[3 * face];
-            j[lane] = 3 * corners[3 * face + 1];
-            k[lane] = 3 * corners[3 * face + 2];
+            i[lane] = STRIDE * corners[3 * face];
+            j[lane] = STRIDE * corners[3 * face + 1];
+            k[lane] = STRIDE * corners[3 * face + 2];
         }
         for (int lane = 0; lane < LANES; ++lane) {
             ax[lane] = screen[i[lane]];
@@ -78,7 +78,11 @@ void draw_faces(const R* screen, const int32_t* corners, int faces, int width, i
     }
 }
 
-template void draw_faces(const float*, const int32_t*, int, int, int, bool, VisibilityBuffer<float>&, uint8_t*);
-template void draw_faces(const double*, const int32_t*, int, int, int, bool, VisibilityBuffer<double>&, uint8_t*);
+#define VIG_INSTANTIATE(R, STRIDE) \
+    template void draw_faces<R, STRIDE>(const R*, const int32_t*, int, int, int, bool, VisibilityBuffer<R>&, uint8_t*);
+VIG_INSTANTIATE(float, 3)
+VIG_INSTANTIATE(float, 4)
+VIG_INSTANTIATE(double, 3)
+VIG_INSTANTIATE(double, 4)
 
 }  // namespace vig
