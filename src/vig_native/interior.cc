@@ -50,8 +50,8 @@ template <class R> struct Pixels {
     Row inverse, b, c;               // 1 / (b_x c_y - b_y c_x); their barycentric weights at the centre
     Row per_q, irradiance, error[3]; // depth; irradiance; observed less rendered colour
 
-    // column, line: where the centres are; observed: their colours.
-    Pixels(const Task<R>& task, const int* face, const R* column, R line, const Row* observed) {
+    // x, y: where the centres are; observed: their colours.
+    Pixels(const Task<R>& task, const int* face, const Row& x, const Row& y, const Row* observed) {
         for (int lane = 0; lane < LANES; ++lane)
             for (int n = 0; n < 3; ++n)
                 corner[n][lane] = task.geometry.corners[3 * (size_t)face[lane] + n];
@@ -61,7 +61,7 @@ template <class R> struct Pixels {
             q[n] = at[n][2];
             light[n] = at[n][3];
         }
-        const Row off_x = lanes_at(column) - at[0][0], off_y = line - at[0][1];
+        const Row off_x = x - at[0][0], off_y = y - at[0][1];
         b_x = at[1][0] - at[0][0];
         b_y = at[1][1] - at[0][1];
         c_x = at[2][0] - at[0][0];
@@ -118,7 +118,7 @@ template <class D, class R> Gain<R> explain_lanes(Task<R>& task) {
                 observed[n] = lanes_at(task.observed + n * plane + at);
                 log_prior[n] = lanes_at(task.log_prior + n * plane + at);
             }
-            const Pixels<R> pixels(task, face, column, y + R(0.5), observed);
+            const Pixels<R> pixels(task, face, lanes_at(column), none + (y + R(0.5)), observed);
             const Row scaled = pixels.square_error() * half_precision, seen = pixels.irradiance;
             for (int lane = 0; lane < LANES; ++lane) {
                 log_density[lane] = D::log_density(R(scaled[lane]));
@@ -171,6 +171,65 @@ template <class D, class R> Gain<R> explain_lanes(Task<R>& task) {
     return gain;
 }
 
+// Rows of the normal matrix of LANES pixels, of which `count` are wanted: x, y and places in the image.
+template <class D, class R>
+void add_rows(Task<R>& task, const int* at, const R* column, const R* line, int count) {
+    typedef Lanes<R> Row;
+    const Geometry<R>& geometry = task.geometry;
+    Workspace<R>& work = task.work;
+    const Eye<R>& eye = task.eye;
+    const size_t width = geometry.width, plane = task.photos.pixels();
+    const Row x = lanes_at(column), y = lanes_at(line);
+    int face[LANES];
+    R root[LANES];
+    Row observed[3];
+    for (int lane = 0; lane < LANES; ++lane) {
+        face[lane] = work.visible.face[at[lane]];
+        for (size_t n = 0; n < 3; ++n)
+            ((R*)&observed[n])[lane] = task.observed[n * plane + at[lane]];
+    }
+    const Pixels<R> p(task, face, x, y, observed);
+    const Row scaled = p.square_error() * task.noise.half_precision;
+    // Iteratively reweighted least squares: the inlier's posterior times the density's slope. One row stands for stride^2
+    // pixels, so its root weight is multiplied by stride.
+    for (int lane = 0; lane < LANES; ++lane)
+        root[lane] = task.photos.stride
+            * std::sqrt(2 * task.noise.half_precision * work.posterior[at[lane]] * D::pull(R(scaled[lane])));
+    // Perspective-correct weights of the corners.
+    const Row second = p.b * p.q[1] * p.per_q, third = p.c * p.q[2] * p.per_q;
+    const Row weight[3] = {1 - second - third, second, third};
+    // - d irradiance / d (x, y): the surface moves under a fixed pixel.
+    const Row lit = p.q[0] * p.light[0];
+    const Row along_b = p.irradiance * (p.q[1] - p.q[0]) - (p.q[1] * p.light[1] - lit);
+    const Row along_c = p.irradiance * (p.q[2] - p.q[0]) - (p.q[2] * p.light[2] - lit);
+    const Row scale = p.inverse * p.per_q;
+    const Vec3<Row> on_spot = {(p.c_y * along_b - p.b_y * along_c) * scale, (p.b_x * along_c - p.c_x * along_b) * scale, Row{}};
+    const Vec3<Row> spot = {x, y, 1 / p.per_q};
+    const Vec3<Row> cotangent = eye.rotation.transposed(camera_cotangent(eye, spot, on_spot));
+    Row motion[LANES] = {};
+    add_motion(eye, on_spot, spot, motion);
+    transpose<R>(motion);
+    R* to = work.add_rows(width + REST, count);
+    for (int lane = 0; lane < count; ++lane, to += width + REST) {
+        const R share[3] = {R(weight[0][lane]), R(weight[1][lane]), R(weight[2][lane])};
+        const R axis[3] = {R(cotangent.x[lane]), R(cotangent.y[lane]), R(cotangent.z[lane])};
+        const size_t corner[3] = {(size_t)p.corner[0][lane], (size_t)p.corner[1][lane], (size_t)p.corner[2][lane]};
+        for (size_t m = 0; m < width; m += LANES) {
+            Row sum = {};
+            for (int n = 0; n < 3; ++n) {
+                const R* const b = &geometry.basis[corner[n] * 3 * width + m];
+                sum += share[n] * (lanes_at(&work.shape_rows[corner[n] * width + m]) + axis[0] * lanes_at(b)
+                                   + axis[1] * lanes_at(b + width) + axis[2] * lanes_at(b + 2 * width));
+            }
+            lanes_at(to + m) = sum * root[lane];
+        }
+        Row rest = motion[lane];
+        for (int n = 0; n < 3; ++n)
+            rest += share[n] * lanes_at(&work.rest_rows[corner[n] * REST]);
+        lanes_at(to + width) = rest * root[lane];
+    }
+}
+
 }  // namespace
 
 template <class R> Gain<R> explain_interior(Task<R>& task) {
@@ -180,52 +239,33 @@ template <class R> Gain<R> explain_interior(Task<R>& task) {
 }
 
 template <class R> void add_interior_rows(Task<R>& task) {
-    const Geometry<R>& geometry = task.geometry;
-    Workspace<R>& work = task.work;
-    const Eye<R>& eye = task.eye;
-    const int stride = task.photos.stride, shape_width = geometry.width, row_width = shape_width + REST;
-    // One row stands for stride^2 pixels, so its root weight is multiplied by stride.
-    const R per_row = stride * std::sqrt(2 * task.noise.half_precision);
-    for (int y = 0; y < eye.height; y += stride)
-        for (int x = 0; x < eye.width; x += stride) {
-            const int at = y * eye.width + x;
-            const int face = work.visible.face[at];
-            if (face == NO_FACE || !(work.posterior[at] > R(NEGLIGIBLE)))
-                continue;
-            const Surface<R> surface = surface_of(task, face);
-            const Vec2<R> pixel = {x + R(0.5), y + R(0.5)};
-            const Seen<R> seen = seen_at(surface, pixel);
-            const R off_x = pixel.x - surface.origin_x, off_y = pixel.y - surface.origin_y;
-            const Vec3<R> error = task.pixel(task.observed, at) - task.albedo * seen.irradiance;
-            // Iteratively reweighted least squares: the inlier's posterior times the density's slope.
-            R slope = 0;
-            with_density(task.photos.density, [&](auto density) {
-                slope = decltype(density)::pull(dot(error, error) * task.noise.half_precision);
-            });
-            const R size = per_row * std::sqrt(work.posterior[at] * slope), inverse = size / seen.q;
-            // u, v, w: perspective-correct weights of the corners, times the root weight.
-            const R q_j = work.points[4 * (size_t)surface.j + 2], q_k = work.points[4 * (size_t)surface.k + 2];
-            const R v = (surface.by_second.x * off_x + surface.by_second.y * off_y) * q_j * inverse;
-            const R w = (surface.by_third.x * off_x + surface.by_third.y * off_y) * q_k * inverse;
-            const R u = size - v - w;
-            // - d irradiance / d (x, y): the surface moves under a fixed pixel.
-            const Vec3<R> on_spot = {(surface.slope.x * seen.irradiance - surface.lit_slope.x) * inverse,
-                                     (surface.slope.y * seen.irradiance - surface.lit_slope.y) * inverse, 0};
-            const Vec3<R> spot = {pixel.x, pixel.y, seen.q};
-            const Vec3<R> cotangent = eye.rotation.transposed(camera_cotangent(eye, spot, on_spot)) * (1 / size);
-            R* const shape = work.add_row(row_width);
-            R* const rest = shape + shape_width;
-            const int corner[3] = {surface.i, surface.j, surface.k};
-            const R weight[3] = {u, v, w};
-            for (int n = 0; n < 3; ++n) {
-                const R* const own = &work.shape_rows[(size_t)corner[n] * shape_width];
-                for (int m = 0; m < shape_width; m += LANES)
-                    lanes_at(shape + m) += lanes_at(own + m) * weight[n];
-                lanes_at(rest) += lanes_at(&work.rest_rows[(size_t)corner[n] * REST]) * weight[n];
-                add_basis(geometry, corner[n], cotangent * weight[n], shape);
-            }
-            add_motion(eye, on_spot, spot, rest);
+    const int width = task.eye.width, height = task.eye.height, stride = task.photos.stride;
+    int at[LANES], count = 0;
+    R column[LANES], line[LANES];
+    const auto add = [&] {
+        // Lanes that are left over repeat the first.
+        for (int lane = std::max(count, 1); lane < LANES; ++lane) {
+            at[lane] = at[0];
+            column[lane] = column[0];
+            line[lane] = line[0];
         }
+        with_density(task.photos.density,
+                     [&](auto density) { add_rows<decltype(density)>(task, at, column, line, count); });
+        count = 0;
+    };
+    for (int y = 0; y < height; y += stride)
+        for (int x = 0; x < width; x += stride) {
+            const int pixel = y * width + x;
+            if (task.work.visible.face[pixel] == NO_FACE || !(task.work.posterior[pixel] > R(NEGLIGIBLE)))
+                continue;
+            at[count] = pixel;
+            column[count] = x + R(0.5);
+            line[count] = y + R(0.5);
+            if (++count == LANES)
+                add();
+        }
+    if (count)
+        add();
 }
 
 template Gain<float> explain_interior(Task<float>&);

@@ -41,11 +41,11 @@ template <class R> void Workspace<R>::fit(const Geometry<R>& geometry, const Pho
     row_count = 0;
 }
 
-template <class R> R* Workspace<R>::add_row(int row_width) {
-    const size_t from = row_count++ * row_width;
-    if (rows.size() < from + row_width)
-        rows.resize(std::max<size_t>(2 * rows.size(), from + 1024 * row_width));
-    std::fill_n(rows.begin() + from, row_width, R(0));
+template <class R> R* Workspace<R>::add_rows(size_t row_width, size_t count) {
+    const size_t from = row_count * row_width, end = from + count * row_width;
+    row_count += count;
+    if (rows.size() < end)
+        rows.resize(std::max(2 * rows.size(), end + 1024 * row_width));
     return rows.data() + from;
 }
 
@@ -75,19 +75,24 @@ template <class R> void place_vertices(Task<R>& task) {
 // products (W, W) = rows^T rows; W is a multiple of LANES. Blocks above the diagonal, then mirrored.
 template <class R> void square_rows(const R* rows, size_t count, int width, R* products) {
     typedef Lanes<R> Row;
-    constexpr int TILE = 8;  // vectors that are summed at once; for 16 there are too few registers
-    for (int column = 0; column < width; column += LANES)
-        for (int i = 0; i < column + LANES; i += TILE) {
-            Row sums[TILE] = {};
-            for (size_t line = 0; line < count; ++line) {
-                const R* const row = rows + line * width;
-                const Row lanes = lanes_at(row + column);
+    constexpr int TILE = 8;       // vectors that are summed at once; for 16 there are too few registers
+    constexpr size_t NEAR = 128;  // rows that are taken at once, so that they stay in the nearest cache
+    std::fill_n(products, (size_t)width * width, R(0));
+    for (size_t first = 0; first < count; first += NEAR)
+        for (int column = 0; column < width; column += LANES)
+            for (int i = 0; i < column + LANES; i += TILE) {
+                Row sums[TILE];
                 for (int j = 0; j < TILE; ++j)
-                    sums[j] += row[i + j] * lanes;
+                    sums[j] = lanes_at(products + (size_t)(i + j) * width + column);
+                for (size_t line = first; line < std::min(first + NEAR, count); ++line) {
+                    const R* const row = rows + line * width;
+                    const Row lanes = lanes_at(row + column);
+                    for (int j = 0; j < TILE; ++j)
+                        sums[j] += row[i + j] * lanes;
+                }
+                for (int j = 0; j < TILE; ++j)
+                    lanes_at(products + (size_t)(i + j) * width + column) = sums[j];
             }
-            for (int j = 0; j < TILE; ++j)
-                lanes_at(products + (size_t)(i + j) * width + column) = sums[j];
-        }
     for (int i = 0; i < width; ++i)
         for (int j = 0; j < i; ++j)
             products[(size_t)i * width + j] = products[(size_t)j * width + i];
@@ -97,11 +102,14 @@ template <class R> void square_rows(const R* rows, size_t count, int width, R* p
 template <class R> void list_seen_vertices(Task<R>& task) {
     Workspace<R>& work = task.work;
     const int pixels = task.photos.pixels();
-    for (int pixel = 0; pixel < pixels; ++pixel)
-        if (work.visible.face[pixel] != NO_FACE) {
-            const int32_t* const corners = &task.geometry.corners[3 * (size_t)work.visible.face[pixel]];
-            work.used[corners[0]] = work.used[corners[1]] = work.used[corners[2]] = 2;
-        }
+    for (int pixel = 0, last = NO_FACE; pixel < pixels; ++pixel) {
+        const int face = work.visible.face[pixel];
+        if (face == last || face == NO_FACE)
+            continue;
+        last = face;
+        const int32_t* const corners = &task.geometry.corners[3 * (size_t)face];
+        work.used[corners[0]] = work.used[corners[1]] = work.used[corners[2]] = 2;
+    }
     work.seen_vertices.clear();
     for (int vertex = 0; vertex < task.geometry.vertices; ++vertex)
         if (work.used[vertex])

@@ -39,8 +39,8 @@ template <class R> struct Workspace {
     std::vector<R> coefficients;                       // (W,)
     size_t row_count;
     void fit(const Geometry<R>& geometry, const Photos<R>& photos);
-    // The next row of the normal matrix, zeroed.
-    R* add_row(int row_width);
+    // The next rows of the normal matrix, to be written.
+    R* add_rows(size_t row_width, size_t count);
 };
 
 // A point as it is evaluated.

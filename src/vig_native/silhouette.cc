@@ -242,8 +242,10 @@ void add_edge_row(Task<R>& task, const Edge<R>& edge, const Blend<R>& blend, Vec
     // (root x motion)^2 = curvature x steepness: a second derivative of the gain's size in a pixel.
     const R root = std::sqrt(R(CURVATURE) / (steepness * brightness));
     const Eye<R>& eye = task.eye;
-    R* const shape = task.work.add_row(task.geometry.width + REST);
-    R* const rest = shape + task.geometry.width;
+    const size_t width = task.geometry.width;
+    R* const shape = task.work.add_rows(width + REST, 1);
+    R* const rest = shape + width;
+    std::fill_n(shape, width + REST, R(0));
     const auto add = [&](int vertex, Vec3<R> spot, Vec3<R> motion) {
         add_basis(task.geometry, vertex, eye.rotation.transposed(camera_cotangent(eye, spot, motion)), shape);
         add_motion(eye, motion, spot, rest);
