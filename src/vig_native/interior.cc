@@ -10,6 +10,12 @@ namespace {
 // Posterior of being visible below which a pixel has no gradient: most hidden pixels.
 constexpr double NEGLIGIBLE = 1e-9;
 
+// a polynomial in x by its coefficients, the constant first; fused explicitly, alike on every processor
+inline float polynomial(float, float constant) { return constant; }
+template <class... C> float polynomial(float x, float constant, C... others) {
+    return std::fma(polynomial(x, others...), x, constant);
+}
+
 // exp(-t) for 0 <= t <= 80 nats and log(1 + exp(-t)); in single precision by polynomials, whose loops become vector
 // instructions and which round alike on every processor.
 inline void softplus(const float* t, float* r, float* log_1_r) {
@@ -25,12 +31,10 @@ inline void softplus(const float* t, float* r, float* log_1_r) {
     std::memcpy(power, bits, sizeof power);
     for (int n = 0; n < LANES; ++n) {
         const float f = fraction[n];
-        const float p = 1 + f * (1 + f * (0.5f + f * (0.16666667f + f * (0.04166666f + f * (0.00833333f + f * 0.00138889f)))));
-        r[n] = p * power[n];
+        r[n] = power[n] * polynomial(f, 1.0f, 1.0f, 0.5f, 0.16666667f, 0.04166666f, 0.00833333f, 0.00138889f);
         // log(1 + r) = 2 artanh(r / (2 + r)).
         const float s = r[n] / (2 + r[n]), s2 = s * s;
-        log_1_r[n] = 2 * s * (1 + s2 * (0.33333333f + s2 * (0.2f + s2 * (0.14285714f + s2 * (0.11111111f
-            + s2 * (0.09090909f + s2 * 0.07692308f))))));
+        log_1_r[n] = 2 * s * polynomial(s2, 1.0f, 0.33333333f, 0.2f, 0.14285714f, 0.11111111f, 0.09090909f, 0.07692308f);
     }
 }
 

@@ -102,18 +102,21 @@ template <class R> void square_rows(const R* rows, size_t count, int width, R* p
 template <class R> void list_seen_vertices(Task<R>& task) {
     Workspace<R>& work = task.work;
     const int pixels = task.photos.pixels();
-    for (int pixel = 0, last = NO_FACE; pixel < pixels; ++pixel) {
-        const int face = work.visible.face[pixel];
-        if (face == last || face == NO_FACE)
-            continue;
-        last = face;
-        const int32_t* const corners = &task.geometry.corners[3 * (size_t)face];
-        work.used[corners[0]] = work.used[corners[1]] = work.used[corners[2]] = 2;
+    static_assert(NO_FACE == -1, "the first place is that of no face");
+    work.shown.assign(task.geometry.faces + 1, 0);
+    for (int pixel = 0; pixel < pixels; ++pixel)
+        work.shown[1 + work.visible.face[pixel]] = 1;
+    for (int face = 0; face < task.geometry.faces; ++face)
+        if (work.shown[1 + face])
+            for (int n = 0; n < 3; ++n)
+                work.used[task.geometry.corners[3 * (size_t)face + n]] = 2;
+    work.seen_vertices.resize(task.geometry.vertices);
+    int count = 0;
+    for (int vertex = 0; vertex < task.geometry.vertices; ++vertex) {
+        work.seen_vertices[count] = vertex;
+        count += work.used[vertex] != 0;
     }
-    work.seen_vertices.clear();
-    for (int vertex = 0; vertex < task.geometry.vertices; ++vertex)
-        if (work.used[vertex])
-            work.seen_vertices.push_back(vertex);
+    work.seen_vertices.resize(count);
 }
 
 // Gradient (P',) and normal matrix (P', P') from their parts. A colour channel's row is albedo times the shared row, and
@@ -178,16 +181,16 @@ double evaluate(const Geometry<R>& geometry, const Photos<R>& photos, Workspace<
     place_vertices(task);
     draw_faces<R, 4>(work.points.data(), geometry.corners.data(), geometry.faces, photos.camera.width, photos.camera.height,
                true, work.visible, work.facing.data());
-    std::vector<int32_t> edges;
+    work.edges.clear();
     if (photos.exact)
-        find_occlusion_edges(task, edges);
+        find_occlusion_edges(task, work.edges);
     list_seen_vertices(task);
     shade(task);
     Gain<R> gain = explain_interior(task);
     if (order > 1)
         add_interior_rows(task);
     if (photos.exact) {
-        const Gain<R> more = blend_silhouette(task, edges);
+        const Gain<R> more = blend_silhouette(task, work.edges);
         gain.value += more.value;
         for (int channel = 0; channel < 3; ++channel)
             gain.albedo[channel] += more.albedo[channel];

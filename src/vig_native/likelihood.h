@@ -29,8 +29,8 @@ template <class R> struct Workspace {
     std::vector<R> shape_rows, rest_rows;              // (V, W), (V, REST) derivatives of the irradiances
     std::vector<R> shadow_rates;                       // (V, W) part of the shape rows, see `shadow`
     VisibilityBuffer<R> visible;                       // of (H * W)
-    std::vector<uint8_t> facing;                       // (F,)
-    std::vector<int32_t> seen_vertices;                // vertices in use, in their order
+    std::vector<uint8_t> facing, shown;                // (F,); (1 + F,) none, faces: whether at any pixel
+    std::vector<int32_t> seen_vertices, edges;         // vertices in use; occlusion edges; in their order
     std::vector<R> arms;                               // (., 4) cotangents on the places of a ring
     std::vector<R> on_corner, on_normal, on_world;     // (V, 4) by point; by normal in the camera's frame; by world place
     std::vector<R> rows;                               // rows of the normal matrix, (., W + REST)

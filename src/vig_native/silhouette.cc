@@ -309,16 +309,19 @@ template <class D, class R> Gain<R> blend_edges(Task<R>& task, const std::vector
 
 template <class R> void find_occlusion_edges(Task<R>& task, std::vector<int32_t>& edges) {
     const Geometry<R>& geometry = task.geometry;
-    edges.clear();
+    edges.resize(geometry.edges);
+    size_t count = 0;
     for (int number = 0; number < geometry.edges; ++number) {
         const int32_t* const row = &geometry.edge_table[5 * (size_t)number];
         // A border edge, which has no face beyond, occludes wherever its one face is turned to the eye.
         const uint8_t beyond = row[3] >= 0 ? task.work.facing[row[3]] : 0;
-        if (task.work.facing[row[2]] != beyond) {
-            edges.push_back(number);
-            task.work.used[row[0]] = task.work.used[row[1]] = 1;
-        }
+        edges[count] = number;
+        count += task.work.facing[row[2]] != beyond;
     }
+    edges.resize(count);
+    for (const int number : edges)
+        for (int end = 0; end < 2; ++end)
+            task.work.used[geometry.edge_table[5 * (size_t)number + end]] = 1;
 }
 
 template <class R> Gain<R> blend_silhouette(Task<R>& task, const std::vector<int32_t>& edges) {
