@@ -43,18 +43,19 @@ class Photos:
                 f"photos must be floating-point linear RGB; got {self.linear.dtype} and a log_prior of"
                 f" {self.log_prior.dtype}. Divide 8-bit values by 255 and decode them."
             )
-        if not torch.isfinite(self.log_prior).all():
+        if not self.linear.numel():
+            return
+        # NaN is the least and the most of any numbers that it is among.
+        if not all(math.isfinite(end) for end in self.log_prior.aminmax()):
             raise ValueError("log_prior must be finite; got NaN or infinity. NEVER stands for log 0")
-        if not torch.isfinite(self.linear).all():
+        least, most = (float(end) for end in self.linear.aminmax())
+        if not (math.isfinite(least) and math.isfinite(most)):
             raise ValueError("photos must be finite linear RGB; got NaN or infinity")
-        if self.linear.numel() and self.linear.min() < -1:
+        if least < -1:
+            raise ValueError(f"photos must be linear RGB in [0, 1]; got a minimum of {least:g}. Clip them.")
+        if most > 8:
             raise ValueError(
-                f"photos must be linear RGB in [0, 1]; got a minimum of {float(self.linear.min()):g}."
-                " Clip them."
-            )
-        if self.linear.numel() and self.linear.max() > 8:
-            raise ValueError(
-                f"photos must be linear RGB in [0, 1]; got a maximum of {float(self.linear.max()):g}."
+                f"photos must be linear RGB in [0, 1]; got a maximum of {most:g}."
                 " Are these 8-bit values? Decode them first."
             )
 
