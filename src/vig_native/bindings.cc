@@ -216,9 +216,10 @@ Photos<R> make_photos(std::tuple<double, double, double, double, double, int, in
     const size_t pixels = p.pixels();
     const auto by_channel = [&](const R* of, std::vector<R>& to) {
         to.assign(p.count * pixels * 3 + LANES, 0);
-        for (size_t at = 0; at < p.count * pixels; ++at)
+        for (size_t photo = 0; photo < (size_t)p.count; ++photo)
             for (size_t channel = 0; channel < 3; ++channel)
-                to[(at / pixels * 3 + channel) * pixels + at % pixels] = of[3 * at + channel];
+                for (size_t at = 0; at < pixels; ++at)
+                    to[(3 * photo + channel) * pixels + at] = of[3 * (photo * pixels + at) + channel];
     };
     by_channel(observed.data(), p.observed);
     by_channel(log_prior.data(), p.log_prior);

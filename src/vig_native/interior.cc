@@ -61,7 +61,7 @@ template <class R> struct Pixels {
                 corner[n][lane] = task.geometry.corners[3 * (size_t)face[lane] + n];
         Row at[3][4];
         for (int n = 0; n < 3; ++n) {
-            gather_four(task.work.points, corner[n], at[n]);
+            gather_four(task.work.points.data(), corner[n], at[n]);
             q[n] = at[n][2];
             light[n] = at[n][3];
         }

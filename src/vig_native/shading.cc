@@ -116,7 +116,7 @@ template <class R> void shade(Task<R>& task) {
             if (geometry.shadowed)
                 ((R*)&total)[lane] = shadow(task, vertex, light, changes[lane], &work.shadow_rates[vertex * width]);
         }
-        gather_four(work.normals, batch.vertex, normals);
+        gather_four(work.normals.data(), batch.vertex, normals);
         const Vec3<Row> sum = {normals[0], normals[1], normals[2]};
         Row length = dot(sum, sum);
         for (int lane = 0; lane < LANES; ++lane)
@@ -171,10 +171,10 @@ template <class R> void unshade(Task<R>& task, R* shape, R* rest) {
     for (size_t first = 0; first < work.seen_vertices.size(); first += LANES) {
         const Batch batch(work.seen_vertices, first);
         Row at[4], on[4], normals[4], turns[4], reflectance, left;
-        gather_four(work.points, batch.vertex, at);
-        gather_four(work.on_corner, batch.vertex, on);
-        gather_four(work.normals, batch.vertex, normals);
-        gather_four(work.on_normal, batch.vertex, turns);
+        gather_four(work.points.data(), batch.vertex, at);
+        gather_four(work.on_corner.data(), batch.vertex, on);
+        gather_four(work.normals.data(), batch.vertex, normals);
+        gather_four(work.on_normal.data(), batch.vertex, turns);
         for (int lane = 0; lane < LANES; ++lane) {
             ((R*)&left)[lane] = lane < batch.count;
             ((R*)&reflectance)[lane] = geometry.reflectance[batch.vertex[lane]];

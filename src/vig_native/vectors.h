@@ -126,9 +126,9 @@ template <class R, class F> Lanes<R> join_fours(F&& four) {
 }
 
 // Load rows (., 4) at LANES places, transposed: to[n] holds the n-th of each.
-template <class R> void gather_four(const std::vector<R>& rows, const int* place, Lanes<R>* to) {
+template <class R> void gather_four(const R* rows, const int* place, Lanes<R>* to) {
     for (int n = 0; n < 4; ++n)
-        to[n] = join_fours<R>([&](int block) -> Four<R> { return four_at(rows, place[4 * block + n]); });
+        to[n] = join_fours<R>([&](int block) -> Four<R> { return four_at(rows + 4 * (size_t)place[4 * block + n]); });
     transpose_blocks<R>(to);
 }
 

@@ -15,20 +15,33 @@ void draw_faces(const R* screen, const int32_t* corners, int faces, int width, i
         R ax[LANES], ay[LANES], aq[LANES], bx[LANES], by[LANES], bq[LANES], cx[LANES], cy[LANES], cq[LANES];
         for (int lane = 0; lane < LANES; ++lane) {
             const int face = base + lane < faces ? base + lane : faces - 1;
-            i[lane] = STRIDE * corners[3 * face];
-            j[lane] = STRIDE * corners[3 * face + 1];
-            k[lane] = STRIDE * corners[3 * face + 2];
+            i[lane] = corners[3 * face];
+            j[lane] = corners[3 * face + 1];
+            k[lane] = corners[3 * face + 2];
         }
+        const auto load = [&](const int* corner, R* x, R* y, R* q) {
+            if constexpr (STRIDE == 4) {
+                Lanes<R> point[4];
+                gather_four(screen, corner, point);
+                lanes_at(x) = point[0];
+                lanes_at(y) = point[1];
+                lanes_at(q) = point[2];
+            } else {
+                for (int lane = 0; lane < LANES; ++lane) {
+                    x[lane] = screen[STRIDE * (size_t)corner[lane]];
+                    y[lane] = screen[STRIDE * (size_t)corner[lane] + 1];
+                    q[lane] = screen[STRIDE * (size_t)corner[lane] + 2];
+                }
+            }
+        };
+        load(i, ax, ay, aq);
+        load(j, bx, by, bq);
+        load(k, cx, cy, cq);
         for (int lane = 0; lane < LANES; ++lane) {
-            ax[lane] = screen[i[lane]];
-            ay[lane] = screen[i[lane] + 1];
-            aq[lane] = screen[i[lane] + 2];
-            bx[lane] = screen[j[lane]] - ax[lane];
-            by[lane] = screen[j[lane] + 1] - ay[lane];
-            bq[lane] = screen[j[lane] + 2];
-            cx[lane] = screen[k[lane]] - ax[lane];
-            cy[lane] = screen[k[lane] + 1] - ay[lane];
-            cq[lane] = screen[k[lane] + 2];
+            bx[lane] -= ax[lane];
+            by[lane] -= ay[lane];
+            cx[lane] -= ax[lane];
+            cy[lane] -= ay[lane];
         }
         // The weights b and c of two corners and q are linear on the screen: slopes from (ax, ay).
         R bdx[LANES], bdy[LANES], cdx[LANES], cdy[LANES], qdx[LANES], qdy[LANES];
