@@ -164,8 +164,9 @@ template <class D, class R> Gain<R> explain_lanes(Task<R>& task) {
             const Row parts[3] = {1 - pixels.b - pixels.c, pixels.b, pixels.c};
             for (int n = 0; n < 3; ++n) {
                 Row on[4] = {parts[n] * pull_x, parts[n] * pull_y, parts[n] * (light[n] * lit + depth),
-                                   parts[n] * q[n] * lit};
-                scatter_four<R>(on, [&](int lane, Four<R> part) { four_at(work.on_corner, pixels.corner[n][lane]) += part; });
+                             parts[n] * q[n] * lit};
+                scatter_four<R>(
+                    on, [&](int lane, Four<R> part) { four_at(work.on_corner, pixels.corner[n][lane]) += part; });
             }
         }
         gain.value += sum_lanes<R>(total);
@@ -207,7 +208,8 @@ void add_rows(Task<R>& task, const int* at, const R* column, const R* line, int 
     const Row along_b = p.irradiance * (p.q[1] - p.q[0]) - (p.q[1] * p.light[1] - lit);
     const Row along_c = p.irradiance * (p.q[2] - p.q[0]) - (p.q[2] * p.light[2] - lit);
     const Row scale = p.inverse * p.per_q;
-    const Vec3<Row> on_spot = {(p.c_y * along_b - p.b_y * along_c) * scale, (p.b_x * along_c - p.c_x * along_b) * scale, Row{}};
+    const Vec3<Row> on_spot = {(p.c_y * along_b - p.b_y * along_c) * scale,
+                               (p.b_x * along_c - p.c_x * along_b) * scale, Row{}};
     const Vec3<Row> spot = {x, y, 1 / p.per_q};
     const Vec3<Row> cotangent = eye.rotation.transposed(camera_cotangent(eye, spot, on_spot));
     Row motion[LANES] = {};

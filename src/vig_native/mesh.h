@@ -26,7 +26,7 @@ template <class R> struct Geometry {
     int largest_ring;
     std::vector<R> reflectance;        // (V,)
     bool shadowed;                     // whether there is a transfer
-    std::vector<R> transfer_mean;      // (V, REST) change of the lobes A_l Y_lm by self-shadowing, mean shape, in a row's columns
+    std::vector<R> transfer_mean;      // (V, REST) in a row's columns: change of the lobes A_l Y_lm by self-shadowing, mean
     std::vector<R> transfer_by_shape;  // (V, LOBES, W) and for each component
 };
 

@@ -193,7 +193,8 @@ template <class R> void unshade(Task<R>& task, R* shape, R* rest) {
         motion[ELEVATION] += pose.y;
         motion[FRAMING + 3] += pose.z;
         on[3] = at[3] > 0 ? on[3] : none;
-        const Vec3<Row> by_normal = light_slope(task.light, normal) * (on[3] * reflectance) + eye.rotation.transposed(turning);
+        const Vec3<Row> by_normal =
+            light_slope(task.light, normal) * (on[3] * reflectance) + eye.rotation.transposed(turning);
         const Vec3<Row> tangent = (by_normal - normal * dot(by_normal, normal)) * normals[3];
         Row places[4] = {in_world.x, in_world.y, in_world.z, none}, tangents[4] = {tangent.x, tangent.y, tangent.z, none};
         scatter_four<R>(places, [&](int lane, Four<R> part) { four_at(work.on_world, batch.vertex[lane]) += part; });

@@ -21,9 +21,9 @@ constexpr double CURVATURE = 0.5;           // share of a gain per pixel that co
 constexpr int BOUNDARY_ROWS = 16;           // of the normal matrix kept for edges, per pixel of width and height
 constexpr int LEAST_BOUNDARY_ROWS = 4096;   // a small image may be full of edges
 
-// An occlusion edge from vertex i to j, seen from the face turned to the eye: screen points. fold is -1 where both faces lie on one side of it and the one beyond is nearer: near the silhouette such a fold
-// lies between two edges that are both crossed; counted against them one crossing is left, and nothing jumps where a
-// pair appears.
+// An occlusion edge from vertex i to j, seen from the face turned to the eye: screen points. fold is -1 where
+// both faces lie on one side of it and the one beyond is nearer: near the silhouette such a fold lies between two edges
+// that are both crossed; counted against them one crossing is left, and nothing jumps where a pair appears.
 template <class R> struct Edge {
     int i, j;
     Vec3<R> a, b;
@@ -133,7 +133,9 @@ template <class R> bool sides_of(const Task<R>& task, const Edge<R>& edge, const
     return true;
 }
 
-template <class R> Vec3<R> normal_at(const Task<R>& task, int vertex) { return load3(&task.work.normals[4 * (size_t)vertex]); }
+template <class R> Vec3<R> normal_at(const Task<R>& task, int vertex) {
+    return load3(&task.work.normals[4 * (size_t)vertex]);
+}
 
 // How much of the front surface a target pixel takes, or gives to the surface behind.
 // weight: of this axis, times fold. taken: weight times |t - 1/2|, negative when the target is the inner pixel and gives.

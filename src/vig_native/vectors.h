@@ -73,8 +73,12 @@ template <class R> LooseLanes<R>& lanes_at(R* numbers) { return *(LooseLanes<R>*
 template <class R> const LooseFour<R>& four_at(const R* numbers) { return *(const LooseFour<R>*)numbers; }
 template <class R> LooseFour<R>& four_at(R* numbers) { return *(LooseFour<R>*)numbers; }
 // A row of (., 4).
-template <class R> const LooseFour<R>& four_at(const std::vector<R>& rows, int place) { return four_at(rows.data() + 4 * (size_t)place); }
-template <class R> LooseFour<R>& four_at(std::vector<R>& rows, int place) { return four_at(rows.data() + 4 * (size_t)place); }
+template <class R> const LooseFour<R>& four_at(const std::vector<R>& rows, int place) {
+    return four_at(rows.data() + 4 * (size_t)place);
+}
+template <class R> LooseFour<R>& four_at(std::vector<R>& rows, int place) {
+    return four_at(rows.data() + 4 * (size_t)place);
+}
 
 // Add up the LANES numbers of each of some rows: halves are added to halves, so that no sum is a chain of additions.
 template <int COUNT, class R> void sum_rows(const Lanes<R>* rows, R* sums) {
@@ -103,7 +107,8 @@ template <class R> Four<R> cross_fours(Four<R> a, Four<R> b) {
         - __builtin_shufflevector(a, a, 2, 0, 1, 3) * __builtin_shufflevector(b, b, 1, 2, 0, 3);
 }
 
-#define VIG_BLOCKS(a, b, c, d) a, b, c, d, a + 4, b + 4, c + 4, d + 4, a + 8, b + 8, c + 8, d + 8, a + 12, b + 12, c + 12, d + 12
+#define VIG_BLOCKS(a, b, c, d)                                                                                         \
+    a, b, c, d, a + 4, b + 4, c + 4, d + 4, a + 8, b + 8, c + 8, d + 8, a + 12, b + 12, c + 12, d + 12
 // Transpose the 4 x 4 blocks of four rows of LANES numbers.
 template <class R> void transpose_blocks(Lanes<R>* rows) {
     const Lanes<R> a = rows[0], b = rows[1], c = rows[2], d = rows[3];
