@@ -72,7 +72,12 @@ Geometry<R> make_geometry(std::vector<int> layout, Input<R> positions, Input<int
     check_shape("reflectance", reflectance, {g.vertices});
     g.faces = (int)corners.shape(0);
     g.edges = (int)edges.shape(0);
-    g.positions = copy(positions);
+    g.positions.assign((vertices + LANES - 1) / LANES * (g.modes + 1) * 3 * LANES, 0);
+    for (size_t row = 0; row < (size_t)g.modes + 1; ++row)
+        for (size_t vertex = 0; vertex < vertices; ++vertex)
+            for (size_t axis = 0; axis < 3; ++axis)
+                g.positions[((vertex / LANES * (g.modes + 1) + row) * 3 + axis) * LANES + vertex % LANES] =
+                    positions.data()[(row * vertices + vertex) * 3 + axis];
     g.corners = copy(corners);
     g.edge_table = copy(edges);
     g.ring_start = copy(ring_start);
@@ -81,6 +86,9 @@ Geometry<R> make_geometry(std::vector<int> layout, Input<R> positions, Input<int
     check_table("faces", g.corners, 0, g.vertices);
     check_table("ring", g.ring, 0, g.vertices);
     check_table("ring_start", g.ring_start, 0, (int)ring.shape(0) + 1);
+    g.largest_ring = 0;
+    for (int vertex = 0; vertex < g.vertices; ++vertex)
+        g.largest_ring = std::max(g.largest_ring, g.ring_start[vertex + 1] - g.ring_start[vertex]);
     for (int edge = 0; edge < g.edges; ++edge) {
         const int32_t* const row = &g.edge_table[5 * (size_t)edge];
         const bool beyond = row[3] >= 0;
@@ -99,11 +107,13 @@ Geometry<R> make_geometry(std::vector<int> layout, Input<R> positions, Input<int
             for (size_t at = 0; at < rows * columns; ++at)
                 to[at * g.width + mode] = of[(size_t)(1 + mode) * rows * columns + at];
     };
-    by_mode(g.positions.data(), vertices, 3, g.basis);
+    by_mode(positions.data(), vertices, 3, g.basis);
     g.shadowed = transfer.has_value();
     if (g.shadowed) {
         check_shape("transfer", *transfer, {g.modes + 1, g.vertices, LOBES});
-        g.transfer_mean.assign(transfer->data(), transfer->data() + vertices * LOBES);
+        g.transfer_mean.assign(vertices * REST, 0);
+        for (size_t vertex = 0; vertex < vertices; ++vertex)
+            std::copy_n(transfer->data() + vertex * LOBES, LOBES, &g.transfer_mean[vertex * REST + LIGHT]);
         by_mode(transfer->data(), vertices, LOBES, g.transfer_by_shape);
     }
     return g;
@@ -126,12 +136,20 @@ Photos<R> make_photos(std::tuple<double, double, double, double, double, int, in
     p.exact = exact;
     p.density = density;
     p.log_unit = log_unit;
-    p.observed = copy(observed);
-    p.log_prior = copy(log_prior);
+    const size_t pixels = p.pixels();
+    const auto by_channel = [&](const R* of, std::vector<R>& to) {
+        to.assign(p.count * pixels * 3 + LANES, 0);
+        for (size_t photo = 0; photo < (size_t)p.count; ++photo)
+            for (size_t channel = 0; channel < 3; ++channel)
+                for (size_t at = 0; at < pixels; ++at)
+                    to[(3 * photo + channel) * pixels + at] = of[3 * (photo * pixels + at) + channel];
+    };
+    by_channel(observed.data(), p.observed);
+    by_channel(log_prior.data(), p.log_prior);
     for (int n = 0; n < p.count; ++n) {
         double sum = 0;
-        for (int at = 0; at < p.pixels(); ++at)
-            sum += p.log_prior[((size_t)n * p.pixels() + at) * 3 + 2];
+        for (size_t at = 0; at < pixels; ++at)
+            sum += p.log_prior[(3 * (size_t)n + 2) * pixels + at];
         p.background.push_back(sum);
     }
     return p;
@@ -167,8 +185,8 @@ nb::tuple evaluate_points(const Geometry<R>& geometry, const Photos<R>& photos, 
                                     order, images, order ? gradient + n * size : nullptr,
                                     order > 1 ? normal + n * size * size : nullptr);
                 if (images) {
-                    std::copy(work.posterior.begin(), work.posterior.end(), posterior + n * pixels);
-                    std::copy(work.irradiance.begin(), work.irradiance.end(), irradiance + n * pixels);
+                    std::copy_n(work.posterior.begin(), pixels, posterior + n * pixels);
+                    std::copy_n(work.irradiance.begin(), pixels, irradiance + n * pixels);
                     for (size_t at = 0; at < pixels; ++at)
                         coverage[n * pixels + at] = std::clamp(work.coverage[at], R(0), R(1));
                 }
@@ -196,10 +214,9 @@ nb::dict stages(const Geometry<R>& geometry, const Photos<R>& photos, Input<R> p
         out[name] = array;
     };
     add("face", work.visible.face, {(size_t)photos.camera.height, (size_t)photos.camera.width});
-    add("screen", work.screen, {vertices, 3});
+    add("points", work.points, {vertices, 4});
     add("used", work.used, {vertices});
-    add("normals", work.normals, {vertices, 3});
-    add("irradiances", work.irradiances, {vertices});
+    add("normals", work.normals, {vertices, 4});
     add("shape_rows", work.shape_rows, {vertices, width});
     add("rest_rows", work.rest_rows, {vertices, (size_t)REST});
     return out;

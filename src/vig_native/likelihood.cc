@@ -26,114 +26,97 @@ template <class R> Eye<R> eye_of(const R* point, const PointLayout& layout, cons
 
 template <class R> void Workspace<R>::fit(const Geometry<R>& geometry, const Photos<R>& photos) {
     const size_t vertices = geometry.vertices, width = geometry.width, pixels = photos.pixels();
-    world.resize(3 * vertices);
-    screen.resize(3 * vertices);
-    normals.resize(3 * vertices);
-    inverse_lengths.resize(vertices);
-    irradiances.resize(vertices);
+    for (std::vector<R>* rows : {&world, &points, &normals})
+        rows->resize(4 * (vertices + LANES));
+    arms.resize(4 * geometry.largest_ring);
     shape_rows.resize(vertices * width);
     rest_rows.resize(vertices * REST);
-    if (geometry.shadowed) {
-        lobe_changes.resize(vertices * LOBES);
-        shadow_rates.resize(vertices * width);
-    }
+    shadow_rates.resize(geometry.shadowed ? vertices * width : 0);
     visible.clear((int)pixels);
     facing.resize(geometry.faces);
     used.assign(vertices, 0);
     products.resize((width + REST) * (width + REST));
-    posterior.resize(pixels);
+    posterior.resize(pixels + LANES);
     coefficients.assign(width, 0);
     row_count = 0;
 }
 
-template <class R> R* Workspace<R>::add_row(int row_width) {
-    const size_t from = row_count++ * row_width;
-    if (rows.size() < from + row_width)
-        rows.resize(std::max<size_t>(2 * rows.size(), from + 1024 * row_width));
-    std::fill_n(rows.begin() + from, row_width, R(0));
+template <class R> R* Workspace<R>::add_rows(size_t row_width, size_t count) {
+    const size_t from = row_count * row_width, end = from + count * row_width;
+    row_count += count;
+    if (rows.size() < end)
+        rows.resize(std::max(2 * rows.size(), end + 1024 * row_width));
     return rows.data() + from;
 }
 
 namespace {
 
-// World places of all vertices, Eq. 1: (1, coefficients) times (mean, components), four rows at a time.
-template <class R> void place_in_world(const Geometry<R>& geometry, const R* coefficients, R* world) {
-    const int across = 3 * geometry.vertices;
-    const R* const mean = geometry.positions.data();
-    std::copy(mean, mean + across, world);
-    for (int k = 0; k < geometry.modes; k += 4) {
-        const R* row[4];
-        R weight[4];
-        for (int j = 0; j < 4; ++j) {
-            row[j] = mean + (size_t)(1 + std::min(k + j, geometry.modes - 1)) * across;
-            weight[j] = k + j < geometry.modes ? coefficients[k + j] : 0;
-        }
-        for (int i = 0; i < across; ++i)
-            world[i] += weight[0] * row[0][i] + weight[1] * row[1][i] + weight[2] * row[2][i] + weight[3] * row[3][i];
-    }
-}
-
-// The way back: a cotangent on a place is one on each coefficient by its component.
-template <class R> R component_gradient(const Geometry<R>& geometry, int mode, const R* on_world) {
+// Places of all vertices in the world, Eq. 1: (1, coefficients) times (mean, components), and on the screen.
+template <class R> void place_vertices(Task<R>& task) {
     typedef Lanes<R> Row;
-    const int across = 3 * geometry.vertices, whole = across - across % (4 * LANES);
-    const R* const row = geometry.positions.data() + (size_t)(1 + mode) * across;
-    Row sums[4] = {};
-    for (int i = 0; i < whole; i += 4 * LANES)
-        for (int j = 0; j < 4; ++j)
-            sums[j] += lanes_at(row + i + j * LANES) * lanes_at(on_world + i + j * LANES);
-    R sum = sum_lanes<R>((sums[0] + sums[1]) + (sums[2] + sums[3]));
-    for (int i = whole; i < across; ++i)
-        sum += row[i] * on_world[i];
-    return sum;
+    const Eye<R>& eye = task.eye;
+    const R near = R(0.01);  // metres; a triangle with a corner nearer than this is not drawn
+    const R* rows = task.geometry.positions.data();
+    for (int first = 0; first < task.geometry.vertices; first += LANES) {
+        Row world[4] = {lanes_at(rows), lanes_at(rows + LANES), lanes_at(rows + 2 * LANES), Row{}};
+        rows += 3 * LANES;
+        for (int mode = 0; mode < task.geometry.modes; ++mode, rows += 3 * LANES)
+            for (int axis = 0; axis < 3; ++axis)
+                world[axis] += task.work.coefficients[mode] * lanes_at(rows + axis * LANES);
+        const Vec3<Row> point = eye.rotation * Vec3<Row>{world[0], world[1], world[2] - eye.target_height};
+        // The camera's frame has its origin `distance` metres before the target.
+        const Row depth = point.z + eye.distance, q = depth > near ? 1 / depth : Row{}, scale = eye.focal * q;
+        Row screen[4] = {point.x * scale + eye.cx, point.y * scale + eye.cy, q, Row{}};
+        scatter_four<R>(world, [&](int lane, Four<R> numbers) { four_at(task.work.world, first + lane) = numbers; });
+        scatter_four<R>(screen, [&](int lane, Four<R> numbers) { four_at(task.work.points, first + lane) = numbers; });
+    }
 }
 
 // products (W, W) = rows^T rows; W is a multiple of LANES. Blocks above the diagonal, then mirrored.
 template <class R> void square_rows(const R* rows, size_t count, int width, R* products) {
     typedef Lanes<R> Row;
-    constexpr int TILE = 8;  // vectors that are summed at once; for 16 there are too few registers
-    for (int column = 0; column < width; column += LANES)
-        for (int i = 0; i < column + LANES; i += TILE) {
-            Row sums[TILE] = {};
-            for (size_t line = 0; line < count; ++line) {
-                const R* const row = rows + line * width;
-                const Row lanes = lanes_at(row + column);
+    constexpr int TILE = 8;       // vectors that are summed at once; for 16 there are too few registers
+    constexpr size_t NEAR = 128;  // rows that are taken at once, so that they stay in the nearest cache
+    std::fill_n(products, (size_t)width * width, R(0));
+    for (size_t first = 0; first < count; first += NEAR)
+        for (int column = 0; column < width; column += LANES)
+            for (int i = 0; i < column + LANES; i += TILE) {
+                Row sums[TILE];
                 for (int j = 0; j < TILE; ++j)
-                    sums[j] += row[i + j] * lanes;
+                    sums[j] = lanes_at(products + (size_t)(i + j) * width + column);
+                for (size_t line = first; line < std::min(first + NEAR, count); ++line) {
+                    const R* const row = rows + line * width;
+                    const Row lanes = lanes_at(row + column);
+                    for (int j = 0; j < TILE; ++j)
+                        sums[j] += row[i + j] * lanes;
+                }
+                for (int j = 0; j < TILE; ++j)
+                    lanes_at(products + (size_t)(i + j) * width + column) = sums[j];
             }
-            for (int j = 0; j < TILE; ++j)
-                lanes_at(products + (size_t)(i + j) * width + column) = sums[j];
-        }
     for (int i = 0; i < width; ++i)
         for (int j = 0; j < i; ++j)
             products[(size_t)i * width + j] = products[(size_t)j * width + i];
-}
-
-template <class R> void project(Task<R>& task) {
-    const Eye<R>& eye = task.eye;
-    const R near = R(0.01);  // metres; a triangle with a corner nearer than this is not drawn
-    for (int vertex = 0; vertex < task.geometry.vertices; ++vertex) {
-        const R* const at = &task.work.world[3 * (size_t)vertex];
-        const Vec3<R> point = eye.rotation * Vec3<R>{at[0], at[1], at[2] - eye.target_height};
-        // The camera's frame has its origin `distance` metres before the target.
-        const R depth = point.z + eye.distance, q = depth > near ? 1 / depth : 0, scale = eye.focal * q;
-        store3(&task.work.screen[3 * (size_t)vertex], Vec3<R>{point.x * scale + eye.cx, point.y * scale + eye.cy, q});
-    }
 }
 
 // The vertices of the faces that are seen are used, beside those of occlusion edges; the list of all.
 template <class R> void list_seen_vertices(Task<R>& task) {
     Workspace<R>& work = task.work;
     const int pixels = task.photos.pixels();
+    static_assert(NO_FACE == -1, "the first place is that of no face");
+    work.shown.assign(task.geometry.faces + 1, 0);
     for (int pixel = 0; pixel < pixels; ++pixel)
-        if (work.visible.face[pixel] != NO_FACE) {
-            const int32_t* const corners = &task.geometry.corners[3 * (size_t)work.visible.face[pixel]];
-            work.used[corners[0]] = work.used[corners[1]] = work.used[corners[2]] = 2;
-        }
-    work.seen_vertices.clear();
-    for (int vertex = 0; vertex < task.geometry.vertices; ++vertex)
-        if (work.used[vertex])
-            work.seen_vertices.push_back(vertex);
+        work.shown[1 + work.visible.face[pixel]] = 1;
+    for (int face = 0; face < task.geometry.faces; ++face)
+        if (work.shown[1 + face])
+            for (int n = 0; n < 3; ++n)
+                work.used[task.geometry.corners[3 * (size_t)face + n]] = 2;
+    work.seen_vertices.resize(task.geometry.vertices);
+    int count = 0;
+    for (int vertex = 0; vertex < task.geometry.vertices; ++vertex) {
+        work.seen_vertices[count] = vertex;
+        count += work.used[vertex] != 0;
+    }
+    work.seen_vertices.resize(count);
 }
 
 // Gradient (P',) and normal matrix (P', P') from their parts. A colour channel's row is albedo times the shared row, and
@@ -184,32 +167,30 @@ double evaluate(const Geometry<R>& geometry, const Photos<R>& photos, Workspace<
     const size_t first = (size_t)which * photos.pixels() * 3, vertices = geometry.vertices;
     work.fit(geometry, photos);
     if (order) {
-        work.on_corner.assign(4 * vertices, 0);
-        work.on_normal.assign(3 * vertices, 0);
-        work.on_world.assign(3 * vertices, 0);
+        for (std::vector<R>* rows : {&work.on_corner, &work.on_normal, &work.on_world})
+            rows->assign(4 * vertices, 0);
     }
     if (images) {
         for (std::vector<R>* image : {&work.posterior, &work.coverage, &work.irradiance})
-            image->assign(photos.pixels(), 0);
+            image->assign(photos.pixels() + LANES, 0);
     }
     Task<R> task{geometry, photos, work, eye_of(point, layout, photos.camera), Noise<R>(sigma, photos.log_unit),
                  load3(point + layout.albedo), point + layout.light, photos.observed.data() + first,
                  photos.log_prior.data() + first, order, images};
     std::copy_n(point + layout.shape, layout.modes, work.coefficients.begin());
-    place_in_world(geometry, work.coefficients.data(), work.world.data());
-    project(task);
-    draw_faces(work.screen.data(), geometry.corners.data(), geometry.faces, photos.camera.width, photos.camera.height,
+    place_vertices(task);
+    draw_faces<R, 4>(work.points.data(), geometry.corners.data(), geometry.faces, photos.camera.width, photos.camera.height,
                true, work.visible, work.facing.data());
-    std::vector<int32_t> edges;
+    work.edges.clear();
     if (photos.exact)
-        find_occlusion_edges(task, edges);
+        find_occlusion_edges(task, work.edges);
     list_seen_vertices(task);
     shade(task);
     Gain<R> gain = explain_interior(task);
     if (order > 1)
         add_interior_rows(task);
     if (photos.exact) {
-        const Gain<R> more = blend_silhouette(task, edges);
+        const Gain<R> more = blend_silhouette(task, work.edges);
         gain.value += more.value;
         for (int channel = 0; channel < 3; ++channel)
             gain.albedo[channel] += more.albedo[channel];
@@ -218,8 +199,6 @@ double evaluate(const Geometry<R>& geometry, const Photos<R>& photos, Workspace<
         std::vector<R> shape(geometry.width, 0);
         R rest[REST] = {};
         unshade(task, shape.data(), rest);
-        for (int mode = 0; mode < geometry.modes; ++mode)
-            shape[mode] += component_gradient(geometry, mode, work.on_world.data());
         if (order > 1)
             square_rows(work.rows.data(), work.row_count, geometry.width + REST, work.products.data());
         assemble(task, shape.data(), rest, gain.albedo, gradient, order > 1 ? normal : nullptr);

@@ -15,32 +15,32 @@ template <class R> struct Photos {
     int count, stride, density;
     bool exact;                      // silhouettes move the objective; else the mask is constant within an evaluation
     double log_unit;                 // log normaliser of the density for sigma = 1
-    std::vector<R> observed;         // (N, H * W, 3) linear RGB
-    std::vector<R> log_prior;        // (N, H * W, 3) visible, hidden, background
+    std::vector<R> observed;         // (N, 3, H * W) linear RGB, and LANES more, as so many are read at a time
+    std::vector<R> log_prior;        // (N, 3, H * W) visible, hidden, background, and LANES more
     std::vector<double> background;  // (N,) log-likelihood of all pixels as background
     int pixels() const { return camera.width * camera.height; }
 };
 
 // Memory of one evaluation, kept from one to the next. Sizes as in `Geometry`; H, W of the photos.
 template <class R> struct Workspace {
-    std::vector<R> world, screen;                      // (V, 3) metres; (x, y, q)
+    std::vector<R> world, points;                      // (V, 4) x, y, z, 0 in metres; x, y, q, irradiance where in use
     std::vector<uint8_t> used;                         // (V,) 2: of a face that is seen, 1: of an occlusion edge alone
-    std::vector<R> normals, inverse_lengths;           // (V, 3) unit, world; (V,) one over the length before
-    std::vector<R> irradiances;                        // (V,)
+    std::vector<R> normals;                            // (V, 4) unit, world, and one over the length before
     std::vector<R> shape_rows, rest_rows;              // (V, W), (V, REST) derivatives of the irradiances
-    std::vector<R> lobe_changes, shadow_rates;         // (V, LOBES), (V, W), see `shadow`
+    std::vector<R> shadow_rates;                       // (V, W) part of the shape rows, see `shadow`
     VisibilityBuffer<R> visible;                       // of (H * W)
-    std::vector<uint8_t> facing;                       // (F,)
-    std::vector<int32_t> seen_vertices;                // vertices in use, in their order
-    std::vector<R> on_corner, on_normal, on_world;     // (V, 4) by (x, y, q, irradiance); (V, 3) camera; (V, 3) world
+    std::vector<uint8_t> facing, shown;                // (F,); (1 + F,) none, faces: whether at any pixel
+    std::vector<int32_t> seen_vertices, edges;         // vertices in use; occlusion edges; in their order
+    std::vector<R> arms;                               // (., 4) cotangents on the places of a ring
+    std::vector<R> on_corner, on_normal, on_world;     // (V, 4) by point; by normal in the camera's frame; by world place
     std::vector<R> rows;                               // rows of the normal matrix, (., W + REST)
     std::vector<R> products;                           // (W + REST, W + REST)
-    std::vector<R> posterior, coverage, irradiance;    // (H * W) images
+    std::vector<R> posterior, coverage, irradiance;    // (H * W) images, and LANES more as in `VisibilityBuffer`
     std::vector<R> coefficients;                       // (W,)
     size_t row_count;
     void fit(const Geometry<R>& geometry, const Photos<R>& photos);
-    // The next row of the normal matrix, zeroed.
-    R* add_row(int row_width);
+    // The next rows of the normal matrix, to be written.
+    R* add_rows(size_t row_width, size_t count);
 };
 
 // A point as it is evaluated.
@@ -52,10 +52,14 @@ template <class R> struct Task {
     Noise<R> noise;
     Vec3<R> albedo;
     const R* light;      // (LOBES,)
-    const R* observed;   // (H * W, 3) of the point's photo
-    const R* log_prior;
+    const R *observed, *log_prior;  // (3, H * W) of the point's photo
     int order;           // 0: the value alone, 1: with gradient, 2: with normal matrix
     bool images;
+    // A pixel of one of the two.
+    Vec3<R> pixel(const R* image, size_t at) const {
+        const size_t plane = photos.pixels();
+        return {image[at], image[plane + at], image[2 * plane + at]};
+    }
 };
 
 // Log-likelihood gained over background, and its derivative by albedo.

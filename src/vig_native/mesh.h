@@ -17,15 +17,16 @@ struct PointLayout {
 template <class R> struct Geometry {
     int vertices, faces, edges, modes, width;
     PointLayout layout;
-    std::vector<R> positions;          // (K + 1, V * 3) mean and components
+    std::vector<R> positions;          // (V / LANES, K + 1, 3, LANES) mean and components, vertices side by side
     std::vector<R> basis;              // (V, 3, W) the components again, a row for each vertex and axis
     std::vector<int32_t> corners;      // (F, 3)
     std::vector<int32_t> edge_table;   // (E, 5) vertex a, vertex b, face, face beyond, corner beyond
     std::vector<int32_t> ring_start;   // (V + 1,)
     std::vector<int32_t> ring;         // (R, 3) neighbour, next, previous
+    int largest_ring;
     std::vector<R> reflectance;        // (V,)
     bool shadowed;                     // whether there is a transfer
-    std::vector<R> transfer_mean;      // (V, LOBES) change of the lobes A_l Y_lm by self-shadowing, mean shape
+    std::vector<R> transfer_mean;      // (V, REST) in a row's columns: change of the lobes A_l Y_lm by self-shadowing, mean
     std::vector<R> transfer_by_shape;  // (V, LOBES, W) and for each component
 };
 
@@ -45,27 +46,27 @@ template <class R> struct Eye {
 
 template <class R> Eye<R> eye_of(const R* point, const PointLayout& layout, const Camera& camera);
 
-// Points on the screen are (x, y, q): pixel coordinates and one over the depth.
+// Points on the screen are (x, y, q): pixel coordinates and one over the depth; T is R, or LANES of them side by side.
 
 // Where a point on the screen is in the camera's frame, metres.
-template <class R> Vec3<R> camera_point(const Eye<R>& eye, Vec3<R> screen) {
-    const R depth = 1 / screen.z, scale = depth / eye.focal;
+template <class R, class T> Vec3<T> camera_point(const Eye<R>& eye, Vec3<T> screen) {
+    const T depth = 1 / screen.z, scale = depth / eye.focal;
     return {(screen.x - eye.cx) * scale, (screen.y - eye.cy) * scale, depth};
 }
 
 // Pull a cotangent on (x, y, q) back to the camera's frame.
-template <class R> Vec3<R> camera_cotangent(const Eye<R>& eye, Vec3<R> screen, Vec3<R> on_screen) {
-    const R scale = eye.focal * screen.z;
+template <class R, class T> Vec3<T> camera_cotangent(const Eye<R>& eye, Vec3<T> screen, Vec3<T> on_screen) {
+    const T scale = eye.focal * screen.z;
     // x = f X / Z + cx and q = 1 / Z: dx/dZ = -q (x - cx), dq/dZ = -q^2.
-    const R along = on_screen.x * (screen.x - eye.cx) + on_screen.y * (screen.y - eye.cy);
+    const T along = on_screen.x * (screen.x - eye.cx) + on_screen.y * (screen.y - eye.cy);
     return {scale * on_screen.x, scale * on_screen.y, -screen.z * (along + screen.z * on_screen.z)};
 }
 
 // Pull a cotangent on a vector that rotates with the camera back to azimuth, elevation and roll.
-template <class R> Vec3<R> rotation_cotangent(const Eye<R>& eye, Vec3<R> cotangent, Vec3<R> arm) {
+template <class R, class T> Vec3<T> rotation_cotangent(const Eye<R>& eye, Vec3<T> cotangent, Vec3<T> arm) {
     const Vec3<R> up = {eye.rotation.row[0].z, eye.rotation.row[1].z, eye.rotation.row[2].z};
     // A small turn w moves a vector v by w x v: its derivative is w . (v x cotangent).
-    const Vec3<R> torque = cross(arm, cotangent);
+    const Vec3<T> torque = cross(arm, cotangent);
     return {-dot(up, torque), eye.level.x * torque.x + eye.level.y * torque.y, torque.z};
 }
 

@@ -13,9 +13,9 @@ constexpr double FLAT = 0.28209479177387814, LINEAR = 2.0 / 3.0 * 0.488602511902
 constexpr double PRODUCT = 0.25 * 1.0925484305920792, POLAR = 0.25 * 0.31539156525252005;
 
 // A_l Y_lm(n) in the order (0,0), (1,-1), (1,0), (1,1), (2,-2) ... (2,2): docs/conventions.md.
-template <class R> void lobes(Vec3<R> n, R* to) {
+template <class R, class T> void lobes(Vec3<T> n, T* to) {
     const R linear = R(LINEAR), product = R(PRODUCT), polar = R(POLAR);
-    to[0] = R(FLAT);
+    to[0] = T{} + R(FLAT);
     to[1] = linear * n.y;
     to[2] = linear * n.z;
     to[3] = linear * n.x;
@@ -27,7 +27,7 @@ template <class R> void lobes(Vec3<R> n, R* to) {
 }
 
 // d irradiance / d normal, the normal unconstrained.
-template <class R> Vec3<R> light_slope(const R* light, Vec3<R> n) {
+template <class R, class T> Vec3<T> light_slope(const R* light, Vec3<T> n) {
     const R linear = R(LINEAR), product = R(PRODUCT), polar = R(POLAR);
     return {
         linear * light[3] + product * (light[4] * n.y + light[7] * n.z + light[8] * n.x),
@@ -46,15 +46,15 @@ template <class R> void add_basis(const Geometry<R>& geometry, int vertex, Vec3<
 }
 
 // Add a cotangent on a screen point, pulled back to pose and framing, to a row's rest.
-template <class R> void add_motion(const Eye<R>& eye, Vec3<R> on_screen, Vec3<R> screen, R* rest) {
-    const Vec3<R> point = camera_point(eye, screen);
+template <class R, class T> void add_motion(const Eye<R>& eye, Vec3<T> on_screen, Vec3<T> screen, T* rest) {
+    const Vec3<T> point = camera_point(eye, screen);
     // The camera turns about the target, not about its own centre.
-    const Vec3<R> arm = {point.x, point.y, point.z - eye.distance};
-    const Vec3<R> pose = rotation_cotangent(eye, camera_cotangent(eye, screen, on_screen), arm);
+    const Vec3<T> arm = {point.x, point.y, point.z - eye.distance};
+    const Vec3<T> pose = rotation_cotangent(eye, camera_cotangent(eye, screen, on_screen), arm);
     rest[AZIMUTH] += pose.x;
     rest[ELEVATION] += pose.y;
-    rest[FRAMING] += on_screen.x * eye.width;
-    rest[FRAMING + 1] += on_screen.y * eye.width;
+    rest[FRAMING] += on_screen.x * R(eye.width);
+    rest[FRAMING + 1] += on_screen.y * R(eye.width);
     // exp(log magnification) scales about the principal point.
     rest[FRAMING + 2] += on_screen.x * (screen.x - eye.cx) + on_screen.y * (screen.y - eye.cy);
     rest[FRAMING + 3] += pose.z;

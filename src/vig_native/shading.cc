@@ -7,165 +7,214 @@
 namespace vig {
 namespace {
 
-// The ring of a vertex: rows (neighbour, next, previous) and places (V, 3) in the world.
+// LANES vertices in use, side by side; the last is repeated where fewer are left.
+struct Batch {
+    int vertex[LANES], count;
+    Batch(const std::vector<int32_t>& all, size_t first) : count((int)std::min<size_t>(LANES, all.size() - first)) {
+        for (int lane = 0; lane < LANES; ++lane)
+            vertex[lane] = all[first + std::min(lane, count - 1)];
+    }
+};
+
+// The ring of a vertex: rows (neighbour, next, previous) and places (V, 4) in the world.
 template <class R> struct Ring {
     const int32_t *first, *end;
-    const R* places;
+    const std::vector<R>& places;
 
-    Ring(const Geometry<R>& geometry, const R* world, int vertex)
+    Ring(const Geometry<R>& geometry, const std::vector<R>& world, int vertex)
         : first(geometry.ring.data() + 3 * (size_t)geometry.ring_start[vertex]),
           end(geometry.ring.data() + 3 * (size_t)geometry.ring_start[vertex + 1]),
           places(world) {}
 
     // The area-weighted normal: the sum of cross(neighbour - vertex, next - vertex).
-    Vec3<R> normal(int vertex) const {
-        const Vec3<R> here = load3(places + 3 * (size_t)vertex);
-        Vec3<R> sum = {0, 0, 0};
+    Four<R> normal(int vertex) const {
+        const Four<R> here = four_at(places, vertex);
+        Four<R> sum = {};
         for (const int32_t* row = first; row < end; row += 3)
-            sum = sum + cross(load3(places + 3 * (size_t)row[0]) - here, load3(places + 3 * (size_t)row[1]) - here);
+            sum += cross_fours<R>(four_at(places, row[0]) - here, four_at(places, row[1]) - here);
         return sum;
     }
 
-    // Pull a cotangent on the normal back to a row's neighbour.
-    Vec3<R> arm(const int32_t* row, Vec3<R> tangent) const {
-        return cross(load3(places + 3 * (size_t)row[1]) - load3(places + 3 * (size_t)row[2]), tangent);
+    // Pull a cotangent on the normal back: add(neighbour, its part); the vertex's own part is returned. The normal does
+    // not change when all its ring moves together: that part is minus the sum.
+    template <class F> Four<R> pull(Four<R> tangent, F&& add) const {
+        Four<R> own = {};
+        for (const int32_t* row = first; row < end; row += 3) {
+            const Four<R> arm = cross_fours<R>(four_at(places, row[1]) - four_at(places, row[2]), tangent);
+            own -= arm;
+            add(row[0], arm);
+        }
+        return own;
     }
 };
 
-// Change of a vertex's lobes c_l = T_0l + sum_k T_kl shape_k, and, where there are rates (W,), the irradiance's
-// derivatives sum_l T_kl light_l by shape.
-template <class R> void shadow(const Task<R>& task, int vertex, R* change, R* rates) {
-    const Geometry<R>& geometry = task.geometry;
-    const int width = geometry.width;
-    const R* const by_shape = geometry.transfer_by_shape.data() + (size_t)vertex * LOBES * width;
-    const R* const shape = task.work.coefficients.data();
-    if (rates)
-        std::fill(rates, rates + width, R(0));
-    for (int lobe = 0; lobe < LOBES; ++lobe) {
-        const R *const row = by_shape + lobe * width, light = task.light[lobe];
-        Lanes<R> parts = {};
-        for (int n = 0; n < width; n += LANES) {
-            parts += lanes_at(row + n) * lanes_at(shape + n);
-            if (rates)
-                lanes_at(rates + n) += lanes_at(row + n) * light;
+// Self-shadow changes a vertex's lobes by T_0l + sum_k T_kl shape_k: `change`, in a row's light columns. rates (W,): the
+// irradiance's derivatives sum_l T_kl light_l by shape. The change of the irradiance is returned; all without reflectance.
+template <class R> R shadow(const Task<R>& task, int vertex, const Lanes<R>& light, Lanes<R>& change, R* rates) {
+    typedef Lanes<R> Row;
+    const int width = task.geometry.width;
+    const R* const by_shape = task.geometry.transfer_by_shape.data() + (size_t)vertex * LOBES * width;
+    const Row mean = lanes_at(&task.geometry.transfer_mean[(size_t)vertex * REST]);
+    Row total = mean * light, parts[LOBES] = {};
+    for (int n = 0; n < width; n += LANES) {
+        const Row shape = lanes_at(&task.work.coefficients[n]);
+        Row rate = {};
+        for (int lobe = 0; lobe < LOBES; ++lobe) {
+            const Row row = lanes_at(by_shape + lobe * width + n);
+            rate += row * task.light[lobe];
+            parts[lobe] += row * shape;
         }
-        change[lobe] = geometry.transfer_mean[(size_t)vertex * LOBES + lobe] + sum_lanes<R>(parts);
+        total += rate * shape;
+        lanes_at(rates + n) = rate;
     }
+    Row sums = {};
+    if (task.order)
+        sum_rows<LOBES, R>(parts, (R*)&sums + LIGHT);
+    change = mean + sums;
+    return sum_lanes<R>(total);
 }
 
-// A vertex's row of derivatives, whose light columns are given and whose irradiance is `total`.
-template <class R> void write_rows(Task<R>& task, const Ring<R>& ring, int vertex, const R* row, R total) {
+// A vertex's row of derivatives by shape: what pulls its normal along, and what self-shadow adds.
+template <class R> void write_shape_row(Task<R>& task, int vertex, Four<R> tangent) {
     const Geometry<R>& geometry = task.geometry;
-    Workspace<R>& work = task.work;
-    const int width = geometry.width;
-    R* const rest = work.rest_rows.data() + (size_t)vertex * REST;
-    R* const shape = work.shape_rows.data() + (size_t)vertex * width;
-    std::fill(rest, rest + REST, R(0));
-    std::fill(shape, shape + width, R(0));
-    // Irradiance is max(0, .): a vertex in the dark has no derivative.
-    if (!(total > 0))
-        return;
-    const R reflectance = geometry.reflectance[vertex];
-    const Vec3<R> normal = load3(&work.normals[3 * (size_t)vertex]);
-    const Vec3<R> slope = light_slope(task.light, normal) * reflectance;
-    // d (n / |n|) = (1 - n n^T) dn / |n|.
-    const Vec3<R> tangent = (slope - normal * dot(slope, normal)) * work.inverse_lengths[vertex];
-    for (int lobe = 0; lobe < LOBES; ++lobe)
-        rest[LIGHT + lobe] = row[lobe];
-    rest[IRRADIANCE] = total;
-    Vec3<R> own = {0, 0, 0};
-    for (const int32_t* at = ring.first; at < ring.end; at += 3) {
-        const Vec3<R> arm = ring.arm(at, tangent);
-        // The normal does not change when all its ring moves together: the vertex's own part is minus the sum.
-        own = own - arm;
-        add_basis(geometry, at[0], arm, shape);
-    }
-    add_basis(geometry, vertex, own, shape);
-    if (geometry.shadowed) {
-        const R* const rates = work.shadow_rates.data() + (size_t)vertex * width;
-        for (int n = 0; n < width; n += LANES)
-            lanes_at(shape + n) += lanes_at(rates + n) * reflectance;
+    const size_t width = geometry.width;
+    const Ring<R> ring(geometry, task.work.world, vertex);
+    int count = 0;
+    const Four<R> own = ring.pull(tangent, [&](int, Four<R> arm) { four_at(task.work.arms, count++) = arm; });
+    for (size_t n = 0; n < width; n += LANES) {
+        Lanes<R> sum = {};
+        if (geometry.shadowed)
+            sum = lanes_at(&task.work.shadow_rates[vertex * width + n]);
+        const auto add = [&](int at, const R* arm) {
+            const R* const b = &geometry.basis[at * 3 * width + n];
+            sum += arm[0] * lanes_at(b) + arm[1] * lanes_at(b + width) + arm[2] * lanes_at(b + 2 * width);
+        };
+        add(vertex, (const R*)&own);
+        for (int i = 0; i < count; ++i)
+            add(ring.first[3 * i], &task.work.arms[4 * i]);
+        lanes_at(&task.work.shape_rows[vertex * width + n]) = sum;
     }
 }
 
 }  // namespace
 
 template <class R> void shade(Task<R>& task) {
+    typedef Lanes<R> Row;
     const Geometry<R>& geometry = task.geometry;
     Workspace<R>& work = task.work;
-    for (const int vertex : work.seen_vertices) {
-        const Ring<R> ring(geometry, work.world.data(), vertex);
-        const Vec3<R> sum = ring.normal(vertex);
-        const R length = std::sqrt(dot(sum, sum)), inverse = length > 0 ? 1 / length : 0;
-        const Vec3<R> normal = sum * inverse;
-        R row[LOBES];
-        lobes(normal, row);
-        if (geometry.shadowed) {
-            R* const change = &work.lobe_changes[(size_t)vertex * LOBES];
-            shadow(task, vertex, change, task.order ? &work.shadow_rates[(size_t)vertex * geometry.width] : nullptr);
-            for (int lobe = 0; lobe < LOBES; ++lobe)
-                row[lobe] += change[lobe];
+    const size_t width = geometry.width;
+    const Row none = {};
+    Row light = none;
+    std::copy_n(task.light, LOBES, (R*)&light + LIGHT);
+    for (size_t first = 0; first < work.seen_vertices.size(); first += LANES) {
+        const Batch batch(work.seen_vertices, first);
+        Row normals[4], row[LOBES], changes[LANES] = {}, total = none, reflectance;
+        for (int lane = 0; lane < LANES; ++lane) {
+            const int vertex = batch.vertex[lane];
+            ((R*)&reflectance)[lane] = geometry.reflectance[vertex];
+            four_at(work.normals, vertex) = Ring<R>(geometry, work.world, vertex).normal(vertex);
+            if (geometry.shadowed)
+                ((R*)&total)[lane] = shadow(task, vertex, light, changes[lane], &work.shadow_rates[vertex * width]);
         }
-        R total = 0;
-        for (int lobe = 0; lobe < LOBES; ++lobe) {
-            row[lobe] *= geometry.reflectance[vertex];
+        gather_four(work.normals.data(), batch.vertex, normals);
+        const Vec3<Row> sum = {normals[0], normals[1], normals[2]};
+        Row length = dot(sum, sum);
+        for (int lane = 0; lane < LANES; ++lane)
+            ((R*)&length)[lane] = std::sqrt(((const R*)&length)[lane]);
+        const Row inverse = length > 0 ? 1 / length : none;
+        const Vec3<Row> normal = sum * inverse;
+        lobes<R>(normal, row);
+        for (int lobe = 0; lobe < LOBES; ++lobe)
             total += row[lobe] * task.light[lobe];
+        // Irradiance is max(0, .): a vertex in the dark has no derivative.
+        const auto lit = total > 0;
+        const Row strength = lit ? reflectance : none;
+        total = lit ? total * reflectance : none;
+        Row unit[4] = {normal.x, normal.y, normal.z, inverse};
+        scatter_four<R>(unit, [&](int lane, Four<R> numbers) { four_at(work.normals, batch.vertex[lane]) = numbers; });
+        for (int lane = 0; lane < LANES; ++lane)
+            work.points[4 * (size_t)batch.vertex[lane] + 3] = total[lane];
+        if (!task.order)
+            continue;
+        Row rest[LANES] = {};
+        for (int lobe = 0; lobe < LOBES; ++lobe)
+            rest[LIGHT + lobe] = row[lobe] * strength;
+        rest[IRRADIANCE] = total;
+        transpose<R>(rest);
+        for (int lane = 0; lane < batch.count; ++lane) {
+            const size_t vertex = batch.vertex[lane];
+            lanes_at(&work.rest_rows[vertex * REST]) = rest[lane] + changes[lane] * strength[lane];
+            for (size_t n = 0; n < width && geometry.shadowed; n += LANES)
+                lanes_at(&work.shadow_rates[vertex * width + n]) *= strength[lane];
         }
-        store3(&work.normals[3 * (size_t)vertex], normal);
-        work.inverse_lengths[vertex] = inverse;
-        work.irradiances[vertex] = total > 0 ? total : 0;
-        if (task.order > 1 && work.used[vertex] == 2)
-            write_rows(task, ring, vertex, row, total);
+        if (task.order < 2)
+            continue;
+        const Vec3<Row> slope = light_slope(task.light, normal) * strength;
+        // d (n / |n|) = (1 - n n^T) dn / |n|.
+        const Vec3<Row> tangent = (slope - normal * dot(slope, normal)) * inverse;
+        Row tangents[4] = {tangent.x, tangent.y, tangent.z, none};
+        scatter_four<R>(tangents, [&](int lane, Four<R> numbers) {
+            if (lane < batch.count && work.used[batch.vertex[lane]] == 2)
+                write_shape_row(task, batch.vertex[lane], numbers);
+        });
     }
 }
 
 template <class R> void unshade(Task<R>& task, R* shape, R* rest) {
+    typedef Lanes<R> Row;
     const Geometry<R>& geometry = task.geometry;
     Workspace<R>& work = task.work;
     const Eye<R>& eye = task.eye;
-    const int width = geometry.width;
-    for (const int vertex : work.seen_vertices) {
-        const Vec3<R> spot = load3(&work.screen[3 * (size_t)vertex]);
-        const R* const on_corner = &work.on_corner[4 * (size_t)vertex];
-        const Vec3<R> pull = {on_corner[0], on_corner[1], on_corner[2]};
-        add_motion(eye, pull, spot, rest);
-        const Vec3<R> in_world = eye.rotation.transposed(camera_cotangent(eye, spot, pull));
-        const Vec3<R> normal = load3(&work.normals[3 * (size_t)vertex]);
-        Vec3<R> by_normal = {0, 0, 0};
-        if (work.irradiances[vertex] > 0) {
-            const R strength = on_corner[3] * geometry.reflectance[vertex];
-            R row[LOBES];
-            lobes(normal, row);
-            if (geometry.shadowed) {
-                const R* const change = &work.lobe_changes[(size_t)vertex * LOBES];
-                const R* const rates = &work.shadow_rates[(size_t)vertex * width];
-                for (int lobe = 0; lobe < LOBES; ++lobe)
-                    row[lobe] += change[lobe];
-                for (int n = 0; n < width; n += LANES)
-                    lanes_at(shape + n) += lanes_at(rates + n) * strength;
-            }
-            for (int lobe = 0; lobe < LOBES; ++lobe)
-                rest[LIGHT + lobe] += row[lobe] * strength;
-            by_normal = light_slope(task.light, normal) * strength;
+    const size_t width = geometry.width;
+    const Row none = {};
+    Row motion[LIGHT] = {};
+    for (size_t first = 0; first < work.seen_vertices.size(); first += LANES) {
+        const Batch batch(work.seen_vertices, first);
+        Row at[4], on[4], normals[4], turns[4], reflectance, left;
+        gather_four(work.points.data(), batch.vertex, at);
+        gather_four(work.on_corner.data(), batch.vertex, on);
+        gather_four(work.normals.data(), batch.vertex, normals);
+        gather_four(work.on_normal.data(), batch.vertex, turns);
+        for (int lane = 0; lane < LANES; ++lane) {
+            ((R*)&left)[lane] = lane < batch.count;
+            ((R*)&reflectance)[lane] = geometry.reflectance[batch.vertex[lane]];
         }
-        const Vec3<R> turning = load3(&work.on_normal[3 * (size_t)vertex]);
-        if (turning.x != 0 || turning.y != 0) {
-            const Vec3<R> pose = rotation_cotangent(eye, turning, eye.rotation * normal);
-            rest[AZIMUTH] += pose.x;
-            rest[ELEVATION] += pose.y;
-            rest[FRAMING + 3] += pose.z;
-            by_normal = by_normal + eye.rotation.transposed(turning);
+        for (int n = 0; n < 4; ++n) {
+            on[n] = left > 0 ? on[n] : none;
+            turns[n] = left > 0 ? turns[n] : none;
         }
-        const Vec3<R> tangent = (by_normal - normal * dot(by_normal, normal)) * work.inverse_lengths[vertex];
-        const Ring<R> ring(geometry, work.world.data(), vertex);
-        Vec3<R> own = in_world;
-        for (const int32_t* at = ring.first; at < ring.end; at += 3) {
-            const Vec3<R> arm = ring.arm(at, tangent);
-            own = own - arm;
-            add3(&work.on_world[3 * (size_t)at[0]], arm);
+        // A vertex at or behind the eye has no cotangent.
+        const Vec3<Row> spot = {at[0], at[1], at[2] > 0 ? at[2] : none + 1}, pull = {on[0], on[1], on[2]};
+        add_motion(eye, pull, spot, motion);
+        const Vec3<Row> in_world = eye.rotation.transposed(camera_cotangent(eye, spot, pull));
+        const Vec3<Row> normal = {normals[0], normals[1], normals[2]}, turning = {turns[0], turns[1], turns[2]};
+        const Vec3<Row> pose = rotation_cotangent(eye, turning, eye.rotation * normal);
+        motion[AZIMUTH] += pose.x;
+        motion[ELEVATION] += pose.y;
+        motion[FRAMING + 3] += pose.z;
+        on[3] = at[3] > 0 ? on[3] : none;
+        const Vec3<Row> by_normal =
+            light_slope(task.light, normal) * (on[3] * reflectance) + eye.rotation.transposed(turning);
+        const Vec3<Row> tangent = (by_normal - normal * dot(by_normal, normal)) * normals[3];
+        Row places[4] = {in_world.x, in_world.y, in_world.z, none}, tangents[4] = {tangent.x, tangent.y, tangent.z, none};
+        scatter_four<R>(places, [&](int lane, Four<R> part) { four_at(work.on_world, batch.vertex[lane]) += part; });
+        scatter_four<R>(tangents, [&](int lane, Four<R> part) {
+            const int vertex = batch.vertex[lane];
+            if (lane < batch.count)
+                four_at(work.on_world, vertex) += Ring<R>(geometry, work.world, vertex)
+                    .pull(part, [&](int other, Four<R> arm) { four_at(work.on_world, other) += arm; });
+        });
+        for (int lane = 0; lane < batch.count; ++lane) {
+            const size_t vertex = batch.vertex[lane];
+            lanes_at(rest) += lanes_at(&work.rest_rows[vertex * REST]) * on[3][lane];
+            for (size_t n = 0; n < width && geometry.shadowed; n += LANES)
+                lanes_at(shape + n) += lanes_at(&work.shadow_rates[vertex * width + n]) * on[3][lane];
         }
-        add3(&work.on_world[3 * (size_t)vertex], own);
     }
+    for (int n = 0; n < LIGHT; ++n)
+        rest[n] += sum_lanes<R>(motion[n]);
+    for (size_t vertex = 0; vertex < (size_t)geometry.vertices; ++vertex)
+        add_basis(geometry, (int)vertex, load3(&work.on_world[4 * vertex]), shape);
 }
 
 template void shade(Task<float>&);

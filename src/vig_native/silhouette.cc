@@ -21,13 +21,12 @@ constexpr double CURVATURE = 0.5;           // share of a gain per pixel that co
 constexpr int BOUNDARY_ROWS = 16;           // of the normal matrix kept for edges, per pixel of width and height
 constexpr int LEAST_BOUNDARY_ROWS = 4096;   // a small image may be full of edges
 
-// An occlusion edge from vertex i to j, seen from the face turned to the eye: screen points, normals in the camera's
-// frame. fold is -1 where both faces lie on one side of it and the one beyond is nearer: near the silhouette such a fold
-// lies between two edges that are both crossed; counted against them one crossing is left, and nothing jumps where a
-// pair appears.
+// An occlusion edge from vertex i to j, seen from the face turned to the eye: screen points. fold is -1 where
+// both faces lie on one side of it and the one beyond is nearer: near the silhouette such a fold lies between two edges
+// that are both crossed; counted against them one crossing is left, and nothing jumps where a pair appears.
 template <class R> struct Edge {
     int i, j;
-    Vec3<R> a, b, normal_a, normal_b;
+    Vec3<R> a, b;
     R fold;
 };
 
@@ -46,14 +45,12 @@ template <class R> Edge<R> edge_of(const Task<R>& task, int number) {
         std::swap(edge.i, edge.j);
         std::swap(apex, other);
     }
-    edge.a = load3(&work.screen[3 * (size_t)edge.i]);
-    edge.b = load3(&work.screen[3 * (size_t)edge.j]);
-    edge.normal_a = task.eye.rotation * load3(&work.normals[3 * (size_t)edge.i]);
-    edge.normal_b = task.eye.rotation * load3(&work.normals[3 * (size_t)edge.j]);
+    edge.a = load3(&work.points[4 * (size_t)edge.i]);
+    edge.b = load3(&work.points[4 * (size_t)edge.j]);
     edge.fold = 1;
     if (row[3] >= 0) {
-        const Vec3<R> to_apex = load3(&work.screen[3 * (size_t)apex]) - edge.a;
-        const Vec3<R> to_other = load3(&work.screen[3 * (size_t)other]) - edge.a;
+        const Vec3<R> to_apex = load3(&work.points[4 * (size_t)apex]) - edge.a;
+        const Vec3<R> to_other = load3(&work.points[4 * (size_t)other]) - edge.a;
         if (dot(cross(edge.b - edge.a, to_apex), to_other) < 0)
             edge.fold = -1;
     }
@@ -69,11 +66,12 @@ template <class R> bool in_frame(const Edge<R>& edge, const Eye<R>& eye) {
 
 // Where an edge passes between two pixels in a row (axis 0) or column (axis 1), `share` of the edge's way from a to b and
 // t of the way from the lower pixel. inside: fold, with the sign of the axis' side on which the edge's object lies.
-// inner, outer: the pixels on its two sides, as places in the image and as image points.
+// inner, outer: the pixels on its two sides, as places in the image and as image points. gives: whether the nearer pixel,
+// the target, is the inner one.
 template <class R> struct Crossing {
     int axis, inner, outer;
     R share, length, t, inside;
-    bool in_image;
+    bool in_image, gives;
     Vec2<R> inner_pixel, outer_pixel;
 };
 
@@ -93,6 +91,8 @@ template <class R> Crossing<R> crossing_of(const Edge<R>& edge, int axis, int li
         return c;
     const int low = (int)before, inner = c.inside > 0 ? low + 1 : low, outer = c.inside > 0 ? low : low + 1;
     c.t = u - R(0.5) - low;
+    // Beyond the half-way point the nearer pixel is the other one.
+    c.gives = (c.t < R(0.5)) == (c.inside < 0);
     c.inner = axis == 0 ? line * eye.width + inner : inner * eye.width + line;
     c.outer = axis == 0 ? line * eye.width + outer : outer * eye.width + line;
     const R across = line + R(0.5), in = inner + R(0.5), out = outer + R(0.5);
@@ -101,7 +101,7 @@ template <class R> Crossing<R> crossing_of(const Edge<R>& edge, int axis, int li
     return c;
 }
 
-// The surfaces that the two pixels show, with what is seen of them there.
+// The surfaces that the two pixels show, with what is seen of them there; the front one's where its pixel is the target.
 template <class R> struct Sides {
     bool has_behind;
     Surface<R> front, behind;
@@ -115,18 +115,26 @@ template <class R> bool sides_of(const Task<R>& task, const Edge<R>& edge, const
         return false;
     // q is linear along the edge on the screen, depth is not.
     const R edge_depth = 1 / ((1 - c.share) * edge.a.z + c.share * edge.b.z);
-    sides.front = surface_of(task, inner);
-    sides.front_seen = seen_at(sides.front, c.inner_pixel);
     // The edge must be where the inner pixel's surface is, else another surface hides it there.
-    const R ahead = edge_depth - 1 / sides.front_seen.q;
+    const R ahead = edge_depth - 1 / task.work.visible.q[c.inner];
     if (!(ahead <= R(BEFORE_EDGE) && ahead >= -R(BEHIND_EDGE)))
         return false;
     sides.has_behind = outer != NO_FACE;
-    if (!sides.has_behind)
-        return true;
-    sides.behind = surface_of(task, outer);
-    sides.behind_seen = seen_at(sides.behind, c.outer_pixel);
-    return 1 / sides.behind_seen.q >= edge_depth + R(BEHIND_EDGE);
+    if (sides.has_behind && !(1 / task.work.visible.q[c.outer] >= edge_depth + R(BEHIND_EDGE)))
+        return false;
+    if (c.gives) {
+        sides.front = surface_of(task, inner);
+        sides.front_seen = seen_at(sides.front, c.inner_pixel);
+    }
+    if (sides.has_behind) {
+        sides.behind = surface_of(task, outer);
+        sides.behind_seen = seen_at(sides.behind, c.outer_pixel);
+    }
+    return true;
+}
+
+template <class R> Vec3<R> normal_at(const Task<R>& task, int vertex) {
+    return load3(&task.work.normals[4 * (size_t)vertex]);
 }
 
 // How much of the front surface a target pixel takes, or gives to the surface behind.
@@ -135,7 +143,6 @@ template <class R> bool sides_of(const Task<R>& task, const Edge<R>& edge, const
 // vertex i's. front_fit, back_fit: Eq. 3 of the target under either surface. gain: nats of the first over the second.
 template <class R> struct Blend {
     R weight, taken, front_irradiance, perspective, gain;
-    bool gives;
     int at;
     Vec3<R> normal, observed;
     Explained<R> front_fit, back_fit;
@@ -148,17 +155,15 @@ Blend<R> blend_of(const Task<R>& task, Vec3<R> normal, const Edge<R>& edge, cons
     // cos^2 of the angle between the edge's normal and this axis: the two axes' weights add up to 1.
     const R along = normal[c.axis];
     blend.weight = edge.fold * along * along / (normal.x * normal.x + normal.y * normal.y);
-    // The nearer pixel is the target: beyond the half-way point that is the other one.
-    blend.gives = (c.t < R(0.5)) == (c.inside < 0);
     const R edge_q = (1 - c.share) * edge.a.z + c.share * edge.b.z;
     // Share of the way in space from i to j, of a share of the way on the screen.
     blend.perspective = c.share * edge.b.z / edge_q;
-    const R lit_a = task.work.irradiances[edge.i], lit_b = task.work.irradiances[edge.j];
-    blend.at = blend.gives ? c.inner : c.outer;
-    blend.front_irradiance = blend.gives ? sides.front_seen.irradiance : lit_a + blend.perspective * (lit_b - lit_a);
-    blend.taken = blend.weight * std::abs(c.t - R(0.5)) * (blend.gives ? -1 : 1);
-    const Vec3<R> prior = load3(task.log_prior + 3 * (size_t)blend.at);
-    blend.observed = load3(task.observed + 3 * (size_t)blend.at);
+    const R lit_a = task.work.points[4 * (size_t)edge.i + 3], lit_b = task.work.points[4 * (size_t)edge.j + 3];
+    blend.at = c.gives ? c.inner : c.outer;
+    blend.front_irradiance = c.gives ? sides.front_seen.irradiance : lit_a + blend.perspective * (lit_b - lit_a);
+    blend.taken = blend.weight * std::abs(c.t - R(0.5)) * (c.gives ? -1 : 1);
+    const Vec3<R> prior = task.pixel(task.log_prior, blend.at);
+    blend.observed = task.pixel(task.observed, blend.at);
     blend.front_fit = explain_pixel<D>(blend.observed, task.albedo * blend.front_irradiance, prior, task.noise);
     // Behind the silhouette stands the background, whose likelihood is in the prior.
     blend.back_fit = {prior.z, 0};
@@ -172,13 +177,13 @@ Blend<R> blend_of(const Task<R>& task, Vec3<R> normal, const Edge<R>& edge, cons
 template <class R> R pull_normal(Task<R>& task, const Edge<R>& edge, const Crossing<R>& c, const Blend<R>& blend) {
     const Vec3<R> normal = blend.normal;
     const R square = normal.x * normal.x + normal.y * normal.y;
-    const R on_weight = edge.fold * std::abs(c.t - R(0.5)) * blend.gain * (blend.gives ? -1 : 1);
+    const R on_weight = edge.fold * std::abs(c.t - R(0.5)) * blend.gain * (c.gives ? -1 : 1);
     // d weight / d normal in the image; columns have the complement of rows.
     const R turn = 2 * normal.x * normal.y / (square * square) * on_weight * (c.axis == 1 ? -1 : 1);
     const Vec3<R> on_normal = {turn * normal.y, -turn * normal.x, 0};
-    add3(&task.work.on_normal[3 * (size_t)edge.i], on_normal * (1 - c.share));
-    add3(&task.work.on_normal[3 * (size_t)edge.j], on_normal * c.share);
-    return dot(on_normal, edge.normal_b - edge.normal_a);
+    add3(&task.work.on_normal[4 * (size_t)edge.i], on_normal * (1 - c.share));
+    add3(&task.work.on_normal[4 * (size_t)edge.j], on_normal * c.share);
+    return dot(task.eye.rotation.transposed(on_normal), normal_at(task, edge.j) - normal_at(task, edge.i));
 }
 
 // Pull the colours on both sides back to their faces and to albedo; the cotangent on the edge's own irradiance is
@@ -194,7 +199,7 @@ R pull_colours(Task<R>& task, const Crossing<R>& c, const Sides<R>& sides, const
         return strength * dot(task.albedo, error);
     };
     R on_edge = pull(blend.taken, blend.front_fit.visible, blend.front_irradiance);
-    if (blend.gives) {
+    if (c.gives) {
         pull_pixel(task, sides.front, c.inner_pixel, sides.front_seen, on_edge);
         on_edge = 0;
     }
@@ -213,7 +218,7 @@ template <class R>
 void pull_edge(Task<R>& task, const Edge<R>& edge, const Crossing<R>& c, R perspective, R on_edge, R on_share,
                Vec3<R> motion_a, Vec3<R> motion_b) {
     const R edge_q = (1 - c.share) * edge.a.z + c.share * edge.b.z;
-    const R on_perspective = on_edge * (task.work.irradiances[edge.j] - task.work.irradiances[edge.i]);
+    const R on_perspective = on_edge * (task.work.points[4 * (size_t)edge.j + 3] - task.work.points[4 * (size_t)edge.i + 3]);
     // d perspective / d (q of i, q of j), by the quotient rule.
     const R by_q = on_perspective * c.share * (1 - c.share) / (edge_q * edge_q);
     const R by_share = (on_share + on_perspective * edge.a.z * edge.b.z / (edge_q * edge_q)) / c.length;
@@ -239,8 +244,10 @@ void add_edge_row(Task<R>& task, const Edge<R>& edge, const Blend<R>& blend, Vec
     // (root x motion)^2 = curvature x steepness: a second derivative of the gain's size in a pixel.
     const R root = std::sqrt(R(CURVATURE) / (steepness * brightness));
     const Eye<R>& eye = task.eye;
-    R* const shape = task.work.add_row(task.geometry.width + REST);
-    R* const rest = shape + task.geometry.width;
+    const size_t width = task.geometry.width;
+    R* const shape = task.work.add_rows(width + REST, 1);
+    R* const rest = shape + width;
+    std::fill_n(shape, width + REST, R(0));
     const auto add = [&](int vertex, Vec3<R> spot, Vec3<R> motion) {
         add_basis(task.geometry, vertex, eye.rotation.transposed(camera_cotangent(eye, spot, motion)), shape);
         add_motion(eye, motion, spot, rest);
@@ -273,7 +280,8 @@ template <class D, class R> Gain<R> blend_edges(Task<R>& task, const std::vector
                 Sides<R> sides;
                 if (!c.in_image || !sides_of(task, edge, c, sides))
                     continue;
-                const Vec3<R> normal = edge.normal_a * (1 - c.share) + edge.normal_b * c.share;
+                const Vec3<R> in_world = normal_at(task, edge.i) * (1 - c.share) + normal_at(task, edge.j) * c.share;
+                const Vec3<R> normal = eye.rotation * in_world;
                 if (normal.x * normal.x + normal.y * normal.y < R(LEAST_SQUARE))
                     continue;
                 const Blend<R> blend = blend_of<D>(task, normal, edge, c, sides);
@@ -303,16 +311,19 @@ template <class D, class R> Gain<R> blend_edges(Task<R>& task, const std::vector
 
 template <class R> void find_occlusion_edges(Task<R>& task, std::vector<int32_t>& edges) {
     const Geometry<R>& geometry = task.geometry;
-    edges.clear();
+    edges.resize(geometry.edges);
+    size_t count = 0;
     for (int number = 0; number < geometry.edges; ++number) {
         const int32_t* const row = &geometry.edge_table[5 * (size_t)number];
         // A border edge, which has no face beyond, occludes wherever its one face is turned to the eye.
         const uint8_t beyond = row[3] >= 0 ? task.work.facing[row[3]] : 0;
-        if (task.work.facing[row[2]] != beyond) {
-            edges.push_back(number);
-            task.work.used[row[0]] = task.work.used[row[1]] = 1;
-        }
+        edges[count] = number;
+        count += task.work.facing[row[2]] != beyond;
     }
+    edges.resize(count);
+    for (const int number : edges)
+        for (int end = 0; end < 2; ++end)
+            task.work.used[geometry.edge_table[5 * (size_t)number + end]] = 1;
 }
 
 template <class R> Gain<R> blend_silhouette(Task<R>& task, const std::vector<int32_t>& edges) {

@@ -20,8 +20,8 @@ template <class R> Surface<R> surface_of(const Task<R>& task, int face) {
     s.i = corners[0];
     s.j = corners[1];
     s.k = corners[2];
-    const R *const a = &task.work.screen[3 * (size_t)s.i], *const b = &task.work.screen[3 * (size_t)s.j];
-    const R* const c = &task.work.screen[3 * (size_t)s.k];
+    const R *const a = &task.work.points[4 * (size_t)s.i], *const b = &task.work.points[4 * (size_t)s.j];
+    const R* const c = &task.work.points[4 * (size_t)s.k];
     const R bx = b[0] - a[0], by = b[1] - a[1], cx = c[0] - a[0], cy = c[1] - a[1];
     // Gradients of the barycentric weights of corners b and c on the screen (Cramer's rule).
     const R inverse = 1 / (bx * cy - by * cx);
@@ -30,8 +30,7 @@ template <class R> Surface<R> surface_of(const Task<R>& task, int face) {
     s.by_second = {cy * inverse, -cx * inverse};
     s.by_third = {-by * inverse, bx * inverse};
     // q and q times irradiance are linear on the screen: perspective-correct interpolation (Blinn 1992).
-    const std::vector<R>& light = task.work.irradiances;
-    const R lit_a = a[2] * light[s.i], lit_b = b[2] * light[s.j] - lit_a, lit_c = c[2] * light[s.k] - lit_a;
+    const R lit_a = a[2] * a[3], lit_b = b[2] * b[3] - lit_a, lit_c = c[2] * c[3] - lit_a;
     const R q_b = b[2] - a[2], q_c = c[2] - a[2];
     s.lit_base = lit_a;
     s.lit_slope = {s.by_second.x * lit_b + s.by_third.x * lit_c, s.by_second.y * lit_b + s.by_third.y * lit_c};
@@ -63,11 +62,12 @@ template <class R> void pull_pixel(Task<R>& task, const Surface<R>& s, Vec2<R> p
     const int corner[3] = {s.i, s.j, s.k};
     const R share[3] = {1 - b - c, b, c};
     for (int n = 0; n < 3; ++n) {
+        const R* const point = &task.work.points[4 * (size_t)corner[n]];
         R* const on = &task.work.on_corner[4 * (size_t)corner[n]];
         on[0] -= share[n] * move_x;
         on[1] -= share[n] * move_y;
-        on[2] += share[n] * (task.work.irradiances[corner[n]] * lit + depth);
-        on[3] += share[n] * task.work.screen[3 * (size_t)corner[n] + 2] * lit;
+        on[2] += share[n] * (point[3] * lit + depth);
+        on[3] += share[n] * point[2] * lit;
     }
 }
 

@@ -1,8 +1,10 @@
-// Vectors and matrices of three numbers, and the width of whole vector registers.
+// Vectors and matrices of three numbers, or of three times LANES side by side, and whole vector registers.
 #pragma once
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <vector>
 
 namespace vig {
 
@@ -21,8 +23,8 @@ template <class R> struct Vec3 {
 
 template <class R> Vec3<R> operator+(Vec3<R> a, Vec3<R> b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
 template <class R> Vec3<R> operator-(Vec3<R> a, Vec3<R> b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-template <class R> Vec3<R> operator*(Vec3<R> a, R s) { return {a.x * s, a.y * s, a.z * s}; }
-template <class R> R dot(Vec3<R> a, Vec3<R> b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+template <class R, class S> Vec3<R> operator*(Vec3<R> a, S s) { return {a.x * s, a.y * s, a.z * s}; }
+template <class A, class B> auto dot(Vec3<A> a, Vec3<B> b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 template <class R> Vec3<R> cross(Vec3<R> a, Vec3<R> b) {
     return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
@@ -41,32 +43,117 @@ template <class R> void add3(R* at, Vec3<R> v) {
 // Rows of a 3 x 3 matrix.
 template <class R> struct Mat3 {
     Vec3<R> row[3];
-    Vec3<R> operator*(Vec3<R> v) const { return {dot(row[0], v), dot(row[1], v), dot(row[2], v)}; }
+    template <class T> Vec3<T> operator*(Vec3<T> v) const { return {dot(row[0], v), dot(row[1], v), dot(row[2], v)}; }
     // The transposed matrix times v.
-    Vec3<R> transposed(Vec3<R> v) const { return row[0] * v.x + row[1] * v.y + row[2] * v.z; }
+    template <class T> Vec3<T> transposed(Vec3<T> v) const {
+        return {row[0].x * v.x + row[1].x * v.y + row[2].x * v.z, row[0].y * v.x + row[1].y * v.y + row[2].y * v.z,
+                row[0].z * v.x + row[1].z * v.y + row[2].z * v.z};
+    }
 };
 
-// LANES numbers in vector registers.
-typedef float Lanes32 __attribute__((vector_size(LANES * sizeof(float)), aligned(sizeof(float)), may_alias));
-typedef double Lanes64 __attribute__((vector_size(LANES * sizeof(double)), aligned(sizeof(double)), may_alias));
-template <class R> struct LanesOf;
-template <> struct LanesOf<float> { typedef Lanes32 type; };
-template <> struct LanesOf<double> { typedef Lanes64 type; };
-template <class R> using Lanes = typename LanesOf<R>::type;
+// LANES numbers in vector registers, and four, as points of vertices are kept; in memory they lie anywhere (Loose).
+#define VIG_VECTOR(NAME, COUNT)                                                                                        \
+    template <class R> struct NAME##Of;                                                                                \
+    template <> struct NAME##Of<float> {                                                                               \
+        typedef float type __attribute__((vector_size(COUNT * sizeof(float))));                                        \
+        typedef float loose __attribute__((vector_size(COUNT * sizeof(float)), aligned(sizeof(float)), may_alias));    \
+    };                                                                                                                 \
+    template <> struct NAME##Of<double> {                                                                              \
+        typedef double type __attribute__((vector_size(COUNT * sizeof(double))));                                      \
+        typedef double loose __attribute__((vector_size(COUNT * sizeof(double)), aligned(sizeof(double)), may_alias)); \
+    };                                                                                                                 \
+    template <class R> using NAME = typename NAME##Of<R>::type;                                                        \
+    template <class R> using Loose##NAME = typename NAME##Of<R>::loose;
+VIG_VECTOR(Lanes, LANES)
+VIG_VECTOR(Four, 4)
+#undef VIG_VECTOR
 
-template <class R> const Lanes<R>& lanes_at(const R* numbers) { return *(const Lanes<R>*)numbers; }
-template <class R> Lanes<R>& lanes_at(R* numbers) { return *(Lanes<R>*)numbers; }
-
-// Add up LANES numbers: halves are added to halves, so that the sum is no chain of additions.
-template <class R> R sum_lanes(const R* parts) {
-    static_assert(LANES == 16, "halves of 16");
-    R eight[8], four[4];
-    for (int n = 0; n < 8; ++n)
-        eight[n] = parts[n] + parts[n + 8];
-    for (int n = 0; n < 4; ++n)
-        four[n] = eight[n] + eight[n + 4];
-    return (four[0] + four[2]) + (four[1] + four[3]);
+template <class R> const LooseLanes<R>& lanes_at(const R* numbers) { return *(const LooseLanes<R>*)numbers; }
+template <class R> LooseLanes<R>& lanes_at(R* numbers) { return *(LooseLanes<R>*)numbers; }
+template <class R> const LooseFour<R>& four_at(const R* numbers) { return *(const LooseFour<R>*)numbers; }
+template <class R> LooseFour<R>& four_at(R* numbers) { return *(LooseFour<R>*)numbers; }
+// A row of (., 4).
+template <class R> const LooseFour<R>& four_at(const std::vector<R>& rows, int place) {
+    return four_at(rows.data() + 4 * (size_t)place);
 }
-template <class R> R sum_lanes(const Lanes<R>& parts) { return sum_lanes<R>((const R*)&parts); }
+template <class R> LooseFour<R>& four_at(std::vector<R>& rows, int place) {
+    return four_at(rows.data() + 4 * (size_t)place);
+}
+
+// Add up the LANES numbers of each of some rows: halves are added to halves, so that no sum is a chain of additions.
+template <int COUNT, class R> void sum_rows(const Lanes<R>* rows, R* sums) {
+    static_assert(LANES == 16, "halves of 16");
+    R four[COUNT][4];
+    for (int row = 0; row < COUNT; ++row) {
+        const R* const parts = (const R*)&rows[row];
+        R eight[8];
+        for (int n = 0; n < 8; ++n)
+            eight[n] = parts[n] + parts[n + 8];
+        for (int n = 0; n < 4; ++n)
+            four[row][n] = eight[n] + eight[n + 4];
+    }
+    for (int row = 0; row < COUNT; ++row)
+        sums[row] = (four[row][0] + four[row][2]) + (four[row][1] + four[row][3]);
+}
+template <class R> R sum_lanes(const Lanes<R>& parts) {
+    R sum;
+    sum_rows<1, R>(&parts, &sum);
+    return sum;
+}
+
+// The cross product of the first three, and 0.
+template <class R> Four<R> cross_fours(Four<R> a, Four<R> b) {
+    return __builtin_shufflevector(a, a, 1, 2, 0, 3) * __builtin_shufflevector(b, b, 2, 0, 1, 3)
+        - __builtin_shufflevector(a, a, 2, 0, 1, 3) * __builtin_shufflevector(b, b, 1, 2, 0, 3);
+}
+
+#define VIG_BLOCKS(a, b, c, d)                                                                                         \
+    a, b, c, d, a + 4, b + 4, c + 4, d + 4, a + 8, b + 8, c + 8, d + 8, a + 12, b + 12, c + 12, d + 12
+// Transpose the 4 x 4 blocks of four rows of LANES numbers.
+template <class R> void transpose_blocks(Lanes<R>* rows) {
+    const Lanes<R> a = rows[0], b = rows[1], c = rows[2], d = rows[3];
+    const Lanes<R> low_ab = __builtin_shufflevector(a, b, VIG_BLOCKS(0, 16, 1, 17));
+    const Lanes<R> high_ab = __builtin_shufflevector(a, b, VIG_BLOCKS(2, 18, 3, 19));
+    const Lanes<R> low_cd = __builtin_shufflevector(c, d, VIG_BLOCKS(0, 16, 1, 17));
+    const Lanes<R> high_cd = __builtin_shufflevector(c, d, VIG_BLOCKS(2, 18, 3, 19));
+    rows[0] = __builtin_shufflevector(low_ab, low_cd, VIG_BLOCKS(0, 1, 16, 17));
+    rows[1] = __builtin_shufflevector(low_ab, low_cd, VIG_BLOCKS(2, 3, 18, 19));
+    rows[2] = __builtin_shufflevector(high_ab, high_cd, VIG_BLOCKS(0, 1, 16, 17));
+    rows[3] = __builtin_shufflevector(high_ab, high_cd, VIG_BLOCKS(2, 3, 18, 19));
+}
+#undef VIG_BLOCKS
+
+// Four times four numbers in a row: four(n) is the n-th.
+template <class R, class F> Lanes<R> join_fours(F&& four) {
+    const auto low = __builtin_shufflevector(four(0), four(1), 0, 1, 2, 3, 4, 5, 6, 7);
+    const auto high = __builtin_shufflevector(four(2), four(3), 0, 1, 2, 3, 4, 5, 6, 7);
+    return __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+}
+
+// Load rows (., 4) at LANES places, transposed: to[n] holds the n-th of each.
+template <class R> void gather_four(const R* rows, const int* place, Lanes<R>* to) {
+    for (int n = 0; n < 4; ++n)
+        to[n] = join_fours<R>([&](int block) -> Four<R> { return four_at(rows + 4 * (size_t)place[4 * block + n]); });
+    transpose_blocks<R>(to);
+}
+
+// The way back: call use(lane, four numbers) for every lane in order.
+template <class R, class F> void scatter_four(Lanes<R>* numbers, F&& use) {
+    transpose_blocks<R>(numbers);
+    for (int block = 0; block < 4; ++block)
+        for (int n = 0; n < 4; ++n)
+            use(4 * block + n, four_at((const R*)&numbers[n] + 4 * block));
+}
+
+// Transpose LANES columns of LANES numbers.
+template <class R> void transpose(Lanes<R>* columns) {
+    Lanes<R> blocks[LANES];
+    for (int n = 0; n < LANES; n += 4)
+        transpose_blocks<R>(columns + n);
+    std::copy_n(columns, LANES, blocks);
+    for (int lane = 0; lane < LANES; ++lane)
+        columns[lane] = join_fours<R>(
+            [&](int n) -> Four<R> { return four_at((const R*)&blocks[4 * n + lane % 4] + lane / 4 * 4); });
+}
 
 }  // namespace vig

@@ -4,7 +4,7 @@
 
 namespace vig {
 
-template <class R>
+template <class R, int STRIDE>
 void draw_faces(const R* screen, const int32_t* corners, int faces, int width, int height, bool cull,
                 VisibilityBuffer<R>& seen, uint8_t* facing) {
     // A centre that lies beyond a face's edge by rounding only is covered, so that no gap opens between neighbours.
@@ -12,31 +12,46 @@ void draw_faces(const R* screen, const int32_t* corners, int faces, int width, i
     // LANES faces are set up side by side and culled before one is drawn. Comparisons are put so that NaN draws nothing.
     for (int base = 0; base < faces; base += LANES) {
         int i[LANES], j[LANES], k[LANES], drawn[LANES], x0[LANES], x1[LANES], y0[LANES], y1[LANES];
-        R ax[LANES], ay[LANES], aq[LANES], bx[LANES], by[LANES], bq[LANES], cx[LANES], cy[LANES], cq[LANES], area[LANES];
+        R ax[LANES], ay[LANES], aq[LANES], bx[LANES], by[LANES], bq[LANES], cx[LANES], cy[LANES], cq[LANES];
         for (int lane = 0; lane < LANES; ++lane) {
             const int face = base + lane < faces ? base + lane : faces - 1;
-            i[lane] = 3 * corners[3 * face];
-            j[lane] = 3 * corners[3 * face + 1];
-            k[lane] = 3 * corners[3 * face + 2];
+            i[lane] = corners[3 * face];
+            j[lane] = corners[3 * face + 1];
+            k[lane] = corners[3 * face + 2];
         }
+        const auto load = [&](const int* corner, R* x, R* y, R* q) {
+            if constexpr (STRIDE == 4) {
+                Lanes<R> point[4];
+                gather_four(screen, corner, point);
+                lanes_at(x) = point[0];
+                lanes_at(y) = point[1];
+                lanes_at(q) = point[2];
+            } else {
+                for (int lane = 0; lane < LANES; ++lane) {
+                    x[lane] = screen[STRIDE * (size_t)corner[lane]];
+                    y[lane] = screen[STRIDE * (size_t)corner[lane] + 1];
+                    q[lane] = screen[STRIDE * (size_t)corner[lane] + 2];
+                }
+            }
+        };
+        load(i, ax, ay, aq);
+        load(j, bx, by, bq);
+        load(k, cx, cy, cq);
         for (int lane = 0; lane < LANES; ++lane) {
-            ax[lane] = screen[i[lane]];
-            ay[lane] = screen[i[lane] + 1];
-            aq[lane] = screen[i[lane] + 2];
-            bx[lane] = screen[j[lane]] - ax[lane];
-            by[lane] = screen[j[lane] + 1] - ay[lane];
-            bq[lane] = screen[j[lane] + 2];
-            cx[lane] = screen[k[lane]] - ax[lane];
-            cy[lane] = screen[k[lane] + 1] - ay[lane];
-            cq[lane] = screen[k[lane] + 2];
+            bx[lane] -= ax[lane];
+            by[lane] -= ay[lane];
+            cx[lane] -= ax[lane];
+            cy[lane] -= ay[lane];
         }
+        // The weights b and c of two corners and q are linear on the screen: slopes from (ax, ay).
+        R bdx[LANES], bdy[LANES], cdx[LANES], cdy[LANES], qdx[LANES], qdy[LANES];
         for (int lane = 0; lane < LANES; ++lane) {
             // Twice the signed area; its sign is the facing.
-            area[lane] = bx[lane] * cy[lane] - by[lane] * cx[lane];
+            const R area = bx[lane] * cy[lane] - by[lane] * cx[lane], inverse = 1 / area;
             const int ahead = (aq[lane] > 0) & (bq[lane] > 0) & (cq[lane] > 0);
             // Clockwise on the screen, whose y points down, is counter-clockwise from outside.
-            const int turned = ahead & (area[lane] < 0);
-            const int away = ahead & (area[lane] > 0) & !cull;
+            const int turned = ahead & (area < 0);
+            const int away = ahead & (area > 0) & !cull;
             const PixelBox box =
                 pixel_box(ax[lane], ay[lane], bx[lane], by[lane], cx[lane], cy[lane], width, height);
             x0[lane] = box.x0;
@@ -44,29 +59,30 @@ void draw_faces(const R* screen, const int32_t* corners, int faces, int width, i
             y0[lane] = box.y0;
             y1[lane] = box.y1;
             drawn[lane] = turned | ((turned | away) & int(box.covers)) << 1;
+            bdx[lane] = cy[lane] * inverse;
+            bdy[lane] = -cx[lane] * inverse;
+            cdx[lane] = -by[lane] * inverse;
+            cdy[lane] = bx[lane] * inverse;
+            qdx[lane] = bdx[lane] * (bq[lane] - aq[lane]) + cdx[lane] * (cq[lane] - aq[lane]);
+            qdy[lane] = bdy[lane] * (bq[lane] - aq[lane]) + cdy[lane] * (cq[lane] - aq[lane]);
         }
         for (int lane = 0; lane < LANES && base + lane < faces; ++lane) {
             facing[base + lane] = drawn[lane] & 1;
             if (drawn[lane] < 2)
                 continue;
-            const R inverse = 1 / area[lane];
-            // The two weights and q are linear: their slopes, once for each face.
-            const R bdx = cy[lane] * inverse, bdy = -cx[lane] * inverse;
-            const R cdx = -by[lane] * inverse, cdy = bx[lane] * inverse;
-            const R qdx = bdx * (bq[lane] - aq[lane]) + cdx * (cq[lane] - aq[lane]);
-            const R qdy = bdy * (bq[lane] - aq[lane]) + cdy * (cq[lane] - aq[lane]);
+            const R b_step = bdx[lane], c_step = cdx[lane], q_step = qdx[lane];
             const R from_x = R(0.5) - ax[lane];
             const int last = x1[lane], face = base + lane;
             for (int y = y0[lane]; y <= y1[lane]; ++y) {
                 const R off_y = y + R(0.5) - ay[lane];
-                const R b_row = bdy * off_y, c_row = cdy * off_y, q_row = aq[lane] + qdy * off_y;
+                const R b_row = bdy[lane] * off_y, c_row = cdy[lane] * off_y, q_row = aq[lane] + qdy[lane] * off_y;
                 // LANES pixels at once, without a branch; those beyond the face's box keep what they hold.
                 for (int x = x0[lane]; x <= last; x += LANES) {
                     R* const nearest = seen.q.data() + (size_t)y * width + x;
                     int32_t* const nearest_face = seen.face.data() + (size_t)y * width + x;
                     for (int step = 0; step < LANES; ++step) {
                         const R off_x = (R)(x + step) + from_x;
-                        const R b = b_row + bdx * off_x, c = c_row + cdx * off_x, q = q_row + qdx * off_x;
+                        const R b = b_row + b_step * off_x, c = c_row + c_step * off_x, q = q_row + q_step * off_x;
                         const bool covered = (b >= SLACK) & (c >= SLACK) & (1 - b - c >= SLACK);
                         const bool nearer = covered & (x + step <= last) & (q > nearest[step]);
                         nearest[step] = nearer ? q : nearest[step];
@@ -90,7 +106,11 @@ template <class R> Fragment<R> fragment_at(const R* screen, const int32_t* corne
 
 template Fragment<float> fragment_at(const float*, const int32_t*, int, int, int);
 template Fragment<double> fragment_at(const double*, const int32_t*, int, int, int);
-template void draw_faces(const float*, const int32_t*, int, int, int, bool, VisibilityBuffer<float>&, uint8_t*);
-template void draw_faces(const double*, const int32_t*, int, int, int, bool, VisibilityBuffer<double>&, uint8_t*);
+#define VIG_INSTANTIATE(R, STRIDE) \
+    template void draw_faces<R, STRIDE>(const R*, const int32_t*, int, int, int, bool, VisibilityBuffer<R>&, uint8_t*);
+VIG_INSTANTIATE(float, 3)
+VIG_INSTANTIATE(float, 4)
+VIG_INSTANTIATE(double, 3)
+VIG_INSTANTIATE(double, 4)
 
 }  // namespace vig

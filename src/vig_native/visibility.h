@@ -50,9 +50,9 @@ template <class R> inline PixelBox pixel_box(R ax, R ay, R bx, R by, R cx, R cy,
     return box;
 }
 
-// Draw faces (F, 3) of vertices on the screen (V, 3), (x, y, q), q = 0 for one at or behind the eye, whose faces are not
-// drawn, and say which faces are turned to the eye (F,). With `cull` only these are drawn.
-template <class R>
+// Draw faces (F, 3) of vertices on the screen (V, STRIDE), (x, y, q, ...), q = 0 for one at or behind the eye, whose faces
+// are not drawn, and say which faces are turned to the eye (F,). With `cull` only these are drawn.
+template <class R, int STRIDE = 3>
 void draw_faces(const R* screen, const int32_t* corners, int faces, int width, int height, bool cull,
                 VisibilityBuffer<R>& seen, uint8_t* facing);
 

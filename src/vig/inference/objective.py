@@ -177,6 +177,10 @@ class Objective:
         """The latents of points (B, P')."""
         return Latents.from_vector(points[:, self._latents])
 
+    def azimuth(self, points: torch.Tensor) -> torch.Tensor:
+        """The azimuths (B,) of points (B, P'), radians."""
+        return points[:, self.layout.at("azimuth")]
+
     def framing(self, points: torch.Tensor) -> torch.Tensor:
         """The framing (B, 4) of points (B, P'), 0 where the layout has none."""
         if "framing" not in self.layout:

@@ -77,7 +77,7 @@ def select(
     # By evidence alone: the view probability of the guess is the highest by its nature.
     reverted = informed and float(ends.evidence[best]) <= start_evidence + LEAST_GAIN_NATS
     point = start if reverted else ends.points[best : best + 1]
-    azimuth, symmetry = objective.latents(ends.points).azimuth, objective.object_class.symmetry
+    azimuth, symmetry = objective.azimuth(ends.points), objective.object_class.symmetry
     other_view = symmetry.difference(azimuth, azimuth[best]).abs() > DISTINCT_AZIMUTH
     # Ends of the chosen view are no rivals, however good.
     gaps = torch.where(other_view, ends.scores[best] - ends.scores, math.inf)
@@ -98,7 +98,7 @@ def select(
         swapped = [1, 0, *range(2, len(candidates))]
         candidates, behind = candidates[swapped], behind[swapped]
     most = OTHER_VIEWS if informed else UNINFORMED_VIEWS
-    azimuths = objective.latents(torch.cat([candidates, point])).azimuth  # the chosen one's is the last
+    azimuths = objective.azimuth(torch.cat([candidates, point]))  # the chosen one's is the last
     off = symmetry.difference(azimuths, azimuths[:, None]).abs()
     turned, distinct, others = float(off[-1, 0]), (off > DISTINCT_AZIMUTH).tolist(), list[int]()
     for index in range(len(candidates)):
@@ -195,7 +195,7 @@ def refine(
     evaluations, given_up, paths = 0, points[:0], points[None]
     for stage in settings.stages:
         # The first stage takes all starts, as their scores are 0 alike.
-        azimuth = objective.latents(points).azimuth
+        azimuth = objective.azimuth(points)
         entering = survivors(azimuth, scores, stage.starts, symmetry, stage.one_per_view)
         order = scores.argsort(descending=True, stable=True)
         left = order[~torch.isin(order, entering)]
@@ -210,7 +210,7 @@ def refine(
         )
         points, evidence = descent.points, descent.value
         paths = torch.cat([paths, points[None] if descent.path is None else descent.path[1:]])
-        view_log_probability = prediction.log_mass(objective.latents(points).azimuth)
+        view_log_probability = prediction.log_mass(objective.azimuth(points))
         # A photo pooled to scale s has s^2 of the pixels, hence of the evidence's nats.
         scores = evidence + settings.view_weight * stage.scale**2 * view_log_probability
         evaluations += int(descent.evaluations.sum())

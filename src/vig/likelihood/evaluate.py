@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 
 from vig.likelihood.densities import DEFAULT_DENSITY, density_of
@@ -42,18 +43,19 @@ class Photos:
                 f"photos must be floating-point linear RGB; got {self.linear.dtype} and a log_prior of"
                 f" {self.log_prior.dtype}. Divide 8-bit values by 255 and decode them."
             )
-        if not torch.isfinite(self.log_prior).all():
+        if not self.linear.numel():
+            return
+        # NaN is the least and the most of any numbers that it is among.
+        if not all(math.isfinite(end) for end in self.log_prior.aminmax()):
             raise ValueError("log_prior must be finite; got NaN or infinity. NEVER stands for log 0")
-        if not torch.isfinite(self.linear).all():
+        least, most = (float(end) for end in self.linear.aminmax())
+        if not (math.isfinite(least) and math.isfinite(most)):
             raise ValueError("photos must be finite linear RGB; got NaN or infinity")
-        if self.linear.numel() and self.linear.min() < -1:
+        if least < -1:
+            raise ValueError(f"photos must be linear RGB in [0, 1]; got a minimum of {least:g}. Clip them.")
+        if most > 8:
             raise ValueError(
-                f"photos must be linear RGB in [0, 1]; got a minimum of {float(self.linear.min()):g}."
-                " Clip them."
-            )
-        if self.linear.numel() and self.linear.max() > 8:
-            raise ValueError(
-                f"photos must be linear RGB in [0, 1]; got a maximum of {float(self.linear.max()):g}."
+                f"photos must be linear RGB in [0, 1]; got a maximum of {most:g}."
                 " Are these 8-bit values? Decode them first."
             )
 
@@ -116,6 +118,8 @@ class Likelihood:
             raise ValueError(f"photos of {size} do not fit a camera of {(camera.height, camera.width)}")
         self.geometry, self.camera, self.silhouette, self.stride = geometry, camera, silhouette, stride
         self.layout, self.density = geometry.layout, density
+        names = [block.name for block in latent_layout(self.layout.count("shape")).blocks]
+        self._columns = torch.tensor(self.layout.indices(*names, "framing"))
         shape = len(photos.linear), camera.height * camera.width, 3
         self.observed = photos.linear.to("cpu", geometry.dtype).reshape(shape).contiguous()
         self.log_prior = photos.log_prior.to("cpu", geometry.dtype).reshape(shape).contiguous()
@@ -145,11 +149,9 @@ class Likelihood:
 
         Numbers of further blocks of the layout are 0.
         """
-        vector = latents.to_vector()
-        points = vector.new_zeros(len(vector), self.layout.size)
-        parts = latent_layout(latents.shape.shape[1]).split(vector) | {"framing": framing}
-        for name, numbers in parts.items():
-            points[:, self.layout[name]] = numbers.to(points)
+        numbers = torch.cat([latents.to_vector(), framing.to(latents.shape)], dim=1)
+        points = numbers.new_zeros(len(numbers), self.layout.size)
+        points[:, self._columns] = numbers
         return self.at(points, photo, sigma, derivatives, images, curvature)
 
     def at(
@@ -167,48 +169,50 @@ class Likelihood:
 
         Points are shared out to as many threads as torch has (`torch.set_num_threads`).
         """
-        points = points.detach().to("cpu", self.geometry.dtype).contiguous()
-        self._check(points, photo, sigma)
-        value, *arrays = engine.evaluate(
+        arrays = (
+            points.detach().to("cpu", self.geometry.dtype).contiguous().numpy(),
+            photo.detach().cpu().numpy(),
+            sigma.detach().to("cpu", torch.float64).contiguous().numpy(),
+        )
+        self._check(*arrays)
+        value, *results = engine.evaluate(
             self.geometry.native,
             self.native,
-            points.numpy(),
-            photo.to("cpu", torch.int32).contiguous().numpy(),
-            sigma.detach().to("cpu", torch.float64).contiguous().numpy(),
+            arrays[0],
+            np.ascontiguousarray(arrays[1], np.int32),
+            arrays[2],
             int(derivatives) + int(derivatives and curvature),
             images,
             thread_count(),
         )
         wanted = derivatives, derivatives and curvature, images, images, images
-        results = (torch.from_numpy(a) if want else None for a, want in zip(arrays, wanted, strict=True))
-        return Evaluation(torch.from_numpy(value), *results)
+        asked = (torch.from_numpy(each) if want else None for each, want in zip(results, wanted, strict=True))
+        return Evaluation(torch.from_numpy(value), *asked)
 
-    def _check(self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor) -> None:
-        """Raise ValueError for input that kernels do not check: out-of-range indices, NaN."""
+    def _check(self, points: np.ndarray, photo: np.ndarray, sigma: np.ndarray) -> None:
+        """Raise ValueError for input that native code does not check: out-of-range indices, NaN."""
         size, count = self.layout.size, len(points)
         if points.ndim != 2 or points.shape[1] != size:
-            raise ValueError(f"points must be (B, {size}), latents and framing; got {tuple(points.shape)}")
-        if not torch.isfinite(points).all():
-            at = (~torch.isfinite(points)).nonzero()[0].tolist()
+            raise ValueError(f"points must be (B, {size}), latents and framing; got {points.shape}")
+        if not np.isfinite(points).all():
+            row, column = np.argwhere(~np.isfinite(points))[0]
             raise ValueError(
-                f"points must be finite; got {float(points[*at])} in column {at[1]} of point {at[0]}"
+                f"points must be finite; got {points[row, column]} in column {column} of point {row}"
             )
         if photo.shape != (count,) or sigma.shape != (count,):
             raise ValueError(
-                f"photo and sigma must be ({count},) like the points;"
-                f" got {tuple(photo.shape)} and {tuple(sigma.shape)}"
+                f"photo and sigma must be ({count},) like the points; got {photo.shape} and {sigma.shape}"
             )
-        if photo.is_floating_point() or photo.is_complex():
-            raise ValueError(f"photo must be whole numbers, indices of photos; got {photo.dtype}")
+        if photo.dtype.kind not in "iu":
+            raise ValueError(f"photo must be whole numbers, indices of photos; got torch.{photo.dtype}")
         if not count:
             return
-        first, last = (int(end) for end in photo.aminmax())
-        if first < 0 or last >= len(self.observed):
+        if photo.min() < 0 or photo.max() >= len(self.observed):
             raise ValueError(
-                f"photo must be indices of the {len(self.observed)} photos; got {first} to {last}"
+                f"photo must be indices of the {len(self.observed)} photos;"
+                f" got {photo.min()} to {photo.max()}"
             )
-        least, most = (float(end) for end in sigma.aminmax())
-        if not (least > 0 and most < math.inf):
+        if not (sigma.min() > 0 and sigma.max() < math.inf):
             raise ValueError(
                 f"sigma must be positive standard deviations in linear RGB; got {sigma.tolist()}"
             )

@@ -152,6 +152,12 @@ class Prediction:
             deviation=round_to_grid(log_deviation, DEVIATION_STEP).exp().to(self.deviation),
         )
 
+    @functools.cached_property
+    def _smooth(self) -> torch.Tensor:
+        """Probability (bins,) float64 that the first photo's azimuth lies in a bin or two on either hand."""
+        azimuth = self.azimuth[0].double()
+        return torch.stack([azimuth.roll(offset) for offset in range(-2, 3)]).sum(0)
+
     def log_mass(self, azimuth: torch.Tensor) -> torch.Tensor:
         """Log probability that the first photo's azimuth lies within 2.5 bins of each angle (B,), float64.
 
@@ -160,11 +166,10 @@ class Prediction:
         bins, fold = self.azimuth.shape[1], self.symmetry.fold
         if not fold:
             return torch.zeros_like(azimuth, dtype=torch.float64)
-        smooth = sum(self.azimuth[0].double().roll(offset) for offset in range(-2, 3))
         at = torch.remainder(azimuth.double() * fold * bins / (2 * math.pi) - 0.5, bins)
         low = at.floor().long() % bins
         share = at - at.floor()
-        mass = torch.as_tensor(smooth)[low] * (1 - share) + torch.as_tensor(smooth)[(low + 1) % bins] * share
+        mass = self._smooth[low] * (1 - share) + self._smooth[(low + 1) % bins] * share
         return mass.clamp_min(1e-3).log()
 
     def azimuth_offsets(self, azimuth: torch.Tensor) -> torch.Tensor:

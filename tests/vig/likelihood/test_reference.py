@@ -45,9 +45,10 @@ class Stages:
     def __init__(self, geometry: Geometry, camera: Camera, given: Case):
         likelihood = Likelihood(geometry, camera, Photos(given.photo, given.log_prior), "paper", stride=1)
         made = engine.stages(geometry.native, likelihood.native, given.point[0].numpy(), SIGMA)
-        self.face, self.screen, used, self.normals, self.irradiances, self.shape_rows, self.rest_rows = (
+        self.face, points, used, normals, self.shape_rows, self.rest_rows = (
             torch.from_numpy(array) for array in made.values()
         )
+        self.screen, self.irradiances, self.normals = points[:, :3], points[:, 3], normals[:, :3]
         self.used, self.face = used.bool(), self.face.long()
         sigma = torch.tensor([SIGMA], dtype=torch.float64)
         photo = torch.zeros(1, dtype=torch.int32)
