@@ -1,8 +1,8 @@
 """Processor seconds of single commands, start included: `python -m benchmarks.startup [--json FILE]`.
 
-`vig fit` of a packaged example as any later time (warm) and as the first after an installation, without caches
-and without compiled Python (cold), and `vig --help`: processor time of all threads, the minimum of several
-runs, each in a process of its own.
+`vig fit` of a packaged example as any later time (warm) and as the first after an installation, without
+caches and without compiled Python (cold), and `vig --help`: processor time of all threads, the minimum of
+several runs, each in a process of its own.
 """
 
 from __future__ import annotations

@@ -88,7 +88,7 @@ template <class R> void normalise(Vectors<R>& v, R* inverse) {
 template <class R> void lobes(const Vectors<R>& n, R (&row)[LOBES][LANES]) {
     for (int k = 0; k < LANES; ++k) {
         R own[LOBES];
-        lobes(n[k], own);
+        lobes<R>(n[k], own);
         for (int l = 0; l < LOBES; ++l)
             row[l][k] = own[l];
     }
@@ -135,7 +135,7 @@ void pull_reflect(const Light<R>& light, const Vectors<R>& n, const Vectors<R>& 
         if (light.is_grey && c < 2)
             continue;
         for (int l = 0; l < LOBES; ++l) {
-            R parts[LANES];
+            Lanes<R> parts;
             for (int k = 0; k < LANES; ++k)
                 parts[k] = row[l][k] * g[k];
             on_light.sky[c][l] += sum_lanes<R>(parts);

@@ -147,7 +147,7 @@ template <class R> Vec3<R> reflect(const Light<R>& light, Vec3<R> n) {
     if (!light.is_on)
         return {1, 1, 1};
     R row[LOBES], sum[3] = {};
-    lobes(n, row);
+    lobes<R>(n, row);
     for (int c = 0; c < 3; ++c)
         for (int l = 0; l < LOBES; ++l)
             sum[c] += row[l] * light.sky[c][l];
@@ -160,7 +160,7 @@ template <class R> Vec3<R> pull_reflect(const Light<R>& light, Vec3<R> n, Vec3<R
     if (!light.is_on)
         return to;
     R row[LOBES];
-    lobes(n, row);
+    lobes<R>(n, row);
     for (int c = 0; c < 3; ++c) {
         R sum = 0;
         for (int l = 0; l < LOBES; ++l)

@@ -51,6 +51,18 @@ template <class R> struct Mat3 {
     }
 };
 
+// The numbers of two vectors at the given places, those of the second counted on.
+#if __has_builtin(__builtin_shufflevector)
+#define VIG_SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+#else  // GCC 11
+template <class R, class V, class... Places> auto shuffle(const V& a, const V& b, Places... places) {
+    constexpr int count = sizeof(V) / sizeof(R);
+    typedef R type __attribute__((vector_size(sizeof...(Places) * sizeof(R))));
+    return type{(places < count ? a[places] : b[places - count])...};
+}
+#define VIG_SHUFFLE(a, b, ...) shuffle<R>(a, b, __VA_ARGS__)
+#endif
+
 // LANES numbers in vector registers, and four, as points of vertices are kept; in memory they lie anywhere (Loose).
 #define VIG_VECTOR(NAME, COUNT)                                                                                        \
     template <class R> struct NAME##Of;                                                                                \
@@ -103,8 +115,8 @@ template <class R> R sum_lanes(const Lanes<R>& parts) {
 
 // The cross product of the first three, and 0.
 template <class R> Four<R> cross_fours(Four<R> a, Four<R> b) {
-    return __builtin_shufflevector(a, a, 1, 2, 0, 3) * __builtin_shufflevector(b, b, 2, 0, 1, 3)
-        - __builtin_shufflevector(a, a, 2, 0, 1, 3) * __builtin_shufflevector(b, b, 1, 2, 0, 3);
+    return VIG_SHUFFLE(a, a, 1, 2, 0, 3) * VIG_SHUFFLE(b, b, 2, 0, 1, 3)
+        - VIG_SHUFFLE(a, a, 2, 0, 1, 3) * VIG_SHUFFLE(b, b, 1, 2, 0, 3);
 }
 
 #define VIG_BLOCKS(a, b, c, d)                                                                                         \
@@ -112,22 +124,22 @@ template <class R> Four<R> cross_fours(Four<R> a, Four<R> b) {
 // Transpose the 4 x 4 blocks of four rows of LANES numbers.
 template <class R> void transpose_blocks(Lanes<R>* rows) {
     const Lanes<R> a = rows[0], b = rows[1], c = rows[2], d = rows[3];
-    const Lanes<R> low_ab = __builtin_shufflevector(a, b, VIG_BLOCKS(0, 16, 1, 17));
-    const Lanes<R> high_ab = __builtin_shufflevector(a, b, VIG_BLOCKS(2, 18, 3, 19));
-    const Lanes<R> low_cd = __builtin_shufflevector(c, d, VIG_BLOCKS(0, 16, 1, 17));
-    const Lanes<R> high_cd = __builtin_shufflevector(c, d, VIG_BLOCKS(2, 18, 3, 19));
-    rows[0] = __builtin_shufflevector(low_ab, low_cd, VIG_BLOCKS(0, 1, 16, 17));
-    rows[1] = __builtin_shufflevector(low_ab, low_cd, VIG_BLOCKS(2, 3, 18, 19));
-    rows[2] = __builtin_shufflevector(high_ab, high_cd, VIG_BLOCKS(0, 1, 16, 17));
-    rows[3] = __builtin_shufflevector(high_ab, high_cd, VIG_BLOCKS(2, 3, 18, 19));
+    const Lanes<R> low_ab = VIG_SHUFFLE(a, b, VIG_BLOCKS(0, 16, 1, 17));
+    const Lanes<R> high_ab = VIG_SHUFFLE(a, b, VIG_BLOCKS(2, 18, 3, 19));
+    const Lanes<R> low_cd = VIG_SHUFFLE(c, d, VIG_BLOCKS(0, 16, 1, 17));
+    const Lanes<R> high_cd = VIG_SHUFFLE(c, d, VIG_BLOCKS(2, 18, 3, 19));
+    rows[0] = VIG_SHUFFLE(low_ab, low_cd, VIG_BLOCKS(0, 1, 16, 17));
+    rows[1] = VIG_SHUFFLE(low_ab, low_cd, VIG_BLOCKS(2, 3, 18, 19));
+    rows[2] = VIG_SHUFFLE(high_ab, high_cd, VIG_BLOCKS(0, 1, 16, 17));
+    rows[3] = VIG_SHUFFLE(high_ab, high_cd, VIG_BLOCKS(2, 3, 18, 19));
 }
 #undef VIG_BLOCKS
 
 // Four times four numbers in a row: four(n) is the n-th.
 template <class R, class F> Lanes<R> join_fours(F&& four) {
-    const auto low = __builtin_shufflevector(four(0), four(1), 0, 1, 2, 3, 4, 5, 6, 7);
-    const auto high = __builtin_shufflevector(four(2), four(3), 0, 1, 2, 3, 4, 5, 6, 7);
-    return __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    const auto low = VIG_SHUFFLE(four(0), four(1), 0, 1, 2, 3, 4, 5, 6, 7);
+    const auto high = VIG_SHUFFLE(four(2), four(3), 0, 1, 2, 3, 4, 5, 6, 7);
+    return VIG_SHUFFLE(low, high, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
 }
 
 // Load rows (., 4) at LANES places, transposed: to[n] holds the n-th of each.

@@ -53,7 +53,7 @@ class PackedAsset:
 def pack(parts: Sequence[tuple[Mesh, Material]]) -> dict[str, np.ndarray]:
     """The arrays of an asset: `slots`, and what `make_asset` of native code reads.
 
-    Meshes are in a frame of their own, metres, and need texture coordinates, metres for materials with a slot.
+    Meshes are in frames of their own, metres; texture coordinates are metres for materials with a slot.
 
     Raises:
         ValueError: Without parts.
