@@ -13,6 +13,7 @@ constexpr float LEAST_LIGHT = 0.1f;  // share of the irradiance that no shadow t
 constexpr float MOST_LIGHT = 1.25f;  // largest ratio of a place's light to the object's, which may be in a dim corner
 constexpr float EVEN = 0.6f;         // far from the object, this share of the irradiance is the mean of all directions; half at 1 m
 
+#pragma GCC diagnostic ignored "-Wpsabi"  // vectors are returned by functions of this file alone, which are inlined
 typedef float Eight __attribute__((vector_size(32)));
 typedef int16_t EightStored __attribute__((vector_size(16), aligned(2), may_alias));
 
