@@ -32,7 +32,7 @@ docs: $(DOCS)
 	$(BIN)/python tools/check_site.py build/site
 
 # Torch comes first and pinned, so that no later package can pull another build of it.
-NATIVE := $(filter-out %/density_list.h,$(wildcard src/vig_native/*.cc src/vig_native/*.h src/vig_native/densities/*.h)) \
+NATIVE := $(filter-out %/density_list.h,$(wildcard src/vig_native/*.cc src/vig_native/*.h src/vig_native/*/*.cc src/vig_native/*/*.h)) \
 	src/vig_native/cmake/CMakeLists.txt
 
 $(INSTALLED): pyproject.toml constraints.txt $(NATIVE)
