@@ -55,7 +55,7 @@ template <class R> struct Pixels {
     Row per_q, irradiance, error[3]; // depth; irradiance; observed less rendered colour
 
     // x, y: where the centres are; observed: their colours.
-    Pixels(const Task<R>& task, const int* face, const Row& x, const Row& y, const Row* observed) {
+    Pixels(const Task<R>& task, const int* face, Row x, Row y, const Row* observed) {
         for (int lane = 0; lane < LANES; ++lane)
             for (int n = 0; n < 3; ++n)
                 corner[n][lane] = task.geometry.corners[3 * (size_t)face[lane] + n];
