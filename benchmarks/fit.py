@@ -1,6 +1,6 @@
 """How long a fit takes, and how many fit in a second: `python -m benchmarks.fit [--json FILE] [--quick]`.
 
-On one thread, kernels warm: one descent from the recognition model's best guess at full size until it
+On one thread: one descent from the recognition model's best guess at full size until it
 converges, one whole fit with all its starts, one with the settings of photographs, how often the objective
 is valued in each, one valuation with gradient and normal matrix when it is asked for by itself, and one
 within the search. Then fits per second on one
@@ -48,7 +48,7 @@ def measure(fits: Fits, repeats: int) -> Samples:
     settings, found = fits.settings, Samples([], [], [], [], [], [], [], [])
     of_photographs = resolve(ExplainSettings(), fits.object_class, photo=True)
     zero, sigma = torch.zeros(1, dtype=torch.int32), settings.likelihood.sigma
-    fits.whole(torch.arange(1))  # compile the kernels
+    fits.whole(torch.arange(1))  # first uses
     for index in list(range(len(fits.photos))) * repeats:
         photo, prediction = fits.photos[index], fits.prediction[index : index + 1]
         explanation, time = timed(lambda: explain_one(photo, prediction, fits.object_class, settings))  # noqa: B023

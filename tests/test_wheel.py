@@ -17,8 +17,9 @@ def test_the_wheel_has_less_than_25_mb() -> None:
     excluded = {path for pattern in settings["exclude"] for path in (ROOT / "src").glob(pattern)}
 
     def is_shipped(path: Path) -> bool:
-        other_set = path.suffix == ".so" and not path.name.startswith(f"_{ISA}.")
-        return not other_set and "__pycache__" not in path.parts and excluded.isdisjoint([path, *path.parents])
+        if path.suffix == ".so" and not path.name.startswith(f"_{ISA}."):
+            return False
+        return "__pycache__" not in path.parts and excluded.isdisjoint([path, *path.parents])
 
     sizes = {path: len(zlib.compress(path.read_bytes())) for path in files if is_shipped(path)}
     largest = sorted(sizes, key=lambda path: -sizes[path])[:5]

@@ -93,7 +93,8 @@ RayMesh::RayMesh(const float* vertices, const int32_t* corners, int faces) {
 
 Hit RayMesh::first_hit(Vec3<float> origin, Vec3<float> direction) const {
     Hit best = {NO_HIT, false, FAR, {0, 0, 0}};
-    if (leaves_.empty())
+    const float reach = origin.x + origin.y + origin.z + direction.x + direction.y + direction.z;
+    if (leaves_.empty() || !std::isfinite(reach))
         return best;
     const float from[3] = {origin.x, origin.y, origin.z}, along[3] = {direction.x, direction.y, direction.z};
     float inverse[3];

@@ -27,7 +27,7 @@ std::shared_ptr<Mesh> make_mesh(Input<int32_t> faces, Input<int32_t> texture_fac
     for (const int32_t row : mesh->texture_corners) {
         if (row < 0)
             throw std::invalid_argument("texture_faces must name rows of coordinates, 0 and up; they name " + std::to_string(row));
-        mesh->texture_rows = std::max(mesh->texture_rows, row + 1);
+        mesh->texture_rows = std::max(mesh->texture_rows, (int64_t)row + 1);
     }
     const auto check_columns = [&](int first, int columns, int least, int end) {
         check_table("edges", mesh->edges.data() + (size_t)first * edge_count, (size_t)columns * edge_count, least, end);
@@ -51,7 +51,9 @@ template <class R> class BoundScenes {
                 std::vector<int> places, std::vector<int> starts, int height, int width, int samples, double near, int masks,
                 bool is_mask) {
         const int64_t rows = (int64_t)height * samples + 2 * MARGIN, columns = (int64_t)width * samples + 2 * MARGIN;
-        if (height < 1 || width < 1 || samples < 1 || rows * columns > INT_MAX / 8)
+        // Numbers of lines and columns are exact in single precision.
+        const int64_t longest = std::max(rows, columns);
+        if (height < 1 || width < 1 || samples < 1 || longest > (1 << 24) - 4 || rows * columns > INT_MAX / 8)
             throw std::invalid_argument("an image must have a pixel or more and at most 268 million samples; got " +
                                         std::to_string(width) + " x " + std::to_string(height) + " pixels of " +
                                         std::to_string(samples) + " x " + std::to_string(samples) + " samples");
@@ -59,6 +61,8 @@ template <class R> class BoundScenes {
             starts.back() != (int)meshes.size() || !std::is_sorted(starts.begin(), starts.end()))
             throw std::invalid_argument("levels and places must be as many as meshes, and starts lead from 0 to their number");
         int64_t vertices = 0, faces = 0;
+        if (masks < 0 || (is_mask && masks != 1) || std::count(meshes.begin(), meshes.end(), nullptr))
+            throw std::invalid_argument("meshes must be Mesh, and masks as many as a scene's objects, 1 where only they are drawn");
         for (size_t n = 0; n < meshes.size(); ++n) {
             if (!is_mask && (places[n] < 0 || places[n] >= masks))
                 throw std::invalid_argument("places must be from 0 to " + std::to_string(masks - 1));
@@ -84,12 +88,14 @@ template <class R> class BoundScenes {
 
     // The inputs of each object in the order of `ObjectInput`; fills points and attributes. See `Scenes::place`.
     bool place(std::vector<std::vector<Optional<R>>> inputs, InOut<R> points, InOut<R> attributes, int threads) {
-        take_inputs(inputs);
         bind(points, attributes);
+        take_inputs(inputs);
+        stage_ = Stage::placed;
         const nb::gil_scoped_release released;
         return scenes_.place(points.data(), attributes.data(), threads);
     }
     void bind(InOut<R> points, OptionalOut<R> attributes) {
+        stage_ = Stage::bound;
         check_shape("points", points, {scenes_.vertex_count(), 3});
         scenes_.points = points.data();
         points_ = points;
@@ -103,7 +109,8 @@ template <class R> class BoundScenes {
         }
     }
     void find(bool edges, int threads) {
-        need(scenes_.points);
+        need(stage_ >= Stage::bound);
+        stage_ = std::min(stage_, Stage::placed);  // what was painted is gone
         const nb::gil_scoped_release released;
         scenes_.layers.assign(layers(), {});
         scenes_.find(edges, threads);
@@ -128,7 +135,7 @@ template <class R> class BoundScenes {
         return out;
     }
     void paint(Optional<R> background, OptionalOut<R> rgb, OptionalOut<R> coverage, InOut<R> visible, int threads) {
-        need(scenes_.points && (scenes_.is_mask || (scenes_.attributes && background && rgb)));
+        need(scenes_.is_mask ? stage_ >= Stage::bound : stage_ >= Stage::placed && background && rgb);
         if (background) {
             const bool image = background->ndim() == 4;
             check_shape("background", *background, image ? shape(3) : std::vector<int64_t>{layers(), 3});
@@ -137,6 +144,7 @@ template <class R> class BoundScenes {
             scenes_.background_is_image = image;
         }
         const Images<R> to = images<R>(rgb, coverage, std::optional(visible));
+        stage_ = Stage::painted;
         const nb::gil_scoped_release released;
         scenes_.paint(to, threads);
     }
@@ -144,7 +152,7 @@ template <class R> class BoundScenes {
     // background's, of the shapes of these.
     void back(Optional<R> on_rgb, Optional<R> on_coverage, Optional<R> on_visible, InOut<R> on_points, OptionalOut<R> on_attributes,
               OptionalOut<R> on_background, std::vector<std::vector<OptionalOut<R>>> on_inputs, int threads) const {
-        need(scenes_.layers.size() == (size_t)layers());
+        need(stage_ == Stage::painted);
         check_shape("on_points", on_points, {scenes_.vertex_count(), 3});
         need(scenes_.is_mask || on_attributes);
         if (on_attributes)
@@ -193,6 +201,7 @@ template <class R> class BoundScenes {
     }
 
   private:
+    enum class Stage { made, bound, placed, painted } stage_ = Stage::made;
     Scenes<R> scenes_;
     std::vector<std::vector<Optional<R>>> inputs_;
     OptionalOut<R> points_, attributes_;
@@ -208,7 +217,7 @@ template <class R> class BoundScenes {
     }
     static void need(bool condition) {
         if (!condition)
-            throw std::invalid_argument("scenes are placed and painted before they are asked of, with what their kind has");
+            throw std::invalid_argument("scenes must be placed, then painted, before they are pulled back or their surface is asked for");
     }
     static void check_count(const char* what, size_t object, int input, size_t count, std::initializer_list<int64_t> wanted) {
         if (std::find(wanted.begin(), wanted.end(), (int64_t)count) == wanted.end())
@@ -229,10 +238,12 @@ template <class R> class BoundScenes {
         if (inputs.size() != scenes_.objects.size())
             throw std::invalid_argument("inputs must be of " + std::to_string(scenes_.objects.size()) + " objects; got " +
                                         std::to_string(inputs.size()));
+        std::vector<std::array<int64_t, INPUTS>> count(inputs.size());
         for (size_t n = 0; n < inputs.size(); ++n) {
-            Object<R>& object = scenes_.objects[n];
+            const Object<R>& object = scenes_.objects[n];
+            const Mesh& mesh = *object.mesh;
             need(inputs[n].size() == INPUTS);
-            const int64_t vertices = 3 * (int64_t)object.mesh->vertices;
+            const int64_t vertices = 3 * (int64_t)mesh.vertices;
             const std::initializer_list<int64_t> wanted[COORDINATES] = {{vertices}, {9}, {3}, {vertices}, {3, vertices}, {9, 27},
                                                                         {3}, {3}, {9}, {3}, {2}, {2}};
             for (int i = 0; i < INPUTS; ++i) {
@@ -240,24 +251,27 @@ template <class R> class BoundScenes {
                                     (i == RADIANCE && inputs[n][LAMP]) || (i >= COORDINATES && !object.levels.empty());
                 if (needed && !inputs[n][i])
                     throw std::invalid_argument("input " + std::to_string(i) + " of object " + std::to_string(n) + " is missing");
-                object.in[i] = data_or_null(inputs[n][i]);
-                object.count[i] = inputs[n][i] ? inputs[n][i]->size() : 0;
-                if (i < COORDINATES && object.in[i])
-                    check_count("input", n, i, object.count[i], wanted[i]);
+                count[n][i] = inputs[n][i] ? inputs[n][i]->size() : 0;
+                if (i < COORDINATES && inputs[n][i])
+                    check_count("input", n, i, count[n][i], wanted[i]);
             }
-            if (object.levels.empty()) {
-                object.in[COORDINATES] = object.in[TEXELS] = nullptr;
+            if (object.levels.empty())
                 continue;
-            }
             for (size_t l = 0; l < object.levels.size(); l += 3) {
                 const int64_t first = object.levels[l], rows = object.levels[l + 1], columns = object.levels[l + 2];
-                if (first < 0 || rows < 1 || columns < 1 || 3 * (first + rows * columns) > object.count[TEXELS])
+                if (first < 0 || rows < 1 || columns < 1 || 3 * (first + rows * columns) > count[n][TEXELS])
                     throw std::invalid_argument("levels must lie within the texels, and each texture must have one or more");
             }
-            if (2 * (int64_t)object.mesh->texture_rows > object.count[COORDINATES])
+            if (2 * mesh.texture_rows > count[n][COORDINATES])
                 throw std::invalid_argument("a texture needs a row of texture_coordinates for each of its corners");
         }
         inputs_ = inputs;
+        for (size_t n = 0; n < inputs.size(); ++n) {
+            Object<R>& object = scenes_.objects[n];
+            object.count = count[n];
+            for (int i = 0; i < INPUTS; ++i)
+                object.in[i] = i >= COORDINATES && object.levels.empty() ? nullptr : data_or_null(inputs_[n][i]);
+        }
     }
 };
 

@@ -122,7 +122,7 @@ template <class R, class N> N* background_at(const Scenes<R>& scenes, int layer,
 
 template <class R> void Scenes<R>::paint(Images<R> to, int threads) {
     layers.assign(starts.size() - 1, {});
-    share_out(layers.size(), threads, [&](size_t number) {
+    share_out(layers.size(), threads_for(layers.size() * grid(), threads), [&](size_t number) {
         find_layer((int)number, true);
         paint_layer((int)number, to);
     });
@@ -197,7 +197,7 @@ template <class R>
 void Scenes<R>::paint_back(Images<const R> on, R* on_points, R* on_attributes, R* on_background,
                            std::vector<LightCotangent>& on_lights, std::vector<Cotangents<R>>& on_inputs,
                            int threads) const {
-    share_out(layers.size(), threads, [&](size_t number) {
+    share_out(layers.size(), threads_for(layers.size() * grid(), threads), [&](size_t number) {
         paint_layer_back((int)number, on, on_points, on_attributes, on_background, on_lights, on_inputs);
     });
 }

@@ -137,14 +137,15 @@ void pull_reflect(const Light<R>& light, const Vectors<R>& n, const Vectors<R>& 
         for (int l = 0; l < LOBES; ++l) {
             Lanes<R> parts;
             for (int k = 0; k < LANES; ++k)
-                parts[k] = row[l][k] * g[k];
+                parts[k] = g[k] != 0 ? row[l][k] * g[k] : 0;
             on_light.sky[c][l] += sum_lanes<R>(parts);
         }
         for (int k = 0; k < LANES; ++k) {
             const Vec3<R> slope = light_slope(light.sky[c], n[k]) * g[k];
-            on_n.x[k] += slope.x;
-            on_n.y[k] += slope.y;
-            on_n.z[k] += slope.z;
+            // Normals of points that overflow are no numbers: nothing is pulled back to them.
+            on_n.x[k] += g[k] != 0 ? slope.x : 0;
+            on_n.y[k] += g[k] != 0 ? slope.y : 0;
+            on_n.z[k] += g[k] != 0 ? slope.z : 0;
         }
     }
     for (int k = 0; k < count && (light.lamp.x != 0 || light.lamp.y != 0 || light.lamp.z != 0); ++k) {
@@ -227,14 +228,14 @@ template <class R> bool Scenes<R>::place(R* to_points, R* to_attributes, int thr
             }
         }
     };
-    share_out(objects.size(), threads, place_object);
+    share_out(objects.size(), threads_for(vertex_count(), threads), place_object);
     return std::all_of(finite.begin(), finite.end(), [](uint8_t each) { return each; });
 }
 
 template <class R>
 void Scenes<R>::place_back(const R* on_points, const R* on_attributes, const std::vector<LightCotangent>& on_lights,
                            std::vector<Cotangents<R>>& on_inputs, int threads) const {
-    share_out(objects.size(), threads, [&](size_t number) {
+    share_out(objects.size(), threads_for(vertex_count(), threads), [&](size_t number) {
         const Object<R>& object = objects[number];
         const Mesh& mesh = *object.mesh;
         const Cotangents<R>& on = on_inputs[number];
@@ -265,7 +266,8 @@ void Scenes<R>::place_back(const R* on_points, const R* on_attributes, const std
                 pull_reflect(lights_[number], normal, on_reflected, size, on_normal, on_light);
             }
             for (int k = 0; k < size; ++k)
-                store3(&on_raw[3 * (base + k)], pull_unit(normal[k], inverse[k], on_normal[k]));
+                if (on_normal.x[k] != 0 || on_normal.y[k] != 0 || on_normal.z[k] != 0)
+                    store3(&on_raw[3 * (base + k)], pull_unit(normal[k], inverse[k], on_normal[k]));
         }
         const Vec3<R> camera_shift = load3(object.in[CAMERA_TRANSLATION]);
         for (size_t v = 0; v < count; ++v) {

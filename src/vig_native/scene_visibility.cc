@@ -27,7 +27,7 @@ struct Parts {
 
 // Clip faces at the near plane. A part's first corner is its farthest: near ones may lie far outside the image, and what is
 // drawn from there would be inexact.
-template <class R> void cut(const R* points, R scale, R near, Parts& faces, std::vector<R>& screen) {
+template <class R> void clip_faces(const R* points, R scale, R near, Parts& faces, std::vector<R>& screen) {
     for (int f = 0; f < faces.faces; ++f) {
         const int32_t* const corner = faces.corners + 3 * (size_t)f;
         const R* p[3];
@@ -212,7 +212,7 @@ void cross_lines(const Silhouette& edge, int number, Vec3<R> a, Vec3<R> b, const
 // Hide candidates behind faces: first those that the surface at one of their two pixels hides, which are most; then, in
 // the order of their pixels, those within the box of any part.
 template <class R>
-void hide(Occlusion<R>& occlusion, const Parts& faces, const std::vector<R>& screen, const int32_t* seen, int first_face,
+void mark_hidden(Occlusion<R>& occlusion, const Parts& faces, const std::vector<R>& screen, const int32_t* seen, int first_face,
           int columns, int rows) {
     std::vector<Candidate<R>>& candidates = occlusion.candidates;
     for (size_t n = 0; n < candidates.size(); ++n) {
@@ -284,7 +284,7 @@ void hide(Occlusion<R>& occlusion, const Parts& faces, const std::vector<R>& scr
 
 template <class R> void Scenes<R>::find(bool edges, int threads) {
     layers.resize(starts.size() - 1);
-    share_out(layers.size(), threads, [&](size_t number) { find_layer((int)number, edges); });
+    share_out(layers.size(), threads_for(layers.size() * grid(), threads), [&](size_t number) { find_layer((int)number, edges); });
 }
 
 template <class R> void Scenes<R>::find_layer(int number, bool edges) {
@@ -316,7 +316,7 @@ template <class R> void Scenes<R>::find_layer(int number, bool edges) {
         reaches_behind |= !(place[3 * (size_t)v + 2] >= near);
     }
     if (reaches_behind)
-        cut(place, scale, near, faces, screen);
+        clip_faces(place, scale, near, faces, screen);
     VisibilityBuffer<R> seen;
     std::vector<uint8_t> facing(faces.count());
     seen.clear((int)grid());
@@ -347,7 +347,7 @@ template <class R> void Scenes<R>::find_layer(int number, bool edges) {
     }
     for (int v = 0; v < vertices; ++v)
         layer.joints[2 * (size_t)v] /= std::max(layer.joints[2 * (size_t)v + 1], R(1));
-    hide(occlusion, faces, screen, layer.face.data(), first_face, columns, rows);
+    mark_hidden(occlusion, faces, screen, layer.face.data(), first_face, columns, rows);
     std::vector<int> sharers(2 * grid());
     const auto here_of = [&](const Candidate<R>& at) {
         return at.axis ? at.low * columns + at.line : at.line * columns + at.low;

@@ -15,7 +15,8 @@ constexpr int MARGIN = 1;
 
 // A mesh that does not move, numbers checked. F faces of V vertices, E edges.
 struct Mesh {
-    int vertices, texture_rows;          // texture_rows: rows of texture coordinates that its corners name
+    int vertices;
+    int64_t texture_rows;                  // rows of texture coordinates that its corners name
     std::vector<int32_t> corners;          // (F, 3)
     std::vector<int32_t> texture_corners;  // (F, 3) rows of the texture coordinates
     // (6, E) vertices a and b, third vertex of the face on either side, those two faces; -1 where there is none.
@@ -183,10 +184,12 @@ template <class R> Vec3<R> pull_reflect(const Light<R>& light, Vec3<R> n, Vec3<R
     return to;
 }
 
-// A homogeneous point on the grid's screen: x, y and one over its depth, which is 0 nearer than `near`.
+// A homogeneous point on the grid's screen: x, y and one over its depth, which is 0 nearer than `near` and where numbers
+// overflow.
 template <class R> Vec3<R> on_grid(const R* point, R scale, R near) {
-    const R q = point[2] >= near ? 1 / point[2] : 0, margin = q != 0 ? R(MARGIN) : R(0);
-    return {point[0] * scale * q + margin, point[1] * scale * q + margin, q};
+    const bool fits = std::isfinite(point[0] * scale) && std::isfinite(point[1] * scale) && std::isfinite(point[2]);
+    const R q = fits && point[2] >= near ? 1 / point[2] : 0, margin = q != 0 ? R(MARGIN) : R(0);
+    return {q != 0 ? point[0] * scale * q + margin : 0, q != 0 ? point[1] * scale * q + margin : 0, q};
 }
 
 // A silhouette edge on the screen: along x and y, square of its length, and the square of its normal's x.

@@ -74,6 +74,9 @@ template <class F> void run_threads(int threads, F&& run) {
         std::rethrow_exception(error);
 }
 
+// So many threads that each has some 8,000 items: starting one takes as long as thousands.
+inline int threads_for(size_t items, int most) { return (int)std::min<size_t>(std::max(most, 1), 1 + items / 8192); }
+
 // Call run(number) for 0 to `count` - 1, shared out to at most `threads` threads.
 template <class F> void share_out(size_t count, int threads, F&& run) {
     std::atomic<size_t> next{0};

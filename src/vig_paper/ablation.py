@@ -187,7 +187,7 @@ def time_variants(
     chosen: Mapping[str, ExplainSettings],
     count: int = TIMED_PHOTOS,
 ) -> dict[str, float]:
-    """Milliseconds of a fit by each variant on one thread, kernels warm: means of the first `count` photos.
+    """Milliseconds of a fit by each variant on one thread: means of the first `count` photos.
 
     Processor time, which is wall time where nothing else runs. The variants take turns on each photo, so
     that a slow period of the machine affects all.

@@ -19,6 +19,8 @@ def check_indices(name: str, indices: Any, count: int, least: int = 0) -> None:
 
 def check_table(name: str, table: torch.Tensor, shape: tuple[int | None, ...]) -> None:
     """ValueError unless a table is int32, of a shape (None: any size), on the processor."""
+    if type(table).__module__.split(".")[0] != "torch":
+        raise ValueError(f"{name} must be a torch tensor; got a {type(table).__name__}")
     _check_shape(name, table, shape)
     if str(table.dtype) != "torch.int32" or table.device.type != "cpu":
         raise ValueError(f"{name} must be int32 on the processor; got {table.dtype} on {table.device}")

@@ -160,11 +160,11 @@ def place(
         vertices, albedo, rotation, own = (
             mine[name] for name in ("vertices", "albedo", "rotation", "normals")
         )
-        focal, centre, eye, eye_place = (
-            mine[name] for name in ("focal", "centre", "eye_rotation", "eye_translation")
+        focal, centre, rotation_to_camera, camera_place = (
+            mine[name] for name in ("focal", "centre", "camera_rotation", "camera_translation")
         )
         assert vertices is not None and albedo is not None and focal is not None
-        assert centre is not None and eye is not None and eye_place is not None
+        assert centre is not None and rotation_to_camera is not None and camera_place is not None
         world = vertices if rotation is None else vertices @ rotation.mT
         if (translation := mine["translation"]) is not None:
             world = world + translation
@@ -175,9 +175,9 @@ def place(
         light = _light(mine["light"], mine["lamp"], mine["radiance"], like)
         rows = [normals, albedo.expand(len(world), 3)]
         if columns > ALBEDO.stop:
-            rows.append(_reflected(normals, world.new_zeros(len(world), dtype=torch.int64), light[None]))
+            rows.append(_reflect(normals, world.new_zeros(len(world), dtype=torch.int64), light[None]))
         # Homogeneous: x and y times depth, divided only where a pixel is known to be beyond the near plane.
-        seen = world @ eye.mT + eye_place
+        seen = world @ rotation_to_camera.mT + camera_place
         depth = seen[:, 2:]
         points.append(torch.cat([seen[:, :2] * focal + centre * depth, depth], dim=1))
         attributes.append(torch.cat(rows, dim=1))
@@ -196,7 +196,7 @@ def _light(light: Tensor | None, lamp: Tensor | None, radiance: Tensor | None, l
     return torch.cat([sky, sun, any_light])
 
 
-def _reflected(normals: Tensor, owner: Tensor, lights: Tensor) -> Tensor:
+def _reflect(normals: Tensor, owner: Tensor, lights: Tensor) -> Tensor:
     """What white surfaces of these objects reflect: (N, 3); 1 where an object has no light."""
     sky, lamp, radiance = lights[:, :27].reshape(-1, 9, 3), lights[:, 27:30], lights[:, 30:33]
     colour = shade(normals, owner, sky, lamp, radiance)
@@ -216,14 +216,14 @@ def paint(
     """Colours (B, H, W, 3), coverage (B, H, W) and visible masks (B, O, H, W), blended at occlusion edges."""
     tables, most = Tables.of(packed), packed.most_objects
     seen = Visible.find(packed, samples, near, points)
-    points = _gridded(points, samples)
+    points = _to_grid(points, samples)
     corners, owner = tables.faces[seen.face], tables.face_object[seen.face]
     weights = barycentrics(points, corners, seen.centres)
     rows = interpolate(attributes, corners, weights[:, 0])
     if attributes.shape[1] > ALBEDO.stop:
         rgb = rows[:, ALBEDO] * rows[:, LIT]
     else:
-        rgb = rows[:, ALBEDO] * _reflected(unit(rows[:, NORMAL]), owner, lights)
+        rgb = rows[:, ALBEDO] * _reflect(unit(rows[:, NORMAL]), owner, lights)
     for number, (mine, levels) in enumerate(zip(objects, packed.levels, strict=True)):
         coordinates, texels = mine["coordinates"], mine["texels"]
         if levels is None or coordinates is None or texels is None:
@@ -236,35 +236,35 @@ def paint(
         rgb = rgb * torch.ones_like(rgb).index_copy(0, own, colours)
     masks = (tables.place[owner][:, None] == torch.arange(most)).to(rgb.dtype)
     picture = seen.image(torch.cat([rgb, masks], dim=1), _behind(background, samples, most))
-    picture = _reduced(antialias(picture, _screen(points, near), seen.crossings), samples)
+    picture = _average_samples(antialias(picture, _screen(points, near), seen.crossings), samples)
     visible_masks = picture[..., 3:].permute(0, 3, 1, 2)
     return picture[..., :3], visible_masks.sum(1), visible_masks
 
 
 @default_settings()
-def alone(packed: PackedScenes, samples: int, near: float, points: Tensor) -> tuple[Tensor]:
+def full_masks(packed: PackedScenes, samples: int, near: float, points: Tensor) -> tuple[Tensor]:
     """Coverage of each object as if it were the only one: (O, H, W)."""
     seen = Visible.find(packed, samples, near, points, alone=True)
     image = seen.image(points.new_ones(len(seen.pixel), 1))
-    screen = _screen(_gridded(points, samples), near)
-    return (_reduced(antialias(image, screen, seen.crossings), samples)[..., 0],)
+    screen = _screen(_to_grid(points, samples), near)
+    return (_average_samples(antialias(image, screen, seen.crossings), samples)[..., 0],)
 
 
 @default_settings()
 def surface(packed: PackedScenes, near: float, points: Tensor, attributes: Tensor) -> tuple[Tensor, ...]:
     """Depth (B, H, W), unit normals (B, H, W, 3) and numbers of objects and triangles at pixels' centres."""
     tables, seen = Tables.of(packed), Visible.find(packed, 1, near, points)
-    points = _gridded(points, 1)
+    points = _to_grid(points, 1)
     corners, owner = tables.faces[seen.face], tables.face_object[seen.face]
     weights = barycentrics(points, corners, seen.centres, derivatives=False)[:, 0]
     rows = interpolate(torch.cat([attributes[:, NORMAL], points[:, 2:]], dim=1), corners, weights)
     triangle = seen.face - tables.first_face[owner]
-    ids = _cropped(seen.image(torch.stack([tables.place[owner], triangle], dim=1).int(), -1))
+    ids = _crop(seen.image(torch.stack([tables.place[owner], triangle], dim=1).int(), -1))
     depth, normals = seen.image(rows[:, 3:], torch.inf), seen.image(unit(rows[:, :3]))
-    return _cropped(depth)[..., 0], _cropped(normals), ids[..., 0], ids[..., 1]
+    return _crop(depth)[..., 0], _crop(normals), ids[..., 0], ids[..., 1]
 
 
-def _gridded(points: Tensor, samples: int) -> Tensor:
+def _to_grid(points: Tensor, samples: int) -> Tensor:
     """Homogeneous points on the grid of samples, with its margin."""
     # Points are homogeneous, (x z, y z, z): a shift of the image is a shift by z.
     at, depth = points[:, :2], points[:, 2:]
@@ -288,14 +288,14 @@ def _behind(background: Tensor, samples: int, masks: int) -> Tensor:
     return torch.cat([background, background.new_zeros(*background.shape[:3], masks)], dim=3)
 
 
-def _cropped(image: Tensor) -> Tensor:
+def _crop(image: Tensor) -> Tensor:
     """The image without its margin."""
     return image[:, MARGIN:-MARGIN, MARGIN:-MARGIN]
 
 
-def _reduced(image: Tensor, samples: int) -> Tensor:
+def _average_samples(image: Tensor, samples: int) -> Tensor:
     """The image without its margin, every samples x samples points averaged."""
-    image = _cropped(image)
+    image = _crop(image)
     if samples == 1:
         return image
     images, height, width, channels = image.shape

@@ -93,7 +93,11 @@ def run(stage: Stage, *inputs: Tensor | None) -> tuple[Tensor, ...]:
 
 
 def _zeros(inputs: Sequence[Any], needed: Sequence[bool]) -> list[Tensor | None]:
-    return [torch.zeros_like(each) if need else None for each, need in zip(inputs, needed, strict=True)]
+    form = torch.contiguous_format
+    return [
+        torch.zeros_like(each, memory_format=form) if need else None
+        for each, need in zip(inputs, needed, strict=True)
+    ]
 
 
 class Draw:
@@ -108,10 +112,10 @@ class Draw:
     def forward(self, background: Tensor, *inputs: Tensor | None) -> tuple[Tensor, ...]:
         packed, vertices = self.packed, sum(self.packed.vertex_counts)
         images, height, width = packed.size
+        self.scenes, threads = packed.in_library(self.samples, self.near), torch.get_num_threads()
         points, attributes = background.new_empty(vertices, 3), background.new_empty(vertices, self.columns)
         rgb, coverage = background.new_empty(*packed.size, 3), background.new_empty(packed.size)
         visible = background.new_empty(images, packed.most_objects, height, width)
-        self.scenes, threads = packed.in_library(self.samples, self.near), torch.get_num_threads()
         finite = self.scenes.place(_per_object(_arrays(inputs)), *_arrays((points, attributes)), threads)
         if not finite or len(set(packed.image)) < images or not np.isfinite(background.numpy()).all():
             packed.check_numbers()  # also of the cameras of scenes without objects
@@ -132,14 +136,14 @@ class Draw:
         return on
 
 
-class Alone:
-    """See `general.alone`."""
+class FullMasks:
+    """See `general.full_masks`."""
 
     def __init__(self, packed: PackedScenes, samples: int, near: float):
         self.packed, self.samples, self.near = packed, samples, near
 
     def general(self, *inputs: Tensor) -> tuple[Tensor, ...]:
-        return general.alone(self.packed, self.samples, self.near, *inputs)
+        return general.full_masks(self.packed, self.samples, self.near, *inputs)
 
     def forward(self, points: Tensor) -> tuple[Tensor, ...]:
         self.scenes = self.packed.in_library(self.samples, self.near, alone=True)
@@ -151,13 +155,11 @@ class Alone:
     def backward(
         self, inputs: Sequence[Any], needed: Sequence[bool], cotangents: Sequence[Tensor | None]
     ) -> Sequence[Tensor | None]:
-        on_points, on_masks = torch.zeros_like(inputs[0]), cotangents[0]
+        on, on_masks = torch.zeros_like(inputs[0], memory_format=torch.contiguous_format), cotangents[0]
         if on_masks is not None:
-            on_visible = on_masks[:, None].detach().numpy()
-            self.scenes.back(
-                None, None, on_visible, on_points.numpy(), None, None, [], torch.get_num_threads()
-            )
-        return [on_points]
+            arrays = None, None, on_masks[:, None].detach().numpy(), on.numpy(), None, None
+            self.scenes.back(*arrays, [], torch.get_num_threads())
+        return [on]
 
 
 class Surface:
@@ -183,6 +185,6 @@ class Surface:
     def backward(
         self, inputs: Sequence[Any], needed: Sequence[bool], cotangents: Sequence[Tensor | None]
     ) -> Sequence[Tensor | None]:
-        on = [torch.zeros_like(each) for each in inputs]
+        on = _zeros(inputs, [True, True])
         self.scenes.surface_back(*_arrays((*cotangents[:2], *on)))
         return on

@@ -1,4 +1,4 @@
-"""Scenes laid side by side for the kernels: the objects of a whole batch, numbered through."""
+"""Scenes laid side by side for the library: the objects of a whole batch, numbered through."""
 
 from __future__ import annotations
 
@@ -17,7 +17,16 @@ _Tensors = dict[str, tuple[torch.Tensor | None, list[tuple[int, ...]]]]
 
 INPUTS = (
     *("vertices", "rotation", "translation", "normals", "albedo", "light"),
-    *("lamp", "radiance", "eye_rotation", "eye_translation", "focal", "centre", "coordinates", "texels"),
+    *(
+        "lamp",
+        "radiance",
+        "camera_rotation",
+        "camera_translation",
+        "focal",
+        "centre",
+        "coordinates",
+        "texels",
+    ),
 )
 """What places, lights and colours an object, in the order of `ObjectInput` in vig_native/scenes.h."""
 
@@ -76,7 +85,7 @@ class PackedScenes:
 def pack(scenes: Sequence[Scene]) -> PackedScenes:
     """Number the objects of all scenes through. Raises ValueError for shapes and types that do not fit.
 
-    Numbers are for `check_numbers`, where a kernel has met one that is not finite.
+    Numbers are for `check_numbers`, where the library has met one that is not finite.
     """
     odd = (
         [each for each in scenes if not isinstance(each, Scene)] if isinstance(scenes, Sequence) else [scenes]
@@ -92,15 +101,19 @@ def pack(scenes: Sequence[Scene]) -> PackedScenes:
         raise ValueError(f"a camera must be float32 or float64; got {like.dtype}. Convert it.")
     if like.device.type != "cpu":
         raise ValueError(f"the renderer draws on the processor; got a camera on {like.device}. Call .cpu().")
+    if not all(isinstance(side, int) and side < 1 << 24 for side in (height, width)):
+        raise ValueError(
+            f"an image's sides must be whole numbers below 2^24; got {width} x {height}. Give its size."
+        )
     if height < 1 or width < 1:
         raise ValueError(f"an image must have at least one pixel; got {width} x {height}. Give its size.")
     inputs, meshes, image, place, counts, levels = [], [], [], [], [], []
     for index, scene in enumerate(scenes):
         _check_scene(index, scene, (height, width), like)
-        eye, lamp = scene.camera, scene.lamp
+        camera, lamp = scene.camera, scene.lamp
         shared = (
             *((lamp.direction, lamp.radiance) if lamp else (None, None)),
-            *(eye.rotation, eye.translation, eye.focal, eye.centre),
+            *(camera.rotation, camera.translation, camera.focal, camera.centre),
         )
         for number, item in enumerate(scene.objects):
             meshes.append(_checked_mesh(f"object {number} of scene {index}", item, like))

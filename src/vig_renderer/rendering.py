@@ -40,8 +40,8 @@ def render(
     """
     if shading not in ("vertex", "pixel"):
         raise ValueError(f"shading must be 'vertex' or 'pixel'; got {shading!r}. Choose one.")
-    if not isinstance(samples, int) or samples < 1:
-        raise ValueError(f"samples must be a whole number of 1 or more; got {samples}. Take 1 for fits.")
+    if not isinstance(samples, int) or not 1 <= samples <= 4096:
+        raise ValueError(f"samples must be a whole number from 1 to 4096; got {samples}. Take 1 for fits.")
     if not isinstance(near, int | float) or not 0 < near < math.inf:
         raise ValueError(f"near must be metres, above 0; got {near!r}. Leave it out for 1 cm.")
     if records():
@@ -57,7 +57,7 @@ def render(
             coverage,
             visible,
             lambda: _full_masks(
-                packed, visible, lambda: native.run(native.Alone(packed, samples, near), points)[0]
+                packed, visible, lambda: native.run(native.FullMasks(packed, samples, near), points)[0]
             ),
             lambda: native.run(native.Surface(packed, near, painted), points, attributes),
         )
@@ -72,7 +72,7 @@ def render(
         rgb,
         coverage,
         visible,
-        lambda: _full_masks(packed, visible, lambda: general.alone(packed, samples, near, points)[0]),
+        lambda: _full_masks(packed, visible, lambda: general.full_masks(packed, samples, near, points)[0]),
         lambda: general.surface(packed, near, points, attributes),
     )
 

@@ -39,6 +39,8 @@ class Topology:
         return self._mesh[1]
 
     def _copy(self) -> None:
+        if not isinstance(self.vertex_count, int) or not 0 <= self.vertex_count < 1 << 31:
+            raise ValueError(f"vertex_count must be a whole number from 0 on; got {self.vertex_count}")
         check_table("faces", self.faces, (None, 3))
         check_table("texture_faces", self.texture_faces, (len(self.faces), 3))
         check_table("edges", self.edges, (None, 6))

@@ -142,3 +142,13 @@ def test_arrays_that_do_not_fit_are_refused(name: str, value: Any, message: str)
     }
     with pytest.raises(ValueError, match=message):
         engine.look_round(**given | {name: value})
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
+def test_rays_of_numbers_that_are_not_finite_meet_nothing(number: float) -> None:
+    vertices = np.random.default_rng(5).normal(size=(60, 3))
+    faces = np.arange(60).reshape(-1, 3)
+    origins, directions = np.zeros((2, 3)), np.array([[0.0, 0, 1], [0, 0, number]])
+    origins[0, 1] = number
+    _, met, _ = cast(vertices, faces, origins, directions)
+    assert met.tolist() == [-1, -1]

@@ -184,6 +184,31 @@ def test_too_little_memory_is_an_error() -> None:
     assert "MemoryError" in done.stdout and "drawn" in done.stdout, done.stdout
 
 
+def test_inputs_of_any_strides_have_the_same_gradients(world: Callable[..., World]) -> None:
+    made, gradients = world(np.random.default_rng(28)), []
+    for strided in (False, True):
+        leaves = {name: value.clone().requires_grad_() for name, value in made.inputs.items()}
+        values = leaves
+        if strided:
+            leaves = {
+                name: value.detach().permute(*range(value.ndim)[::-1]).contiguous().requires_grad_()
+                for name, value in made.inputs.items()
+            }
+            values = {name: value.permute(*range(value.ndim)[::-1]) for name, value in leaves.items()}
+        seen = render(made.build(values))
+        (seen.rgb.square().sum() + seen.full_masks.sum() + seen.normals.sum()).backward()
+        gradients.append([values[name].grad if not strided else leaves[name].grad for name in made.inputs])
+    for plain, other in zip(*gradients, strict=True):
+        assert torch.equal(plain, other.permute(*range(other.ndim)[::-1]))
+
+
+def test_points_beyond_all_numbers_have_finite_gradients(world: Callable[..., World]) -> None:
+    made = world(np.random.default_rng(29), dtype=torch.float32)
+    leaf = (made.inputs["front vertices"] * 1e37).requires_grad_()
+    render(made.build({**made.inputs, "front vertices": leaf}), samples=2).rgb.sum().backward()
+    assert leaf.grad is not None and leaf.grad.isfinite().all()
+
+
 @pytest.mark.parametrize("threads", [2, 3])
 def test_threads_and_batches_give_the_same_bits(world: Callable[..., World], threads: int) -> None:
     made = world(np.random.default_rng(27), dtype=torch.float32)

@@ -120,12 +120,38 @@ def test_inputs_of_scenes_in_the_library(place: int, value: Any, why: str) -> No
             engine.Scenes32(**SCENES).place([INPUTS], wrong, attributes, 1)
     with pytest.raises(ValueError, match=r"points must be \(3, 3\); got \(2, 3\)"):
         engine.Scenes32(**SCENES).place([INPUTS], made[:2].copy(), attributes, 1)
-    with pytest.raises(ValueError, match="scenes are placed and painted before"):
+    with pytest.raises(ValueError, match="scenes must be placed, then painted"):
         depth, normals = np.empty((1, 8, 8), np.float32), np.empty((1, 8, 8, 3), np.float32)
         engine.Scenes32(**SCENES).surface(depth, normals, *np.empty((2, 1, 8, 8), np.int32))
 
 
+def test_scenes_in_the_library_are_used_in_order() -> None:
+    points, attributes = np.ones((3, 3), np.float32), np.ones((3, 9), np.float32)
+    images = (
+        np.zeros((1, 8, 8, 3), np.float32),
+        np.zeros((1, 8, 8), np.float32),
+        np.zeros((1, 1, 8, 8), np.float32),
+    )
+    background, on = np.zeros((1, 3), np.float32), [[None] * 14]
+    for columns in (6, 9):
+        scenes = engine.Scenes32(**SCENES)
+        scenes.bind(points, attributes[:, :columns].copy())
+        scenes.find(True, 1)
+        with pytest.raises(ValueError, match="scenes must be placed, then painted"):
+            scenes.paint(background, *images, 1)
+        with pytest.raises(ValueError, match="scenes must be placed, then painted"):
+            scenes.back(*images, points, attributes[:, :columns].copy(), None, on, 1)
+    for change in ({"meshes": [None]}, {"masks": -1}):
+        with pytest.raises((ValueError, TypeError)):
+            engine.Scenes32(**SCENES | change)
+
+
 def test_topologies() -> None:
+    for count in (-5, 4.5, 2**40):
+        with pytest.raises(ValueError, match="vertex_count must be a whole number from 0 on; got"):
+            replace(TOPOLOGY, vertex_count=count)
+    with pytest.raises(ValueError, match="faces must be a torch tensor; got a ndarray"):
+        replace(TOPOLOGY, faces=FACE)
     with pytest.raises(ValueError, match="faces must be from 0 to 2"):
         replace(TOPOLOGY, faces=BEYOND)
     with pytest.raises(ValueError, match="texture_faces must name rows"):
@@ -197,6 +223,13 @@ def test_faces_that_are_no_triangles(faces: Any, why: str) -> None:
 def test_textures_of_other_types(texture: Any) -> None:
     with pytest.raises(ValueError, match="a texture must be a float32 or float64 tensor of linear values"):
         pyramid(texture)
+
+
+def test_texture_corners_beyond_all_rows() -> None:
+    beyond = replace(TOPOLOGY, texture_faces=FACES * 0 + 2**31 - 1)
+    texture = {"texture": pyramid(torch.rand(2, 2, 3)), "texture_coordinates": torch.zeros(3, 2)}
+    with pytest.raises(ValueError, match="a texture needs a row of texture_coordinates"):
+        render(Scene([MeshObject(POINTS, beyond, torch.ones(3), **texture)], PINHOLE))
 
 
 @pytest.mark.parametrize("near", [0, -1.0, np.nan, np.inf, "1 mm"])

@@ -204,7 +204,7 @@ class Likelihood:
                 f"photo and sigma must be ({count},) like the points; got {photo.shape} and {sigma.shape}"
             )
         if photo.dtype.kind not in "iu":
-            raise ValueError(f"photo must be whole numbers, indices of photos; got torch.{photo.dtype}")
+            raise ValueError(f"photo must be whole numbers, indices of photos; got {photo.dtype}")
         if not count:
             return
         if photo.min() < 0 or photo.max() >= len(self.observed):

@@ -85,7 +85,7 @@ def mixture(
     """Log-likelihood of pixels that the object covers and the posterior of their being visible (Eq. 3).
 
     observed, rendered: (..., 3) linear RGB. log_prior: (..., 3) as `PixelModel.log_prior`. Both results
-    (...). The plain reference of what the kernels compute.
+    (...). The plain reference of what the library computes.
     """
     visible = density_of(density)
     s = ((observed - rendered) ** 2).sum(-1) / (2 * sigma**2)

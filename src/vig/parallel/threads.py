@@ -1,4 +1,4 @@
-"""Work shared out to threads: kernels and matrix products release Python's lock, so they run side by side.
+"""Work shared out to threads: native code and matrix products release Python's lock, and run side by side.
 
 How many is one setting, torch's own: `torch.set_num_threads`, or OMP_NUM_THREADS in the environment. On our
 threads torch computes with one core each: a fit's matrices are small, and on more cores a product waits for

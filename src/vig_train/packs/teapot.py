@@ -33,7 +33,7 @@ from vig_world.assets.held_out import save_coded
 from vig_world.assets.target import nearest_coefficients
 
 MODES = 16
-"""With roll and perspective to come, what the kernels' 32 columns leave for the shape."""
+"""With the other latents a point then has 32 numbers, two vector registers."""
 DRAWN_DESIGNS = 150
 """Random designs from which the shape model is learned, beside the named ones."""
 TRAINING_SCENE_DESIGNS = 60
