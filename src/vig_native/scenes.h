@@ -3,6 +3,7 @@
 #pragma once
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <memory>
 
 #include "rows.h"
@@ -184,10 +185,11 @@ template <class R> Vec3<R> pull_reflect(const Light<R>& light, Vec3<R> n, Vec3<R
     return to;
 }
 
-// A homogeneous point on the grid's screen: x, y and one over its depth, which is 0 nearer than `near` and where numbers
-// overflow.
+// A homogeneous point on the grid's screen: x, y and one over its depth, which is 0 nearer than `near` and where products
+// of two points overflow.
 template <class R> Vec3<R> on_grid(const R* point, R scale, R near) {
-    const bool fits = std::isfinite(point[0] * scale) && std::isfinite(point[1] * scale) && std::isfinite(point[2]);
+    const R most = std::sqrt(std::numeric_limits<R>::max()) / 8;
+    const bool fits = std::fabs(point[0] * scale) < most && std::fabs(point[1] * scale) < most && point[2] < most;
     const R q = fits && point[2] >= near ? 1 / point[2] : 0, margin = q != 0 ? R(MARGIN) : R(0);
     return {q != 0 ? point[0] * scale * q + margin : 0, q != 0 ? point[1] * scale * q + margin : 0, q};
 }
