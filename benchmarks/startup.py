@@ -1,7 +1,7 @@
 """Processor seconds of single commands, start included: `python -m benchmarks.startup [--json FILE]`.
 
 `vig fit` of a packaged example as any later time (warm) and as the first after an installation, without
-caches and without compiled Python (cold), and `vig --help`: processor time of all threads, the minimum of
+caches (cold; pip has compiled the Python), and `vig --help`: processor time of all threads, the minimum of
 several runs, each in a process of its own.
 """
 
@@ -42,8 +42,7 @@ def measure(warm: int, cold: int) -> dict[str, list[float]]:
         fit = ["fit", str(example_photos()[0].photo), "--out", str(Path(folder) / "fit")]
         seconds: dict[str, list[float]] = {"fit_warm_s": [], "fit_cold_s": [], "help_s": []}
         for run in range(cold):
-            caches = [str(Path(folder) / f"{kind}{run}") for kind in ("bytecode", "cache")]
-            fresh = dict(zip(("PYTHONPYCACHEPREFIX", "XDG_CACHE_HOME"), caches, strict=True))
+            fresh = {"XDG_CACHE_HOME": str(Path(folder) / f"cache{run}")}
             seconds["fit_cold_s"].append(processor_seconds(fit, environment | fresh))
         for _ in range(warm):
             seconds["fit_warm_s"].append(processor_seconds(fit, environment))
