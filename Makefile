@@ -44,8 +44,10 @@ $(INSTALLED): pyproject.toml constraints.txt $(NATIVE)
 	$(PIP) install --quiet --constraint constraints.txt --editable '.[dev]'
 	touch $@
 
+# Not as an extra of vig, which would compile the native library once more.
 $(DOCS): $(INSTALLED)
-	$(PIP) install --quiet --constraint constraints.txt --editable '.[docs]'
+	$(PIP) install --quiet --constraint constraints.txt $$($(BIN)/python -c "import tomllib; \
+		print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['optional-dependencies']['docs'])")
 	touch $@
 
 clean:
