@@ -235,7 +235,7 @@ def test_a_transfer_table_of_another_model_is_refused(teapot) -> None:
     [
         ([1], [0.03], "photo must be indices of the 1 photos; got 1 to 1"),
         ([-1], [0.03], "got -1 to -1"),
-        ([0.5], [0.03], "whole numbers, indices of photos; got torch.float32"),
+        ([0.5], [0.03], "whole numbers, indices of photos; got float32"),
         ([0, 0], [0.03], r"must be \(1,\) like the points; got \(2,\) and \(1,\)"),
         ([0], [0.0], "sigma must be positive"),
         ([0], [float("nan")], "sigma must be positive"),
