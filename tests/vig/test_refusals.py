@@ -293,8 +293,8 @@ def seen(**changed: Any) -> Scene:
         ((7,), "expected a scene or several; got a int. Pass"),
         (([SCENE, "scene"],), "expected a scene or several; got a str among them. Pass"),
         ((SCENE, "toon"), "shading must be 'vertex' or 'pixel'; got 'toon'. Choose"),
-        ((SCENE, "vertex", 0), "samples must be a whole number of 1 or more; got 0. Take"),
-        ((SCENE, "vertex", 1.5), "samples must be a whole number of 1 or more; got 1.5. Take"),
+        ((SCENE, "vertex", 0), "samples must be a whole number from 1 to 4096; got 0. Take"),
+        ((SCENE, "vertex", 1.5), "samples must be a whole number from 1 to 4096; got 1.5. Take"),
         (
             (item(vertices=VERTICES[:2]),),
             r"vertices of object 0 of scene 0 must be \(3, 3\); got \(2, 3\). .+",
