@@ -416,7 +416,7 @@ nb::tuple cast_rays(Input<float> vertices, Input<int32_t> corners, Input<double>
     {
         const nb::gil_scoped_release released;
         const RayMesh mesh(vertices.data(), corners.data(), (int)corners.shape(0));
-        look_round(mesh, {(int)count, (int)rays, chunk, points.data(), frames.data(), patterns.data(), turns.data(), offset},
+        cast_hemisphere_rays(mesh, {(int)count, (int)rays, chunk, points.data(), frames.data(), patterns.data(), turns.data(), offset},
                    blocked, faces, weights);
     }
     return nb::make_tuple(all_blocked, all_faces, all_weights);
@@ -485,7 +485,7 @@ NB_MODULE(VIG_MODULE, m) {
                         links.data() + n * 8 * size, (uint8_t*)visible + n * size);
         return out;
     }, "free"_a, "alone"_a, "links"_a.noconvert());
-    m.def("look_round", &cast_rays, "vertices"_a, "faces"_a, "points"_a, "frames"_a, "patterns"_a, "turns"_a, "offset"_a,
+    m.def("cast_hemisphere_rays", &cast_rays, "vertices"_a, "faces"_a, "points"_a, "frames"_a, "patterns"_a, "turns"_a, "offset"_a,
           "chunk"_a);
     m.def("colour_density", [](Input<double> photo, Input<double> shares) {
         check_shape("shares", shares, {-1, -1, -1});

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "surface.h"
+#include "likelihood.h"
 
 namespace vig {
 namespace {

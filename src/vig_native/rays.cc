@@ -185,7 +185,7 @@ Hit RayMesh::first_hit(Vec3<float> origin, Vec3<float> direction) const {
     return best;
 }
 
-void look_round(const RayMesh& mesh, const HemisphereRays& from, double* blocked, int32_t* faces, float* weights) {
+void cast_hemisphere_rays(const RayMesh& mesh, const HemisphereRays& from, double* blocked, int32_t* faces, float* weights) {
     const double pi = std::acos(-1.0);
     const double y0 = 0.5 / std::sqrt(pi), y1 = std::sqrt(0.75 / pi), y2 = 0.5 * std::sqrt(15 / pi),
                  y20 = 0.25 * std::sqrt(5 / pi);

@@ -51,6 +51,6 @@ struct HemisphereRays {
 
 // blocked (V, 9): the sum of the spherical harmonics Y(w) of directions w that meet something. faces (V, R): what is met,
 // or NO_HIT, or SEEN_FROM_BEHIND. weights (V, R, 3) of the corners of what is met, 0 where nothing is.
-void look_round(const RayMesh& mesh, const HemisphereRays& from, double* blocked, int32_t* faces, float* weights);
+void cast_hemisphere_rays(const RayMesh& mesh, const HemisphereRays& from, double* blocked, int32_t* faces, float* weights);
 
 }  // namespace vig

@@ -53,112 +53,18 @@ template <class R> Light<R> light_of(const Object<R>& object) {
     return light;
 }
 
-// LANES vectors side by side.
-template <class R> struct Vectors {
-    R x[LANES], y[LANES], z[LANES];
-    Vec3<R> operator[](int k) const { return {x[k], y[k], z[k]}; }
-    // `count` rows of three numbers, the last repeated.
-    void load(const R* rows, int count, size_t stride = 3) {
-        for (int k = 0; k < LANES; ++k) {
-            const R* const row = rows + stride * std::min(k, count - 1);
-            x[k] = row[0];
-            y[k] = row[1];
-            z[k] = row[2];
-        }
-    }
-};
-
-// As `unit`.
-template <class R> void normalise(Vectors<R>& v, R* inverse) {
+// `count` rows of three numbers side by side, the last repeated.
+template <class R> Vec3<Lanes<R>> load_rows(const R* rows, int count, size_t stride = 3) {
+    Vec3<Lanes<R>> to;
     for (int k = 0; k < LANES; ++k) {
-        const R size = std::max(std::max(std::fabs(v.x[k]), std::fabs(v.y[k])), std::fabs(v.z[k]));
-        const R shrink = size > R(1e-15) ? 1 / size : 0;
-        v.x[k] *= shrink;
-        v.y[k] *= shrink;
-        v.z[k] *= shrink;
-        const R square = v.x[k] * v.x[k] + v.y[k] * v.y[k] + v.z[k] * v.z[k];
-        const R less = square > 0 ? 1 / std::sqrt(square) : 0;
-        v.x[k] *= less;
-        v.y[k] *= less;
-        v.z[k] *= less;
-        inverse[k] = shrink * less;
+        const R* const row = rows + stride * std::min(k, count - 1);
+        to.x[k] = row[0];
+        to.y[k] = row[1];
+        to.z[k] = row[2];
     }
+    return to;
 }
-
-template <class R> void lobes(const Vectors<R>& n, R (&row)[LOBES][LANES]) {
-    for (int k = 0; k < LANES; ++k) {
-        R own[LOBES];
-        lobes<R>(n[k], own);
-        for (int l = 0; l < LOBES; ++l)
-            row[l][k] = own[l];
-    }
-}
-
-// What the sky alone gives, before it is held above 0.
-template <class R> void reflect_sky(const R (&row)[LOBES][LANES], const R* sky, R* sum) {
-    for (int k = 0; k < LANES; ++k) {
-        sum[k] = 0;
-        for (int l = 0; l < LOBES; ++l)
-            sum[k] += row[l][k] * sky[l];
-    }
-}
-
-// As `reflect` of one normal.
-template <class R> void reflect(const Light<R>& light, const Vectors<R>& n, Vectors<R>& to) {
-    R row[LOBES][LANES], sum[LANES];
-    R* const channels[3] = {to.x, to.y, to.z};
-    lobes(n, row);
-    for (int c = 0; c < 3; ++c) {
-        if (c == 0 || !light.is_grey)
-            reflect_sky(row, light.sky[c], sum);
-        for (int k = 0; k < LANES; ++k) {
-            const R cosine = std::max(dot(n[k], light.lamp), R(0));
-            channels[c][k] = light.is_on ? std::max(sum[k], R(0)) + light.radiance[c] * cosine : R(1);
-        }
-    }
-}
-
-// As `pull_reflect` of `count` normals, whose cotangents are added to `on_n`.
-template <class R>
-void pull_reflect(const Light<R>& light, const Vectors<R>& n, const Vectors<R>& on, int count, Vectors<R>& on_n,
-                  LightCotangent& on_light) {
-    if (!light.is_on)
-        return;
-    R row[LOBES][LANES], sum[LANES], g[LANES] = {};
-    const R* const channels[3] = {on.x, on.y, on.z};
-    lobes(n, row);
-    for (int c = 0; c < 3; ++c) {
-        if (c == 0 || !light.is_grey)
-            reflect_sky(row, light.sky[c], sum);
-        for (int k = 0; k < LANES; ++k)
-            g[k] = (light.is_grey ? g[k] : 0) + (k < count && sum[k] >= 0 ? channels[c][k] : 0);
-        if (light.is_grey && c < 2)
-            continue;
-        for (int l = 0; l < LOBES; ++l) {
-            Lanes<R> parts;
-            for (int k = 0; k < LANES; ++k)
-                parts[k] = g[k] != 0 ? row[l][k] * g[k] : 0;
-            on_light.sky[c][l] += sum_lanes<R>(parts);
-        }
-        for (int k = 0; k < LANES; ++k) {
-            const Vec3<R> slope = light_slope(light.sky[c], n[k]) * g[k];
-            // Normals of points that overflow are no numbers: nothing is pulled back to them.
-            on_n.x[k] += g[k] != 0 ? slope.x : 0;
-            on_n.y[k] += g[k] != 0 ? slope.y : 0;
-            on_n.z[k] += g[k] != 0 ? slope.z : 0;
-        }
-    }
-    for (int k = 0; k < count && (light.lamp.x != 0 || light.lamp.y != 0 || light.lamp.z != 0); ++k) {
-        const R cosine = dot(n[k], light.lamp), pulled = cosine >= 0 ? dot(on[k], light.radiance) : 0;
-        on_n.x[k] += light.lamp.x * pulled;
-        on_n.y[k] += light.lamp.y * pulled;
-        on_n.z[k] += light.lamp.z * pulled;
-        for (int c = 0; c < 3; ++c) {
-            on_light.lamp[c] += pulled * n[k][c];
-            on_light.radiance[c] += std::max(cosine, R(0)) * on[k][c];
-        }
-    }
-}
+template <class R> Vec3<R> lane(const Vec3<Lanes<R>>& v, int k) { return {v.x[k], v.y[k], v.z[k]}; }
 
 // Sums of the adjacent faces' cross products: normals weighted by area, twice.
 template <class R> void sum_normals(const Mesh& mesh, const R* world, R* raw) {
@@ -207,20 +113,17 @@ template <class R> bool Scenes<R>::place(R* to_points, R* to_attributes, int thr
         else
             sum_normals(mesh, world, raw);
         for (int base = 0; base < mesh.vertices; base += LANES) {
-            Vectors<R> normal, reflected;
-            R inverse[LANES];
+            Lanes<R> inverse;
             const int size = std::min(LANES, mesh.vertices - base);
-            normal.load(raw + 3 * (size_t)base, size);
-            normalise(normal, inverse);
-            if (columns == 9)
-                reflect(light, normal, reflected);
+            const Vec3<Lanes<R>> normal = unit(load_rows(raw + 3 * (size_t)base, size), inverse);
+            const Vec3<Lanes<R>> reflected = reflect(light, normal);
             for (int k = 0; k < size; ++k) {
                 const size_t v = (size_t)base + k;
                 R* const row = to_attributes + columns * (object.first_vertex + v);
-                store3(row, normal[k]);
+                store3(row, lane<R>(normal, k));
                 store3(row + 3, load3(object.in[ALBEDO] + (object.has_colours() ? 3 * v : 0)));
                 if (columns == 9)
-                    store3(row + 6, reflected[k]);
+                    store3(row + 6, lane<R>(reflected, k));
                 // Homogeneous: x and y times depth, divided only where a point is known to be beyond the near plane.
                 const Vec3<R> seen = camera * load3(world + 3 * v) + camera_shift;
                 store3(to_points + 3 * (object.first_vertex + v),
@@ -256,18 +159,19 @@ void Scenes<R>::place_back(const R* on_points, const R* on_attributes, const std
                         on[ALBEDO][3 * (base + k) + c] += g;
                     on_albedo[c] += g;
                 }
-            Vectors<R> normal, on_normal, on_reflected;
-            R inverse[LANES];
-            normal.load(raw + 3 * base, size);
-            normalise(normal, inverse);
-            on_normal.load(rows, size, columns);
+            Lanes<R> inverse;
+            const Vec3<Lanes<R>> normal = unit(load_rows(raw + 3 * base, size), inverse);
+            Vec3<Lanes<R>> on_normal = load_rows(rows, size, columns);
             if (columns == 9) {
-                on_reflected.load(rows + 6, size, columns);
-                pull_reflect(lights_[number], normal, on_reflected, size, on_normal, on_light);
+                Vec3<Lanes<R>> on = load_rows(rows + 6, size, columns);
+                for (int k = size; k < LANES; ++k)
+                    on.x[k] = on.y[k] = on.z[k] = 0;
+                on_normal = on_normal + pull_reflect(lights_[number], normal, on, on_light);
             }
+            const Vec3<Lanes<R>> pulled = pull_unit(normal, inverse, on_normal);
             for (int k = 0; k < size; ++k)
                 if (on_normal.x[k] != 0 || on_normal.y[k] != 0 || on_normal.z[k] != 0)
-                    store3(&on_raw[3 * (base + k)], pull_unit(normal[k], inverse[k], on_normal[k]));
+                    store3(&on_raw[3 * (base + k)], lane<R>(pulled, k));
         }
         const Vec3<R> camera_shift = load3(object.in[CAMERA_TRANSLATION]);
         for (size_t v = 0; v < count; ++v) {

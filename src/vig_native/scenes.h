@@ -26,7 +26,7 @@ struct Mesh {
     int edge_count() const { return (int)(edges.size() / 6); }
 };
 
-// What places, colours and lights an object, each an array of numbers or absent. The last two are a texture's.
+// Inputs that place, colour and light an object, arrays of numbers, some absent. The last two are a texture's.
 enum ObjectInput {
     VERTICES, ROTATION, TRANSLATION, NORMALS, ALBEDO, SKY, LAMP, RADIANCE, CAMERA_ROTATION, CAMERA_TRANSLATION, FOCAL,
     CENTRE, COORDINATES, TEXELS, INPUTS
@@ -129,58 +129,82 @@ template <class R> class Scenes {
     template <class> friend class Sampler;
 };
 
+// Functions of one vector (T = R) or of LANES side by side (T = Lanes<R>).
+
+inline float root(float x) { return std::sqrt(x); }
+inline double root(double x) { return std::sqrt(x); }
+template <class T> T root(T x) {
+    for (int k = 0; k < LANES; ++k)
+        x[k] = std::sqrt(x[k]);
+    return x;
+}
+inline double total(float x) { return x; }
+inline double total(double x) { return x; }
+template <class T> double total(T x) { return sum_lanes<std::remove_reference_t<decltype(x[0])>>(x); }
+template <class T> T above_zero(T x) { return x > 0 ? x : T{}; }
+
 // A vector of length one, and one over the length before; vectors shorter than 1e-15 become zero. Scaled first, as squares
 // may leave the range of numbers.
-template <class R> Vec3<R> unit(Vec3<R> v, R& inverse) {
-    const R size = std::max(std::max(std::fabs(v.x), std::fabs(v.y)), std::fabs(v.z));
-    inverse = 0;
-    if (!(size > R(1e-15)))
-        return {0, 0, 0};
-    const Vec3<R> scaled = {v.x / size, v.y / size, v.z / size};
-    const R shrink = 1 / std::sqrt(dot(scaled, scaled));
-    inverse = shrink / size;
-    return scaled * shrink;
+template <class T> Vec3<T> unit(Vec3<T> v, T& inverse) {
+    T size = {};
+    for (const T& x : {v.x, v.y, v.z}) {
+        const T length = x < 0 ? -x : x;
+        size = length > size ? length : size;
+    }
+    const T shrink = size > 1e-15f ? 1 / size : T{};
+    v = v * shrink;
+    const T square = dot(v, v), less = square > 0 ? 1 / root(square) : T{};
+    inverse = shrink * less;
+    return v * less;
 }
 // Pull a cotangent on a unit vector n back to the vector that was made of length one.
-template <class R> Vec3<R> pull_unit(Vec3<R> n, R inverse, Vec3<R> on) { return (on - n * dot(n, on)) * inverse; }
+template <class T> Vec3<T> pull_unit(Vec3<T> n, T inverse, Vec3<T> on) { return (on - n * dot(n, on)) * inverse; }
 
 // What a white surface of unit normal n reflects: max(0, sum A_l L_lm Y_lm(n)) + radiance max(0, n . lamp).
-template <class R> Vec3<R> reflect(const Light<R>& light, Vec3<R> n) {
+template <class R, class T> Vec3<T> reflect(const Light<R>& light, Vec3<T> n) {
+    const T one = T{} + R(1);
     if (!light.is_on)
-        return {1, 1, 1};
-    R row[LOBES], sum[3] = {};
+        return {one, one, one};
+    T row[LOBES], sum = {}, out[3];
     lobes<R>(n, row);
-    for (int c = 0; c < 3; ++c)
-        for (int l = 0; l < LOBES; ++l)
-            sum[c] += row[l] * light.sky[c][l];
-    const R cosine = std::max(dot(n, light.lamp), R(0));
-    return Vec3<R>{std::max(sum[0], R(0)), std::max(sum[1], R(0)), std::max(sum[2], R(0))} + light.radiance * cosine;
+    const T cosine = above_zero<T>(dot(n, light.lamp));
+    for (int c = 0; c < 3; ++c) {
+        if (c == 0 || !light.is_grey) {
+            sum = T{};
+            for (int l = 0; l < LOBES; ++l)
+                sum += row[l] * light.sky[c][l];
+        }
+        out[c] = above_zero(sum) + cosine * light.radiance[c];
+    }
+    return {out[0], out[1], out[2]};
 }
-// Pull a cotangent on it back to the normal and, added, to the light.
-template <class R> Vec3<R> pull_reflect(const Light<R>& light, Vec3<R> n, Vec3<R> on, LightCotangent& on_light) {
-    Vec3<R> to = {0, 0, 0};
+// Pull a cotangent on it back to the normal and, added, to the light. Where the cotangent is 0 nothing is pulled, as normals
+// of points that overflow are no numbers.
+template <class R, class T> Vec3<T> pull_reflect(const Light<R>& light, Vec3<T> n, Vec3<T> on, LightCotangent& on_light) {
+    Vec3<T> to = {T{}, T{}, T{}};
     if (!light.is_on)
         return to;
-    R row[LOBES];
+    T row[LOBES], sum = {}, g = {};
     lobes<R>(n, row);
     for (int c = 0; c < 3; ++c) {
-        R sum = 0;
-        for (int l = 0; l < LOBES; ++l)
-            sum += row[l] * light.sky[c][l];
-        if (!(sum >= 0))
+        if (c == 0 || !light.is_grey) {
+            sum = g = T{};
+            for (int l = 0; l < LOBES; ++l)
+                sum += row[l] * light.sky[c][l];
+        }
+        g += sum >= 0 ? on[c] : T{};
+        if (light.is_grey && c < 2)
             continue;
         for (int l = 0; l < LOBES; ++l)
-            on_light.sky[c][l] += row[l] * on[c];
-        to = to + light_slope(light.sky[c], n) * on[c];
+            on_light.sky[c][l] += total(T(g != 0 ? row[l] * g : T{}));
+        const Vec3<T> slope = light_slope(light.sky[c], n) * g;
+        to = to + Vec3<T>{g != 0 ? slope.x : T{}, g != 0 ? slope.y : T{}, g != 0 ? slope.z : T{}};
     }
-    const R cosine = dot(n, light.lamp);
-    if (cosine >= 0) {
-        const R pulled = dot(on, light.radiance);
-        to = to + light.lamp * pulled;
-        for (int c = 0; c < 3; ++c) {
-            on_light.lamp[c] += pulled * n[c];
-            on_light.radiance[c] += cosine * on[c];
-        }
+    const T cosine = dot(n, light.lamp), pulled = cosine >= 0 ? T(dot(on, light.radiance)) : T{};
+    to = to + Vec3<T>{pulled * light.lamp.x, pulled * light.lamp.y, pulled * light.lamp.z};
+    for (int c = 0; c < 3; ++c) {
+        on_light.lamp[c] += total(T(pulled != 0 ? pulled * n[c] : T{}));
+        on_light.radiance[c] += total(T(on[c] != 0 ? above_zero(cosine) * on[c] : T{}));
     }
     return to;
 }

@@ -44,7 +44,7 @@ class _Opaque(torch.autograd.Function):
 
 @dataclass(frozen=True)
 class Visible:
-    """What is seen on the grids of samples (L, H', W') of L layers.
+    """Visible faces and occlusion edges on the grids of samples (L, H', W') of L layers.
 
     Attributes:
         pixel: (N,) int64 covered points, (l H' + y) W' + x, ascending.

@@ -28,7 +28,7 @@ INPUTS = (
         "texels",
     ),
 )
-"""What places, lights and colours an object, in the order of `ObjectInput` in vig_native/scenes.h."""
+"""Names of an object's inputs, in the order of `ObjectInput` in vig_native/scenes.h."""
 
 
 @dataclass(frozen=True)

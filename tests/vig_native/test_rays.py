@@ -21,7 +21,9 @@ def cast(
     frames[:, 2] = directions
     patterns, turns = np.zeros((1, 1, 2)), np.zeros(len(origins))
     mesh = vertices.astype(np.float32), faces.astype(np.int32)
-    blocked, met, weights = engine.look_round(*mesh, origins, frames, patterns, turns, 0.0, len(origins))
+    blocked, met, weights = engine.cast_hemisphere_rays(
+        *mesh, origins, frames, patterns, turns, 0.0, len(origins)
+    )
     return blocked, met[:, 0], weights[:, 0]
 
 
@@ -141,7 +143,7 @@ def test_arrays_that_do_not_fit_are_refused(name: str, value: Any, message: str)
         "chunk": 2,
     }
     with pytest.raises(ValueError, match=message):
-        engine.look_round(**given | {name: value})
+        engine.cast_hemisphere_rays(**given | {name: value})
 
 
 @pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])

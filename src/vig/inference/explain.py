@@ -65,7 +65,7 @@ def explain_one(
 
     def fit() -> Fit:
         scales = {stage.scale for stage in chosen.stages} | {1.0}
-        coarse = prediction.rounded()  # so that searches are the same on every processor
+        coarse = prediction.round_for_search()  # so that searches are the same on every processor
         objectives = objectives_of(photo, coarse, object_class, chosen, scales, valid, hints)
         ends = refine(objectives, coarse, chosen, expected)
         objective = objectives[1.0]

@@ -220,7 +220,7 @@ def refine(
 def start_point(objective: Objective, latents: Latents, framing: torch.Tensor | None = None) -> torch.Tensor:
     """`Objective.point` in steps of `START_STEP`, as last digits differ between processors.
 
-    See `Prediction.rounded`.
+    See `Prediction.round_for_search`.
     """
     point = round_to_grid(objective.point(latents, framing), START_STEP)
     return point.clamp(objective.lower, objective.upper)

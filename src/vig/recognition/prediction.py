@@ -30,8 +30,9 @@ from vig.recognition.weights import FORMAT, load_network, whole_tensors
 from vig.scene import LatentLayout, Latents, ObjectClass, Symmetry, regressed_layout, srgb_from_linear
 
 LEAST_MASK, MASK_STEP, NUMBER_STEP, DEVIATION_STEP = 0.02, 1 / 8, 1 / 512, 1 / 16
-"""Of `Prediction.rounded`: a probability, nats, units of the latents, and of the logarithm of a deviation.
-Between AVX2 and AVX-512 masks differ by 4e-8, so that 2 % of photos have a pixel on another step."""
+"""Least probability of a mask, and steps of its logarithm (nats), of numbers (units of the latents) and of a
+deviation's logarithm, see `Prediction.round_for_search`. Between AVX2 and AVX-512 masks differ by 4e-8, so
+that 2 % of photos have a pixel on another step."""
 START_STEP = 1 / 4096
 """Steps of the points that searches start from, in units of the latents."""
 
@@ -136,7 +137,7 @@ class Prediction:
         self._modes[count, broad] = torch.stack(weights, 1), azimuths
         return self._modes[count, broad]
 
-    def rounded(self) -> Prediction:
+    def round_for_search(self) -> Prediction:
         """The same prediction in steps far above rounding, as searches start from it.
 
         Networks add up in another order on each kind of processor, and searches amplify a last digit. Masks

@@ -59,7 +59,6 @@ struct Asset {
     std::vector<float> attributes;  // (V, ATTRIBUTES)
     std::vector<int32_t> corners;   // (F, 3)
     std::vector<float> points;      // (N, 4) places on the surface and their areas, for shadows
-    std::vector<uint32_t> texels;
     std::vector<Part> parts;
     std::vector<Cluster> clusters;
     Grid ambient;  // occlusion by its own surfaces

@@ -9,7 +9,7 @@ import numpy as np
 
 SymmetryProjection = Callable[[np.ndarray], np.ndarray]
 MAX_COMPONENTS = 16
-"""As many as a class of some dozens of meshes can state."""
+"""Most shape components of a class: enough for some dozens of meshes."""
 KERNEL_WIDTH = 0.25
 """Standard deviation of the Gaussian process's kernel, in sizes of the object."""
 AMPLITUDES = (0.0, 0.01, 0.02, 0.04)

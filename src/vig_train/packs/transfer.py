@@ -135,7 +135,7 @@ class Occlusion:
         total, count = len(vertices), side**2
         rays, frames = Rays.draw(total, side, rng), frames_of(normals)
         given = (vertices.astype(np.float64), frames, rays.patterns, rays.turns)
-        blocked, face, weights = engine.look_round(
+        blocked, face, weights = engine.cast_hemisphere_rays(
             vertices.astype(np.float32), faces.astype(np.int32), *given, RAY_OFFSET, _CHUNK
         )
         front = face >= 0

@@ -143,7 +143,7 @@ class StagedRoom:
 
     @cached_property
     def native(self) -> Any:
-        """Itself for native code, when it is first used to hide the object."""
+        """The same stage in the native library, made when it is first used to hide the object."""
         actor, (axes, origin) = self.actor, self.pose(self.support)
         numbers = (
             *actor.middle, actor.front, float(actor.body.depths[0]), actor.scale, self.margin, self.nearest,

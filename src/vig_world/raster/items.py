@@ -43,7 +43,7 @@ class Item:
 
     @cached_property
     def native(self) -> Any:
-        """Itself for native code."""
+        """The same item in the native library."""
         finishes: list[tuple[np.ndarray, tuple[int, int], float] | None] = []
         for slot in self.packed.slots if self.finishes else ():
             levels, metres = self.finishes.get(slot, (None, 1.0))
@@ -93,5 +93,5 @@ class Target:
 
     @cached_property
     def native(self) -> Any:
-        """Itself for native code."""
+        """The same object in the native library."""
         return Item(self.packed, np.eye(3), np.zeros(3)).native

@@ -7,9 +7,7 @@ import numpy as np
 from vig.io.checks import check_indices
 from vig.scene import Camera
 from vig_native import engine
-
-NEAR = 0.01
-"""Metres; a face with a corner nearer than this to the camera's plane is not drawn."""
+from vig_renderer.scene import NEAR
 
 
 @dataclass(frozen=True)

@@ -100,7 +100,7 @@ class View:
 
     @cached_property
     def native(self) -> Any:
-        """Itself for native code."""
+        """The same view in the native library."""
         c, pose = (
             self.camera,
             [np.ascontiguousarray(a, np.float64) for a in (self.rotation, self.translation)],

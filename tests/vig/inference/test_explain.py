@@ -33,7 +33,7 @@ from vig.io.errors import UserError
 from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL, PixelModel, log_colour_density
 from vig.likelihood.geometry import Geometry
 from vig.recognition import Prediction
-from vig.recognition.prediction import START_STEP
+from vig.recognition.prediction import START_STEP, round_to_grid
 from vig.scene import Latents, ObjectClass, latent_layout
 from vig.search.optimizer import Budget, Descent
 from vig_train.training.targets import azimuth_labels, numbers_of
@@ -225,8 +225,8 @@ def test_ends_below_the_guess_are_not_taken(whole: Case, teapot: ObjectClass) ->
     worse = replace(whole.truth, azimuth=whole.truth.azimuth + math.radians(25))
     found = explain_one(whole.photo, whole.prediction, teapot, ending_at(worse))
     assert found.verdict is Verdict.REVERTED and found.reason == Verdict.REVERTED.value
-    guess = whole.prediction.rounded().best().to_vector()
-    torch.testing.assert_close(found.latents.to_vector(), guess, atol=START_STEP, rtol=0)
+    guess = round_to_grid(whole.prediction.round_for_search().best().to_vector(), START_STEP)
+    torch.testing.assert_close(found.latents.to_vector(), guess)
     assert found.evidence == pytest.approx(found.start_evidence)
     assert not found.alternatives
 
@@ -347,7 +347,7 @@ def test_deviations_are_widened_by_scale_floor_and_residual() -> None:
 def test_deviations_are_those_of_all_numbers_together(whole: Case, teapot: ObjectClass) -> None:
     """Of the inverse of the whole normal matrix: shape and albedo trade off against light and pose."""
     found = explain_one(whole.photo, whole.prediction, teapot, ending_at(whole.truth))
-    objective = objective_of(whole.photo, whole.prediction.rounded(), teapot, SETTINGS)
+    objective = objective_of(whole.photo, whole.prediction.round_for_search(), teapot, SETTINGS)
     sigma = torch.tensor([SETTINGS.likelihood.sigma])
     normal = objective(objective.point(whole.truth), torch.zeros(1, dtype=torch.int32), sigma).normal
     size = found.deviation.numel()
@@ -426,7 +426,10 @@ def test_confidence_features_are_what_their_names_say(occluded: Case, teapot: Ob
     assert feature["log_azimuth_entropy"] == pytest.approx(
         math.log(-sum(p * math.log(p) for p in chances)), rel=1e-3
     )
-    assert feature["log_residual"] == pytest.approx(math.log(0.01), abs=0.3), "the photo's noise"
+    at_truth = explain_one(occluded.photo, prediction, teapot, ending_at(occluded.truth)).confidence_features
+    residual = float(at_truth[CONFIDENCE_FEATURES.index("log_residual")])
+    assert residual == pytest.approx(math.log(0.01), abs=0.05), "the photo's noise"
+    assert residual < feature["log_residual"] < residual + 0.7
     told = []
     for mask, amodal, said in zip(
         found.mask.flatten(), found.amodal.flatten(), prediction.mask[0].reshape(-1, 3).tolist(), strict=True
@@ -678,12 +681,23 @@ def test_what_was_not_photographed_counts_for_nothing(whole: Case, teapot: Objec
     assert first.evidence == second.evidence
     assert torch.equal(first.latents.to_vector(), second.latents.to_vector())
     assert not first.mask[:, :60].any() and not second.mask[:, :60].any()
-    assert azimuth_off(first.latents, whole.truth) < 4
     everything = torch.ones(150, 150, dtype=torch.bool)
     assert (
         explain_one(whole.photo, whole.prediction, teapot, SETTINGS, everything).evidence
         == explain_one(whole.photo, whole.prediction, teapot, SETTINGS).evidence
     )
+
+
+def test_teapots_of_which_a_part_was_not_photographed_are_found(studio, teapot: ObjectClass) -> None:
+    """Which of several near maxima a fit ends in differs between processors: most are within .2 degrees."""
+    known = torch.ones(150, 150, dtype=torch.bool)
+    known[:, :60] = False
+    off = []
+    for seed in range(1, 8):
+        given = case(studio, seed, occluded=False)
+        found = explain_one(given.photo, given.prediction, teapot, SETTINGS, known)
+        off.append(azimuth_off(found.latents, given.truth))
+    assert np.median(off) < 0.5 and max(off) < 15
 
 
 def test_free_framing_explains_shifted_teapots_better(studio, teapot: ObjectClass) -> None:

@@ -18,7 +18,7 @@ from vig.inference.refinement import (
 )
 from vig.inference.settings import Stage, followed, resolve
 from vig.recognition import Prediction
-from vig.recognition.prediction import START_STEP
+from vig.recognition.prediction import START_STEP, round_to_grid
 from vig.renderer import render_latents
 from vig.scene import ObjectClass, regressed_layout
 
@@ -135,8 +135,8 @@ def test_an_expected_start_is_tried_and_of_the_networks_those_elsewhere(teapot: 
     def turns(expected: float) -> list[float]:
         start = replace(latents, azimuth=latents.azimuth + expected)
         ends = refine({1.0: objective}, given, settings, ExpectedStart(start, box, lambda _: given))
-        framing = framing_of_box(start, box, objective)
-        torch.testing.assert_close(objective.framing(ends.points[:1]), framing, atol=START_STEP, rtol=0)
+        framing = round_to_grid(framing_of_box(start, box, objective), START_STEP)
+        torch.testing.assert_close(objective.framing(ends.points[:1]), framing)
         return (objective.latents(ends.points).azimuth - latents.azimuth).tolist()
 
     other = math.radians(150)  # the network's second peak

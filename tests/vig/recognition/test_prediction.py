@@ -136,11 +136,11 @@ def test_rounding_hides_a_last_digit_and_changes_little() -> None:
     azimuth = torch.full((1, BINS), 1 / BINS)
     one = Prediction(azimuth, numbers, deviation, mask, torch.zeros(1), torch.ones(1))
     other = replace(one, mask=mask * (1 + 1e-7), numbers=numbers + 1e-7, deviation=deviation * (1 + 1e-7))
-    coarse = one.rounded()
+    coarse = one.round_for_search()
     for name in ("mask", "numbers", "deviation"):
         assert not torch.equal(getattr(one, name), getattr(other, name))
-        assert torch.equal(getattr(coarse, name), getattr(other.rounded(), name))
-        assert torch.equal(getattr(coarse, name), getattr(coarse.rounded(), name))
+        assert torch.equal(getattr(coarse, name), getattr(other.round_for_search(), name))
+        assert torch.equal(getattr(coarse, name), getattr(coarse.round_for_search(), name))
     assert (coarse.numbers - numbers).abs().max() <= 1 / 1024
     torch.testing.assert_close(coarse.deviation, deviation, rtol=0.032, atol=0)
     seen = mask >= 0.02

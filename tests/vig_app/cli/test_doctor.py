@@ -29,7 +29,7 @@ def test_text_and_json_say_the_same(capsys: pytest.CaptureFixture[str]) -> None:
         assert value in text
 
 
-def test_a_renderer_that_fails_are_a_line_and_an_exit_code(
+def test_a_renderer_that_fails_is_a_line_and_an_exit_code(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def broken(*arguments):
