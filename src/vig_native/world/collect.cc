@@ -142,7 +142,7 @@ void Drawing::normals(float* to) const {
         const Vec3<float> flat = cross(ends[1] - ends[0], ends[2] - ends[0]);
         const Vec3<float> mixed = normal[0] + (normal[1] - normal[0]) * at.b + (normal[2] - normal[0]) * at.c;
         const Item& item = items_[ranges_[range = range_of(face, range)].item];
-        const Vec3<float> seen = rounded(camera_.rotation) * (rounded(item.rotation) * mixed);
+        const Vec3<float> seen = to_single(camera_.rotation) * (to_single(item.rotation) * mixed);
         const bool interpolated = dot(seen, seen) > 1e-12f && dot(seen, flat) > 0;
         const Vec3<float> chosen = interpolated ? seen : flat;
         store3(to, chosen * (1 / std::sqrt(dot(chosen, chosen))));

@@ -137,7 +137,7 @@ void Drawing::rasterise(const std::vector<Item>& items, const Camera& camera, in
         Mat3<double> turn;
         for (int r = 0; r < 3; ++r)
             turn.row[r] = item.rotation.transposed(camera_.rotation.row[r]);
-        turn_ = rounded(turn);
+        turn_ = to_single(turn);
         const Vec3<double> shift = camera_.rotation * item.translation + camera_.translation;
         shift_ = {(float)shift.x, (float)shift.y, (float)shift.z};
         if (in_frame(item.asset->sphere, turn_, shift_, camera_))

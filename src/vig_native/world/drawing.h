@@ -1,6 +1,5 @@
 // Drawing: from items to samples, fragments, light and pixels.
 #pragma once
-#include <functional>
 
 #include "../visibility.h"
 #include "scene.h"

@@ -97,7 +97,7 @@ struct Camera {
     }
 };
 
-template <class R> Mat3<float> rounded(const Mat3<R>& m) {
+template <class R> Mat3<float> to_single(const Mat3<R>& m) {
     const auto row = [](Vec3<R> v) { return Vec3<float>{(float)v.x, (float)v.y, (float)v.z}; };
     return {{row(m.row[0]), row(m.row[1]), row(m.row[2])}};
 }

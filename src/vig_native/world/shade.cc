@@ -135,7 +135,7 @@ void Drawing::shade_range(int number, const int* sorted, int total, const Light&
     const Part& part = *ranges_[number].part;
     const Item& item = items_[ranges_[number].item];
     const Asset& asset = *item.asset;
-    const Mat3<float> R = rounded(item.rotation), camera = rounded(camera_.rotation);
+    const Mat3<float> R = to_single(item.rotation), camera = to_single(camera_.rotation);
     const Vec3<double> from = camera_.eye();
     const Vec3<float> eye = {(float)from.x, (float)from.y, (float)from.z};
     const Vec3<float> origin = {(float)item.translation.x, (float)item.translation.y, (float)item.translation.z};

@@ -15,7 +15,7 @@ constexpr float LARGEST = 0.4f;                  // metres of an object from its
 void scatter(const Grid& grid, std::vector<float>& opacity, const Item& item) {
     const int X = grid.size[0], Y = grid.size[1], Z = grid.size[2] - 1;
     const float inverse = 1 / grid.cell;
-    const Mat3<float> R = rounded(item.rotation);
+    const Mat3<float> R = to_single(item.rotation);
     const Vec3<float> T = Vec3<float>{(float)item.translation.x, (float)item.translation.y, (float)item.translation.z}
         - grid.origin;
     for (size_t n = 0; n < item.asset->points.size(); n += 4) {
