@@ -82,7 +82,7 @@ def main() -> None:
     if arguments.one is not None:
         chosen = argparse.Namespace(dataset=arguments.one, split="validation", count=arguments.count)
         photos = inputs.chosen(chosen, ObjectClass.load("teapot"))[0]
-        float32 = patch("vig.recognition.network.has_bfloat16", return_value=False)
+        float32 = patch("vig_train.network.network.has_bfloat16", return_value=False)
         with nullcontext() if arguments.bfloat16 else float32:
             print(json.dumps(explain(photos)))
         return

@@ -39,8 +39,8 @@ ORDER = {
         "raster", "library", "renderers", "composition", "generation", "cli",
     ),
     "vig_train": (
-        "record", "packs", "building", "training", "plots", "evaluation", "calibration", "class_training",
-        "cli",
+        "record", "network", "packs", "building", "training", "plots", "evaluation", "calibration",
+        "class_training", "cli",
     ),
     "vig_paper": ("teapot_class", "network", "optimizers", "ablation", "figures", "reproduction", "cli"),
 }  # fmt: skip

@@ -107,7 +107,7 @@ def describe_calibration(result: CalibrationResult) -> str:
     calibration, logits = result.calibration, result.azimuth_logits
     before, after = (
         float((view_levels(scaled, result.azimuth) <= 0.9).float().mean())
-        for scaled in (logits, logits / calibration.azimuth_temperature)
+        for scaled in (logits, logits / float(calibration.azimuth_temperature))
     )
     within = (result.standard_errors.abs() < WITHIN_90).float().mean(0)
     return (
@@ -128,7 +128,7 @@ def plot_reliability(path: Path, result: CalibrationResult) -> None:
     figure = Figure(figsize=(9, 4.5), layout="constrained")
     left, right = figure.subplots(1, 2)
     stated = torch.linspace(0, 1, 51)
-    for name, temperature in (("as trained", 1.0), ("calibrated", calibration.azimuth_temperature)):
+    for name, temperature in (("as trained", 1.0), ("calibrated", float(calibration.azimuth_temperature))):
         levels = view_levels(result.azimuth_logits / temperature, result.azimuth)
         left.plot(stated, (levels <= stated[:, None]).float().mean(1), label=name)
     left.set_title("azimuth")
@@ -136,7 +136,7 @@ def plot_reliability(path: Path, result: CalibrationResult) -> None:
     layout = layout_of_numbers(errors.shape[1])
     for number, name in enumerate(("elevation", "shape", "albedo", "light")):
         group = layout[name]
-        for factor, style in ((torch.ones(()), ":"), (calibration.deviation[group], "-")):
+        for factor, style in ((torch.ones(()), ":"), (torch.from_numpy(calibration.deviation)[group], "-")):
             error = (errors[:, group] / factor).abs().flatten()
             observed = (error <= reach[:, None]).float().mean(1)
             right.plot(stated, observed, style, color=f"C{number}", label=name if style == "-" else None)

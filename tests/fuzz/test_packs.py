@@ -21,12 +21,12 @@ from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration, calib
 from vig.io.errors import UserError
 from vig.likelihood.geometry import Geometry
 from vig.recognition import Recognizer
-from vig.recognition.network import RecognitionNetwork
 from vig.recognition.weights import FORMAT
 from vig.scene import Camera, ObjectClass, ShapeModel
 from vig.scene.object_class import PACKAGED, TRANSFER_FILE
 from vig_paper.network.network import PaperNetworks, PaperSettings
 from vig_paper.network.recognizer import PaperRecognizer
+from vig_train.network.network import RecognitionNetwork
 from vig_train.training.checkpoint import save_weights
 from vig_world.raster.rasterize import rasterize
 

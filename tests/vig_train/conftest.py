@@ -12,9 +12,10 @@ import torch
 from tests.support import SMALL
 from vig.inference import ExplainSettings
 from vig.inference.settings import Stage
-from vig.recognition import RecognitionNetwork, Recognizer
+from vig.recognition import Recognizer
 from vig.scene import EXPOSURE_L00, ObjectClass
 from vig_train.evaluation import MethodResult, evaluate
+from vig_train.network.network import RecognitionNetwork
 from vig_train.training.checkpoint import save_weights
 from vig_world.dataset import Dataset, read_dataset
 from vig_world.generation.write import make_dataset

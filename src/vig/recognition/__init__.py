@@ -1,8 +1,9 @@
-"""The recognition network: from a photo to hypotheses, bottom up."""
+"""Recognition: from a photo to hypotheses, bottom up."""
 
 from vig.recognition.find import box_in_window, find, upright
-from vig.recognition.network import MASK_CLASSES, NetworkCalibration, NetworkSettings, RecognitionNetwork
-from vig.recognition.prediction import WEIGHTS_FILE, Prediction, Recognizer
+from vig.recognition.network import MASK_CLASSES, NetworkCalibration, NetworkSettings
+from vig.recognition.prediction import Prediction
+from vig.recognition.recognizer import WEIGHTS_FILE, Recognizer
 from vig.recognition.uninformed import UninformedRecognizer
 
 __all__ = [
@@ -11,7 +12,6 @@ __all__ = [
     "NetworkCalibration",
     "NetworkSettings",
     "Prediction",
-    "RecognitionNetwork",
     "Recognizer",
     "UninformedRecognizer",
     "box_in_window",

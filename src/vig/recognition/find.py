@@ -7,14 +7,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
 
 from vig.io.errors import UserError
 from vig.photo import ImagePyramid, Window
 from vig.photo.masks import box_of
 from vig.photo.window import BOX_BELOW_CENTRE, SMALLEST_BOX, WINDOW_OVER_BOX
 from vig.recognition.object_map import PHOTO_SIDES, SIDES_FOR_SEVERAL, box_overlap, places
-from vig.recognition.prediction import Prediction, Recognizer
+from vig.recognition.prediction import Prediction
+from vig.recognition.recognizer import Recognizer
 
 MOVED_WINDOWS = 2
 """Places that are looked at where one object is sought, and windows moved onto what is there."""
@@ -245,7 +245,7 @@ def predict_windows(
     photo: np.ndarray | ImagePyramid, windows: list[Window], recognizer: Recognizer
 ) -> Prediction:
     """What the network predicts for windows of a photo."""
-    return recognizer(torch.from_numpy(np.stack([window.crop(photo)[0] for window in windows])))
+    return recognizer(np.stack([window.crop(photo)[0] for window in windows]))
 
 
 def box_in_window(prediction: Prediction) -> tuple[float, float, float, float] | None:

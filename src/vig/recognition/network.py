@@ -1,4 +1,4 @@
-"""The recognition network: its outputs, their calibration, and its layers."""
+"""What a recognition network is: its sizes, its outputs, and their calibration."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
 import torch
-from torch import nn
-from torch.nn import functional
-from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from vig.io.checks import check_number
-from vig.parallel.internals import has_bfloat16
-from vig.recognition.decoder import ATTENTION_HEADS, CELLS, ContextDecoder
-from vig.recognition.layers import GroupedLinear, InvertedResidual, convolution, pack_convolutions
-from vig.recognition.object_map import ObjectMap
 from vig.scene import LatentLayout, Latents, regressed_layout, rotate_z
 from vig.scene.shape_model import MOST_MODES
 
+MASK_CLASSES = ("visible", "hidden", "background")
+"""What a pixel shows: the object; something before it; neither (the object is not there)."""
 MASK_STRIDE = 2
 """Pixels a side of the mask head's cells."""
+ATTENTION_HEADS = 4
+"""Of self-attention in a decoder that sees the whole image."""
+LOG_VARIANCE = -8.0, 4.0
+"""Least and greatest that the network states."""
 
 
 def layout_of_numbers(count: int) -> LatentLayout:
@@ -43,24 +43,48 @@ _MIRRORED_LIGHT = (3, 4, 7)
 """Heading-frame coefficients odd in x: (1,1), (2,-2), (2,1)."""
 
 
-def mirrored(azimuth: torch.Tensor, numbers: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+def mirrored(azimuth: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Azimuths (B,) and numbers (B, M) of photos flipped left to right, of a class that is its own mirror
     image in y = 0.
     """
-    flipped = numbers.clone()
+    flipped = numbers.copy()
     light = layout_of_numbers(numbers.shape[1]).at("light")
     flipped[:, [light + coefficient for coefficient in _MIRRORED_LIGHT]] *= -1
-    return torch.remainder(math.pi - azimuth, 2 * math.pi), flipped
+    return (math.pi - azimuth) % (2 * math.pi), flipped
 
 
-def mask_at_pixels(logits: torch.Tensor, height: int, width: int) -> torch.Tensor:
+def mask_at_pixels(logits: np.ndarray, height: int, width: int) -> np.ndarray:
     """Probabilities (B, H, W, 3) of `MASK_CLASSES` from the mask head's (B, 3, h, w) logits."""
-    full = functional.interpolate(logits, scale_factor=MASK_STRIDE, mode="bilinear", align_corners=False)
-    return full[:, :, :height, :width].softmax(1).permute(0, 2, 3, 1)
+    across = _doubled(_doubled(logits.swapaxes(2, 3)).swapaxes(2, 3))
+    full = across[:, :, :height, :width]
+    full = np.exp(full - full.max(1, keepdims=True))
+    full /= full.sum(1, keepdims=True)
+    return np.ascontiguousarray(full.transpose(0, 2, 3, 1))
 
 
-MASK_CLASSES = ("visible", "hidden", "background")
-"""What a pixel shows: the object; something before it; neither (the object is not there)."""
+def _doubled(rows: np.ndarray) -> np.ndarray:
+    """Twice as many rows (B, C, H, W), linear between the middles of the given ones."""
+    count, channels, height, width = rows.shape
+    near, far = np.float32(0.75) * rows, np.float32(0.25) * rows
+    doubled = np.empty((count, channels, 2 * height, width), np.float32)
+    doubled[:, :, 0::2], doubled[:, :, 1::2] = near, near
+    doubled[:, :, 2::2] += far[:, :, :-1]
+    doubled[:, :, 1:-1:2] += far[:, :, 1:]
+    doubled[:, :, 0], doubled[:, :, -1] = rows[:, :, 0], rows[:, :, -1]
+    return doubled
+
+
+def softmax(logits: np.ndarray) -> np.ndarray:
+    """Probabilities (B, N) of logits."""
+    powers = np.exp(logits - logits.max(1, keepdims=True))
+    probabilities: np.ndarray = powers / powers.sum(1, keepdims=True)
+    return probabilities
+
+
+def sigmoid(logits: np.ndarray) -> np.ndarray:
+    """Probabilities of logits."""
+    probabilities: np.ndarray = 1 / (1 + np.exp(-logits.astype(np.float32)))
+    return probabilities
 
 
 STRIDES = (1, 2, 2, 2, 1)
@@ -145,14 +169,14 @@ class Heads:
         mask: (B, 3, h, w) logits of MASK_CLASSES, a cell for each `MASK_STRIDE` pixels.
     """
 
-    azimuth: torch.Tensor
-    mean: torch.Tensor
-    log_variance: torch.Tensor
-    roll: torch.Tensor
-    presence: torch.Tensor
-    mask: torch.Tensor
+    azimuth: np.ndarray
+    mean: np.ndarray
+    log_variance: np.ndarray
+    roll: np.ndarray
+    presence: np.ndarray
+    mask: np.ndarray
 
-    def of_mirrored(self, centre: torch.Tensor) -> Heads:
+    def of_mirrored(self, centre: np.ndarray) -> Heads:
         """What these, of flipped photos, say of the photos themselves.
 
         centre: (M,) the numbers 0 in units of the heads, about which those of the light change sign.
@@ -160,12 +184,12 @@ class Heads:
         bins = self.azimuth.shape[1]
         _, offset = mirrored(self.roll, self.mean - centre)
         return Heads(
-            self.azimuth.flip(1).roll(bins // 2, 1),
+            np.roll(self.azimuth[:, ::-1], bins // 2, 1),
             offset + centre,
             self.log_variance,
             -self.roll,
             self.presence,
-            self.mask.flip(3),
+            self.mask[..., ::-1],
         )
 
     def mean_with(self, other: Heads) -> Heads:
@@ -184,32 +208,33 @@ class NetworkCalibration:
         deviation: (M,) factors of the stated standard deviations.
     """
 
-    azimuth_temperature: torch.Tensor
-    mask_temperature: torch.Tensor
-    deviation: torch.Tensor
+    azimuth_temperature: np.ndarray
+    mask_temperature: np.ndarray
+    deviation: np.ndarray
 
     PREFIX: ClassVar[str] = "calibration."
-    """Of its tensors' names in a weights file."""
+    """Of its arrays' names in a weights file."""
 
     @classmethod
-    def of(cls, tensors: Mapping[str, torch.Tensor], numbers: int) -> NetworkCalibration:
-        """From the tensors of a weights file; without effect when it has none.
+    def of(cls, tensors: Mapping[str, np.ndarray], numbers: int) -> NetworkCalibration:
+        """From the arrays of a weights file; without effect when it has none.
 
         Raises:
             ValueError: They do not fit a network of `numbers` regressed numbers.
         """
         own = {k.removeprefix(cls.PREFIX): v for k, v in tensors.items() if k.startswith(cls.PREFIX)}
         if not own:
-            return cls(torch.ones(()), torch.ones(()), torch.ones(numbers))
+            one = np.ones((), np.float32)
+            return cls(one, one, np.ones(numbers, np.float32))
         shapes = {"azimuth_temperature": (), "mask_temperature": (), "deviation": (numbers,)}
-        if {name: tuple(value.shape) for name, value in own.items()} != shapes:
+        if {name: value.shape for name, value in own.items()} != shapes:
             raise ValueError("the calibration does not fit the network")
         for value in own.values():
-            if not value.is_floating_point() or not ((value > 1e-3) & (value < 1e3)).all():
+            if not np.issubdtype(value.dtype, np.floating) or not ((value > 1e-3) & (value < 1e3)).all():
                 raise ValueError("the calibration's factors must be from 0.001 to 1000")
         return cls(**own)
 
-    def tensors(self) -> dict[str, torch.Tensor]:
+    def tensors(self) -> dict[str, np.ndarray]:
         """As they go into a weights file."""
         return {self.PREFIX + name: value for name, value in vars(self).items()}
 
@@ -218,133 +243,3 @@ def check_sizes(name: str, sizes: tuple[int, ...], low: int, high: int) -> None:
     """ValueError unless all sizes of a network lie in [low, high]."""
     if not all(low <= size <= high for size in sizes):
         raise ValueError(f"{name} must be from {low} to {high}; got {sizes}")
-
-
-def fold_normalisation(network: nn.Module) -> None:
-    """Make batch normalisation part of the convolution before it: a network that only predicts is faster."""
-    for layers in list(network.modules()):
-        pair = list(layers.children())[:2]
-        if isinstance(layers, nn.Sequential) and [type(x) for x in pair] == [nn.Conv2d, nn.BatchNorm2d]:
-            layers[0] = fuse_conv_bn_eval(*pair)  # type: ignore[type-var,arg-type]
-            del layers[1]
-
-
-def prepare_for_bfloat16(network: nn.Module) -> None:
-    """Store weights of convolutions and dense layers in bfloat16, laid out for it, where `bfloat16` uses it.
-
-    Autocast would convert them at each call. A network in float32 stays as it is: with packed convolutions
-    its last bits would depend on which calls came before.
-    """
-    if has_bfloat16():
-        # Attention multiplies its weights as they are stored.
-        within = {
-            id(part)
-            for layer in network.modules()
-            if isinstance(layer, nn.TransformerEncoderLayer)
-            for part in layer.modules()
-        }
-        for layer in network.modules():
-            if isinstance(layer, nn.Conv2d | nn.Linear) and id(layer) not in within:
-                layer.weight.data = layer.weight.data.to(torch.bfloat16)
-        pack_convolutions(network)
-
-
-class RecognitionNetwork(nn.Module):
-    """From an image (B, 3, 150, 150), sRGB in [0, 1], to `Heads`."""
-
-    COARSE_CELLS = CELLS
-
-    def __init__(self, settings: NetworkSettings):
-        super().__init__()
-        self.settings = settings
-        first, *outputs = settings.channels
-        self.stem = convolution(3, first, 3, stride=2)
-        inputs, stages = first, []
-        for number, (width, count) in enumerate(zip(outputs, settings.blocks, strict=True)):
-            expansion = settings.expansion if number else 1
-            blocks = [InvertedResidual(inputs, width, expansion, KERNELS[number], STRIDES[number])]
-            blocks += [
-                InvertedResidual(width, width, expansion, KERNELS[number], 1) for _ in range(count - 1)
-            ]
-            stages.append(nn.Sequential(*blocks))
-            inputs = width
-        self.stages = nn.ModuleList(stages)
-        self.dense = nn.Sequential(
-            convolution(inputs, settings.squeezed, 1),
-            nn.Flatten(),
-            GroupedLinear(settings.squeezed * self.COARSE_CELLS**2, settings.features, settings.members),
-            nn.ReLU(),
-            nn.Dropout(settings.dropout),
-        )
-        self.azimuth = nn.Linear(settings.features, settings.azimuth_bins)
-        self.numbers = nn.Linear(settings.features, 2 * regressed_layout(settings.modes).size)
-        self.others = nn.Linear(settings.features, 2)
-        half, quarter, eighth, sixteenth, coarse = outputs
-        if settings.object_map:
-            self.object_map = ObjectMap(sixteenth + coarse, settings.object_map)
-        wide, narrow = settings.decoder, settings.decoder // 2
-        if settings.context:
-            widths = settings.squeezed, settings.features, settings.recalled
-            maps = (coarse, sixteenth), (eighth, quarter, half)
-            self.context = ContextDecoder(*maps, settings.context, *widths)
-            self.mask = nn.Conv2d(settings.context[-1], len(MASK_CLASSES), 1)
-            return
-        self.recalled = nn.Linear(settings.features, settings.recalled * self.COARSE_CELLS**2)
-        self.deep = nn.Sequential(
-            convolution(coarse + settings.recalled, wide, 1), convolution(wide, wide, 3)
-        )
-        self.side = nn.ModuleList(
-            convolution(*sizes, 1) for sizes in ((eighth, wide), (quarter, wide), (half, narrow))
-        )
-        self.merge = nn.ModuleList(
-            convolution(*sizes, 3) for sizes in ((wide, wide), (wide, narrow), (narrow, narrow))
-        )
-        self.mask = nn.Conv2d(narrow, len(MASK_CLASSES), 1)
-
-    def forward(self, image: torch.Tensor) -> Heads:
-        maps = self.maps(image)
-        features = self.dense(maps[-1])
-        merged = self._decoded(features, maps)
-        mean, log_variance = self.numbers(features).float().chunk(2, dim=1)
-        roll, presence = self.others(features).float().unbind(1)
-        return Heads(
-            self.azimuth(features).float(),
-            mean,
-            log_variance.clamp(-8.0, 4.0),
-            roll,
-            presence,
-            self.mask(merged).float(),
-        )
-
-    def maps(self, image: torch.Tensor) -> list[torch.Tensor]:
-        """Of the trunk's stages, for images (B, 3, H, W) of any size, sRGB in [0, 1]."""
-        x, maps = self.stem(image * 2 - 1), []
-        for stage in self.stages:
-            x = stage(x)
-            maps.append(x)
-        return maps
-
-    def coarse_maps(self, image: torch.Tensor) -> torch.Tensor:
-        """Of the last two stages, joined, from which the map of objects is read."""
-        return torch.cat(self.maps(image)[-2:], 1)
-
-    def _decoded(self, features: torch.Tensor, maps: list[torch.Tensor]) -> torch.Tensor:
-        """Features of the mask head's cells."""
-        half, quarter, eighth, sixteenth, coarse = maps
-        if self.settings.context:
-            decoded: torch.Tensor = self.context((coarse, sixteenth), (eighth, quarter, half))
-            return decoded
-        recalled = self.recalled(features).unflatten(1, (-1, self.COARSE_CELLS, self.COARSE_CELLS))
-        merged: torch.Tensor = self.deep(torch.cat([coarse, recalled], 1))
-        for finer, side, merge in zip((eighth, quarter, half), self.side, self.merge, strict=True):
-            height, width = finer.shape[-2:]
-            upsampled = functional.interpolate(merged, scale_factor=2.0)[..., :height, :width]
-            merged = merge(upsampled + side(finer))
-        return merged
-
-
-def bfloat16(device: torch.device) -> torch.autocast:
-    """Arithmetic in bfloat16 where the processor has it (AVX-512 BF16, AMX, CUDA), else as it is."""
-    if device.type == "cuda":
-        return torch.autocast("cuda", torch.bfloat16, enabled=torch.cuda.is_bf16_supported())
-    return torch.autocast("cpu", torch.bfloat16, enabled=has_bfloat16())

@@ -12,17 +12,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
-from torch import nn
-from torch.nn import functional
 
 from vig.parallel import on_one_core
 from vig.photo import ImagePyramid, Window
-from vig.recognition.layers import convolution
+from vig.recognition.network import sigmoid
 from vig.scene import srgb_from_linear
 
 if TYPE_CHECKING:
-    from vig.recognition.prediction import Recognizer
+    from vig.recognition.recognizer import Recognizer
 
 MAP_STRIDE = 16
 """Pixels a side of a cell."""
@@ -43,23 +40,6 @@ NUMBERS = 5
 of the box's width and height, in cells."""
 
 
-class ObjectMap(nn.Module):
-    """From two of the trunk's maps (B, C, h, w), joined, to `NUMBERS` of each cell (B, 5, h, w)."""
-
-    def __init__(self, inputs: int, width: int):
-        super().__init__()
-        layers = [convolution(inputs, width, 1)]
-        for _ in range(3):
-            layers += [convolution(width, width, 3, groups=width), convolution(width, width, 1)]
-        self.layers = nn.Sequential(*layers)
-        self.numbers = nn.Conv2d(width, NUMBERS, 1)
-        nn.init.constant_(self.numbers.bias[:1], -4.0)  # type: ignore[index]  # centres are rare
-
-    def forward(self, maps: torch.Tensor) -> torch.Tensor:
-        numbers: torch.Tensor = self.numbers(self.layers(maps))
-        return numbers.float()
-
-
 @dataclass(frozen=True)
 class Place:
     """Where an object seems to be.
@@ -73,7 +53,6 @@ class Place:
     probability: float
 
 
-@torch.inference_mode()
 def places(
     photo: np.ndarray | ImagePyramid, recognizer: Recognizer, sides: Sequence[int] = PHOTO_SIDES
 ) -> list[Place]:
@@ -101,13 +80,11 @@ def _at_scale(photo: np.ndarray | ImagePyramid, recognizer: Recognizer, side: in
         return []
     rows, columns = (np.flatnonzero(inside.any(axis)) for axis in (1, 0))
     top, left = int(rows[0]), int(columns[0])
-    shown = torch.from_numpy(np.ascontiguousarray(cut[top : rows[-1] + 1, left : columns[-1] + 1]))
-    image = srgb_from_linear(shown).permute(2, 0, 1)[None]
-    numbers = recognizer.object_map(image)[0].cpu()
-    probability = numbers[0].sigmoid()
-    highest = functional.max_pool2d(probability[None], 3, 1, 1)[0]
+    shown = cut[top : rows[-1] + 1, left : columns[-1] + 1]
+    numbers = recognizer.object_map(srgb_from_linear(shown).transpose(2, 0, 1)[None])[0]
+    probability = sigmoid(numbers[0])
     found, pixels = [], whole.side / side
-    for row, column in ((probability == highest) & (probability > LEAST_PROBABILITY)).nonzero().tolist():
+    for row, column in np.argwhere(_is_highest(probability) & (probability > LEAST_PROBABILITY)).tolist():
         right, down, *log_size = numbers[1:, row, column].tolist()
         w, h = (
             MAP_STRIDE * pixels * math.exp(min(max(each, -MOST_LOG_SIZE), MOST_LOG_SIZE)) for each in log_size
@@ -116,6 +93,15 @@ def _at_scale(photo: np.ndarray | ImagePyramid, recognizer: Recognizer, side: in
         y = whole.top + pixels * (top + MAP_STRIDE * (row + 0.5 + down))
         found.append(Place((x - w / 2, y - h / 2, w, h), float(probability[row, column])))
     return found
+
+
+def _is_highest(values: np.ndarray) -> np.ndarray:
+    """Whether each cell (H, W) is as high as its eight neighbours."""
+    padded = np.pad(values, 1, constant_values=-np.inf)
+    height, width = values.shape
+    shifted = [padded[i : i + height, j : j + width] for i in range(3) for j in range(3)]
+    highest: np.ndarray = values == np.max(shifted, axis=0)
+    return highest
 
 
 def box_overlap(one: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> float:

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 import torch
 
 from vig.recognition.network import NetworkSettings
-from vig.recognition.prediction import Prediction, Recognizer
+from vig.recognition.prediction import Prediction
+from vig.recognition.recognizer import Recognizer
 from vig.scene import ObjectClass, regressed_layout
 
 ELEVATION = math.radians(25.0), math.radians(20.0)

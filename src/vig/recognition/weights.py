@@ -7,8 +7,7 @@ import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 
-import torch
-from torch import nn
+import numpy as np
 
 from vig.io.checks import read_tensors, reading
 
@@ -21,47 +20,42 @@ TRUNK_PREFIXES = ("stem.", "stages.")
 """What the names of the trunk's weights begin with."""
 
 PACKED, STEPS = ".int4", ".steps"
-"""What the names of a packed matrix's two tensors end with."""
+"""What the names of a packed matrix's two arrays end with."""
+COUNTER, VARIANCE = "num_batches_tracked", "running_var"
+"""What the names of a number end with that only training reads, and of variances."""
 
 
-def load_network(network: nn.Module, tensors: Mapping[str, torch.Tensor]) -> None:
-    """Give a network made on torch's "meta" device, which holds no numbers, the tensors of a weights file.
+def network_weights(tensors: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The network's weights among the arrays of a weights file, as float32, by their names in the network.
 
-    Floating-point tensors of any precision become float32. Raises ValueError when names, shapes or types
-    are not the network's, so that a file cannot ask for more memory than it fills.
+    ValueError where one is no floating-point number, infinite, or a variance below 0.
     """
-    wanted = network.state_dict()
-    if odd := sorted(wanted.keys() ^ tensors.keys()):
-        raise ValueError(f"weights are missing or unknown: {', '.join(odd)[:100]}")
+    own = {}
     for name, held in tensors.items():
-        floats = held.is_floating_point(), wanted[name].is_floating_point()
-        if held.shape != wanted[name].shape or floats[0] != floats[1]:
-            raise ValueError(
-                f"'{name}' must be {tuple(wanted[name].shape)} {wanted[name].dtype};"
-                f" it is {tuple(held.shape)} {held.dtype}"
-            )
-    own = {name: held.to(wanted[name].dtype) for name, held in tensors.items()}
-    for name, value in own.items():
-        if not value.isfinite().all() or (name.endswith("running_var") and (value < 0).any()):
-            raise ValueError(f"'{name}' has numbers that are infinite, or variances below 0")
-    network.load_state_dict(own, assign=True)
+        if not name.startswith("network.") or name.endswith(COUNTER):
+            continue
+        if not np.issubdtype(held.dtype, np.floating):
+            raise ValueError(f"'{name[:100]}' must be floating-point numbers; it is {held.dtype}")
+        value = held.astype(np.float32)
+        if not np.isfinite(value).all() or (name.endswith(VARIANCE) and (value < 0).any()):
+            raise ValueError(f"'{name[:100]}' has numbers that are infinite, or variances below 0")
+        own[name.removeprefix("network.")] = value
+    return own
 
 
 @functools.lru_cache(maxsize=1)
-def shared_trunk() -> tuple[dict[str, torch.Tensor], str]:
-    """Tensors of the trunk that all classes share, by the network's names; and their fingerprint."""
+def shared_trunk() -> tuple[dict[str, np.ndarray], str]:
+    """Arrays of the trunk that all classes share, by the network's names; and their fingerprint."""
     with reading(TRUNK_FILE, "the shared trunk", "Install vig again."):
-        tensors, _ = read_tensors(TRUNK_FILE, "pt")
+        tensors, _ = read_tensors(TRUNK_FILE)
     digest = hashlib.sha256()
     for name in sorted(tensors):
-        digest.update(name.encode() + tensors[name].numpy().tobytes())
+        digest.update(name.encode() + tensors[name].tobytes())
     return tensors, digest.hexdigest()[:16]
 
 
-def whole_tensors(
-    tensors: Mapping[str, torch.Tensor], metadata: Mapping[str, str]
-) -> dict[str, torch.Tensor]:
-    """The tensors of a weights file: packed matrices are unpacked, the trunk that it names is among them.
+def whole_tensors(tensors: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> dict[str, np.ndarray]:
+    """The arrays of a weights file: packed matrices are unpacked, the trunk that it names is among them.
 
     Raises:
         ValueError: It was trained on another trunk, or a packed matrix is not one.
@@ -78,16 +72,14 @@ def whole_tensors(
     return {**tensors, **{f"network.{name}": value for name, value in trunk.items()}}
 
 
-def packed(matrix: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """A matrix (R, 2 C) in 4 bits each: (R, C) uint8, and (R,) float16 steps, a row's largest over 7."""
-    steps = (matrix.abs().amax(1) / 7).clamp_min(1e-7).half()
-    levels = (matrix / steps.float()[:, None]).round().clamp(-8, 7).to(torch.int16) + 8
-    return (levels[:, ::2] * 16 + levels[:, 1::2]).to(torch.uint8), steps
-
-
-def unpacked(levels: torch.Tensor, steps: torch.Tensor) -> torch.Tensor:
-    """The float32 matrix (R, 2 C) of what `packed` gives. ValueError when they are something else."""
-    if levels.dtype != torch.uint8 or levels.ndim != 2 or steps.shape != levels.shape[:1]:
-        raise ValueError(f"a packed matrix of {tuple(levels.shape)} {levels.dtype}, {tuple(steps.shape)}")
-    pairs = torch.stack([levels // 16, levels % 16], 2).flatten(1).float() - 8
-    return pairs * steps.float()[:, None]
+def unpacked(levels: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """The float32 matrix (R, 2 C) of 4-bit levels (R, C) uint8 and float16 steps (R,), see
+    `vig_train.network.weights.packed`. ValueError when they are something else.
+    """
+    if levels.dtype != np.uint8 or levels.ndim != 2 or steps.shape != levels.shape[:1]:
+        raise ValueError(f"a packed matrix of {levels.shape} {levels.dtype}, {steps.shape}")
+    matrix = np.empty((len(levels), 2 * levels.shape[1]), np.float32)
+    matrix[:, 0::2], matrix[:, 1::2] = levels >> 4, levels & 15
+    matrix -= 8
+    matrix *= steps.astype(np.float32)[:, None]
+    return matrix

@@ -16,10 +16,10 @@ from torch import nn
 
 from vig.io.checks import check_number, decode
 from vig.recognition.network import MASK_CLASSES, check_sizes
-from vig.recognition.weights import load_network
 from vig.scene import IMAGE_SIZE, Latents, regressed_layout, rotate_z
 from vig.scene.light import L_COUNT
 from vig.scene.shape_model import MOST_MODES
+from vig_train.network.weights import load_network
 from vig_train.training.targets import azimuth_labels
 
 FACTORS = ("pose", "shape", "appearance", "light")

@@ -6,13 +6,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from safetensors import SafetensorError, safe_open
 
 from vig.recognition import Prediction, Recognizer
-from vig.recognition.network import bfloat16
 from vig.scene import ObjectClass, srgb_from_linear
 from vig_paper.network.network import networks_from
+from vig_train.network.network import bfloat16
+from vig_train.network.weights import as_tensors
 
 
 class PaperRecognizer(Recognizer):
@@ -21,15 +23,18 @@ class PaperRecognizer(Recognizer):
     kind = "paper"
     has_map = False
 
-    def _read(self, settings: dict[str, Any], tensors: dict[str, torch.Tensor]) -> None:
-        self.network = networks_from(settings, tensors)
+    def _read(self, path: Path, settings: dict[str, Any], tensors: dict[str, np.ndarray]) -> None:
+        self.network = networks_from(settings, as_tensors(tensors)).eval()
+        self.settings = self.network.settings
+        self.weights = {name: value.numpy() for name, value in self.network.state_dict().items()}
         numbers = len(self.network.deviation)  # predicted unscaled
-        self.mean, self.deviation = torch.zeros(numbers), torch.ones(numbers)
+        self.mean, self.deviation = np.zeros(numbers, np.float32), np.ones(numbers, np.float32)
 
     @torch.inference_mode()
-    def _predict(self, photos: torch.Tensor, sides: Sequence[bool]) -> Prediction:
-        with bfloat16(photos.device):
-            outputs = self.network(srgb_from_linear(photos).permute(0, 3, 1, 2))
+    def _predict(self, photos: np.ndarray, sides: Sequence[bool]) -> Prediction:
+        pixels = torch.from_numpy(srgb_from_linear(photos)).permute(0, 3, 1, 2)
+        with bfloat16(pixels.device):
+            outputs = self.network(pixels)
         count = len(photos)  # the paper knows neither a rolled camera nor photos without the object
         azimuth, numbers, deviation, mask = outputs
         return Prediction(azimuth, numbers, deviation, mask, torch.zeros(count), torch.ones(count))

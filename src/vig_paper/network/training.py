@@ -19,10 +19,10 @@ from torch.nn import functional
 from vig.io.checks import read_tensors, reading
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
-from vig.recognition.network import bfloat16
 from vig.recognition.weights import FORMAT
 from vig.scene import Latents, angle_difference
 from vig_paper.network.network import FACTORS, FactorNetwork, PaperNetworks, PaperSettings, targets_of
+from vig_train.network.network import bfloat16
 from vig_train.training.targets import numbers_of
 from vig_world.dataset import Dataset
 

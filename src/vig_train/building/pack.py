@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from vig.io.files import atomic_write
+from vig.recognition import WEIGHTS_FILE
+from vig.recognition.recognizer import GRAPHS, graph_path
 from vig_train.building import pictures
 from vig_train.building.card import card
 from vig_train.building.object_class import ClassShapes
@@ -20,7 +22,12 @@ from vig_world.assets.held_out import HeldOutDesigns
 from vig_world.assets.own.load import has_one_colour
 from vig_world.assets.source_meshes import FILE, SourceMesh, save
 
-TRAINED_FILES = ("recognition.safetensors", "calibration.json", "reliability.png")
+TRAINED_FILES = (
+    WEIGHTS_FILE,
+    *(graph_path(Path(WEIGHTS_FILE), which).name for which in GRAPHS),
+    "calibration.json",
+    "reliability.png",
+)
 """Files of a pack that `vig class train` writes."""
 CARD_SECTIONS = ("## Recognition", "## On photographs")
 """Of a card, by `vig class train` and `vig class check`."""

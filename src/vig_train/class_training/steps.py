@@ -26,6 +26,7 @@ from vig.io.machine import machine
 from vig.io.progress import Meter
 from vig.parallel import map_in_processes
 from vig.recognition import WEIGHTS_FILE, Recognizer
+from vig.recognition.recognizer import GRAPHS, graph_path
 from vig.recognition.weights import shared_trunk
 from vig.scene import ObjectClass
 from vig.scene.object_class import BUILD_COMMAND
@@ -289,9 +290,9 @@ class ClassTraining:
     def _recognizers(self) -> list[Recognizer]:
         """The member of each fold, which has not seen its meshes; the whole where there are no folds."""
         recognizers = [Recognizer.of_class(self.object_class, self._weights) for _ in range(self.folds)]
-        for number, recognizer in enumerate(recognizers) if self.folds > 1 else ():
-            keep_member(recognizer.network, number)
-        return recognizers
+        if self.folds == 1:
+            return recognizers
+        return [keep_member(recognizer, number) for number, recognizer in enumerate(recognizers)]
 
     def _test(self) -> None:
         held_out = self._held_out
@@ -323,7 +324,8 @@ class ClassTraining:
         """Put weights, calibration and card into the pack."""
         # Killed in between it leaves weights without a calibration, not with that of others.
         (self.pack / CALIBRATION_FILE).unlink(missing_ok=True)
-        for name in (WEIGHTS_FILE, RELIABILITY_FILE, CALIBRATION_FILE):
+        graphs = [graph_path(self._weights, which).name for which in GRAPHS]
+        for name in (WEIGHTS_FILE, *graphs, RELIABILITY_FILE, CALIBRATION_FILE):
             with atomic_write(self.pack / name) as temporary:
                 shutil.copyfile(self.run_folder / name, temporary)
         (self.pack / BUILD_COMMAND).unlink(missing_ok=True)

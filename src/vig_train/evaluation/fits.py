@@ -222,14 +222,11 @@ def cache_key(recognizer: Recognizer, object_class: ObjectClass, settings: FitSe
     digest = hashlib.sha256(
         f"{__version__} {object_class.fingerprint} {uncalibrated!r} {CONFIDENCE_FEATURES}".encode()
     )
-    tensors = {name: value for name, value in vars(recognizer).items() if isinstance(value, torch.Tensor)}
-    tensors |= recognizer.calibration.tensors()
     calibration = settings.calibration_for(object_class)
     if calibration is not None:
         digest.update(calibration.to_json().encode())
-    for name, tensor in sorted((recognizer.network.state_dict() | tensors).items()):
-        digest.update(name.encode())
-        digest.update(tensor.contiguous().reshape(-1).view(torch.uint8).numpy().tobytes())
+    for name, array in sorted(recognizer.arrays().items()):
+        digest.update(name.encode() + np.ascontiguousarray(array).tobytes())
     arrays = [object_class.light_prior_mean, object_class.light_prior_covariance]
     for array in arrays + ([] if object_class.transfer is None else [object_class.transfer]):
         digest.update(np.ascontiguousarray(array).tobytes())

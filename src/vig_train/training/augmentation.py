@@ -93,7 +93,9 @@ class Augmentation:
         present = examples.present()
         azimuth, numbers, roll = examples.azimuth, examples.numbers, examples.roll
         flipped = torch.from_numpy(rng.random(len(images)) < self.flip).to(images.device)
-        mirrored_azimuth, mirrored_numbers = mirrored(azimuth, numbers)
+        mirrored_azimuth, mirrored_numbers = map(
+            torch.from_numpy, mirrored(azimuth.cpu().numpy(), numbers.cpu().numpy())
+        )
         azimuth = torch.where(flipped, mirrored_azimuth, azimuth)
         numbers = torch.where(flipped[:, None], mirrored_numbers, numbers)
         roll = torch.where(flipped, -roll, roll)

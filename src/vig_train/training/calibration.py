@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import torch
 from safetensors.torch import save_file
 from torch.nn import functional
@@ -16,8 +17,9 @@ from vig.io.checks import read_tensors
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
 from vig.recognition.network import NetworkCalibration
-from vig.recognition.prediction import Recognizer
+from vig.recognition.recognizer import Recognizer
 from vig.scene import ObjectClass
+from vig_train.network.weights import as_tensors
 from vig_train.training.examples import Examples
 from vig_world.dataset import Dataset
 
@@ -90,9 +92,9 @@ def learn_calibration(parts: Sequence[tuple[Recognizer, Examples]]) -> Calibrati
     cell_logits = mask.movedim(1, -1).reshape(-1, mask.shape[1])[::CELL_STRIDE]
     cell_labels = examples.mask().movedim(1, -1).reshape(-1, mask.shape[1])[::CELL_STRIDE]
     calibration = NetworkCalibration(
-        fit_temperature(azimuth, labels) if fold else torch.ones(()),
-        fit_temperature(cell_logits, cell_labels),
-        deviation_factors(error, deviation),
+        (fit_temperature(azimuth, labels) if fold else torch.ones(())).numpy(),
+        fit_temperature(cell_logits, cell_labels).numpy(),
+        deviation_factors(error, deviation).numpy(),
     )
     return CalibrationResult(calibration, true_azimuth, azimuth, error / deviation)
 
@@ -102,7 +104,7 @@ def write_calibration(path: Path, calibration: NetworkCalibration) -> None:
     stored, metadata = read_tensors(path, "pt")
     tensors = {name: value for name, value in stored.items() if not name.startswith(calibration.PREFIX)}
     with atomic_write(path) as temporary:
-        save_file(tensors | calibration.tensors(), temporary, metadata=metadata)
+        save_file(tensors | as_tensors(calibration.tensors()), temporary, metadata=metadata)
 
 
 @torch.inference_mode()
@@ -110,11 +112,11 @@ def _network_outputs(recognizer: Recognizer, examples: Examples) -> tuple[torch.
     """Azimuth logits, numbers, their stated deviations, and mask logits, all uncalibrated."""
     outputs = []
     for indices in torch.arange(len(examples)).split(64):
-        heads = recognizer.heads(examples[indices].pixels())
+        heads = recognizer.heads(examples[indices].pixels().numpy())
         numbers = heads.mean * recognizer.deviation + recognizer.mean
-        deviation = (0.5 * heads.log_variance).exp() * recognizer.deviation
+        deviation = np.exp(0.5 * heads.log_variance) * recognizer.deviation
         outputs.append((heads.azimuth, numbers, deviation, heads.mask))
-    return tuple(torch.cat(column) for column in zip(*outputs, strict=True))
+    return tuple(torch.from_numpy(np.concatenate(column)) for column in zip(*outputs, strict=True))
 
 
 def azimuth_bins(azimuth: torch.Tensor, bins: int) -> torch.Tensor:

@@ -14,9 +14,11 @@ from safetensors.torch import save_file
 from vig.io.checks import read_tensors, reading
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
-from vig.recognition import weights
-from vig.recognition.network import RecognitionNetwork
 from vig.recognition.weights import FORMAT, PACKED, STEPS, TRUNK_PREFIXES
+from vig.recognition.weights import shared_trunk as trunk_of_classes
+from vig_train.network import weights
+from vig_train.network.graphs import write_graphs
+from vig_train.network.network import RecognitionNetwork
 
 MOMENTS = ("step", "exp_avg", "exp_avg_sq")
 """What AdamW keeps of each weight."""
@@ -33,7 +35,7 @@ def save_weights(
     more: Mapping[str, str] | None = None,
     packed: Sequence[str] = (),
 ) -> None:
-    """Write a network in half precision with its settings and the targets' scale.
+    """Write a network in half precision with its settings and the targets' scale, and its graphs beside it.
 
     Args:
         network: To write.
@@ -41,7 +43,7 @@ def save_weights(
         path: Of the file.
         shared_trunk: Name the trunk in place of writing it.
         more: Goes into the file's metadata.
-        packed: Names of matrices that are written in 4 bits, see `vig.recognition.weights.packed`.
+        packed: Names of matrices that are written in 4 bits, see `vig_train.network.weights.packed`.
     """
     tensors = {
         f"network.{k}": v.half() if v.is_floating_point() else v
@@ -49,18 +51,20 @@ def save_weights(
         if not (shared_trunk and k.startswith(TRUNK_PREFIXES)) and k not in packed
     }
     for name in packed:
-        levels, steps = weights.packed(network.state_dict()[name])
-        tensors |= {f"network.{name}{PACKED}": levels, f"network.{name}{STEPS}": steps}
+        levels, steps = weights.packed(network.state_dict()[name].cpu().numpy())
+        parts = {f"network.{name}{PACKED}": levels, f"network.{name}{STEPS}": steps}
+        tensors |= weights.as_tensors(parts)
     tensors |= {f"scale.{k}": v for k, v in scale.items()}
     metadata = {"net": "vig", "format": FORMAT, "settings": json.dumps(asdict(network.settings))}
     if shared_trunk:
-        metadata["trunk"] = weights.shared_trunk()[1]
+        metadata["trunk"] = trunk_of_classes()[1]
     with atomic_write(path) as temporary:
         save_file(
             {k: v.contiguous().cpu() for k, v in tensors.items()},
             temporary,
             metadata=metadata | dict(more or {}),
         )
+    write_graphs(path, network.settings, weights.shapes_of(network))
 
 
 def save_checkpoint(

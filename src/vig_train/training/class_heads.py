@@ -15,9 +15,11 @@ from torch.nn.utils.fusion import fuse_linear_bn_eval
 from vig.io.checks import read_tensors, reading
 from vig.io.files import atomic_write
 from vig.parallel import map_in_processes
-from vig.recognition.network import RecognitionNetwork, bfloat16
-from vig.recognition.weights import packed, unpacked
+from vig.recognition import Recognizer
+from vig.recognition.weights import unpacked
 from vig.scene import Symmetry
+from vig_train.network.network import RecognitionNetwork, bfloat16
+from vig_train.network.weights import packed
 from vig_train.training.checkpoint import Scale
 from vig_train.training.class_network import (
     CHUNK,
@@ -189,7 +191,8 @@ def _join(network: RecognitionNetwork, members: Sequence[_Member]) -> None:
     )
     joined = {name: torch.cat([getattr(each, name) for each in layers]) for name in ("weight", "bias")}
     # What the decoder is trained on is what the file will hold.
-    network.dense[2].load_state_dict(joined | {"weight": unpacked(*packed(joined["weight"]))})
+    weight = torch.from_numpy(unpacked(*packed(joined["weight"].numpy())))
+    network.dense[2].load_state_dict(joined | {"weight": weight})
     for name in HEADS:
         heads: list[nn.Linear] = [getattr(member, name) for member in members]
         mean = {
@@ -199,15 +202,15 @@ def _join(network: RecognitionNetwork, members: Sequence[_Member]) -> None:
         getattr(network, name).load_state_dict(mean)
 
 
-@torch.no_grad()
-def keep_member(network: RecognitionNetwork, number: int) -> None:
-    """Let the dense heads of a network of several members hear one alone, in place; the decoder hears all.
+def keep_member(recognizer: Recognizer, number: int) -> Recognizer:
+    """The same, but that the dense heads hear one of several members alone; the decoder hears all.
 
     Their biases stay the mean of all members'.
     """
-    count, width = network.settings.members, network.settings.features // network.settings.members
-    for name in HEADS:
-        weight = getattr(network, name).weight
-        own = weight[:, number * width : (number + 1) * width].float() * count
-        weight.zero_()
-        weight[:, number * width : (number + 1) * width] = own
+    count, width = recognizer.settings.members, recognizer.settings.features // recognizer.settings.members
+    changed = {}
+    for name in (f"{head}.weight" for head in HEADS):
+        changed[name] = np.zeros_like(recognizer.weights[name])
+        own = slice(number * width, (number + 1) * width)
+        changed[name][:, own] = recognizer.weights[name][:, own] * count
+    return recognizer.with_weights(changed)

@@ -19,13 +19,11 @@ from safetensors.torch import save_file
 from vig.io.checks import read_tensors, reading
 from vig.io.files import atomic_write
 from vig.parallel import map_in_processes
-from vig.recognition.network import (
-    NetworkSettings,
-    RecognitionNetwork,
-    bfloat16,
-)
+from vig.recognition.network import NetworkSettings
 from vig.recognition.weights import shared_trunk
 from vig.scene import ObjectClass
+from vig_train.network.network import RecognitionNetwork, bfloat16
+from vig_train.network.weights import as_tensors
 from vig_train.training.augmentation import Augmentation
 from vig_train.training.checkpoint import load_checkpoint, save_checkpoint
 from vig_train.training.drawing import examples_of
@@ -80,7 +78,7 @@ def new_network(object_class: ObjectClass) -> RecognitionNetwork:
     network = RecognitionNetwork(replace(SIZES, modes=object_class.shape_model.modes))
     load_start_weights(network, PLAIN_DECODER, trunk_only=False)
     trunk, _ = shared_trunk()
-    network.load_state_dict({name: value.float() for name, value in trunk.items()}, strict=False)
+    network.load_state_dict({name: value.float() for name, value in as_tensors(trunk).items()}, strict=False)
     return network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
 

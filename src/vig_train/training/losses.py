@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import torch
 from torch.nn import functional
 
-from vig.recognition.network import Heads
 from vig.scene import Symmetry, angle_difference
+from vig_train.network.network import Heads
 from vig_train.training.augmentation import Batch
 from vig_train.training.targets import azimuth_labels
 

@@ -18,9 +18,11 @@ from torch.nn import functional
 
 from vig.io.checks import read_tensors, reading
 from vig.io.files import atomic_write
-from vig.recognition import Recognizer
-from vig.recognition.network import RecognitionNetwork, bfloat16
-from vig.recognition.object_map import BOX_SIDES, MAP_STRIDE, ObjectMap
+from vig.recognition.object_map import BOX_SIDES, MAP_STRIDE
+from vig_train.network.graphs import write_graphs
+from vig_train.network.network import RecognitionNetwork, bfloat16
+from vig_train.network.object_map import ObjectMap
+from vig_train.network.weights import read_network, shapes_of
 from vig_train.training.collages import PICTURES, SIDE, Box, draw_pictures
 from vig_train.training.examples import Examples
 from vig_train.training.presence import fit_presence
@@ -140,8 +142,8 @@ def add_object_map(start: Path, path: Path, training: MapTraining) -> None:
     Raises:
         UserError: `start` is no weights file.
     """
-    recognizer = Recognizer(start)
-    network, settings = recognizer.network, recognizer.network.settings
+    network = read_network(start)
+    settings = network.settings
     torch.manual_seed(training.seed)
     network.object_map = ObjectMap(sum(settings.channels[-2:]), MAP_CHANNELS)
     training.run(network)
@@ -155,9 +157,11 @@ def add_object_map(start: Path, path: Path, training: MapTraining) -> None:
     }
     tensors = {name: value for name, value in tensors.items() if not name.startswith("network.object_map.")}
     tensors |= {name: value.half() if value.is_floating_point() else value for name, value in own.items()}
-    described = json.dumps(asdict(replace(settings, object_map=MAP_CHANNELS)))
+    settings = replace(settings, object_map=MAP_CHANNELS)
+    described = json.dumps(asdict(settings))
     with atomic_write(path) as temporary:
         save_file(tensors, temporary, metadata=metadata | {"settings": described})
+    write_graphs(path, settings, shapes_of(network))
 
 
 def map_loss(numbers: torch.Tensor, targets: MapTargets) -> torch.Tensor:

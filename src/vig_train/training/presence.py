@@ -7,7 +7,7 @@ import torch
 from scipy.optimize import minimize
 from scipy.special import expit
 
-from vig.recognition.network import RecognitionNetwork, bfloat16
+from vig_train.network.network import RecognitionNetwork, bfloat16
 from vig_train.training.augmentation import Augmentation
 from vig_train.training.examples import Examples
 

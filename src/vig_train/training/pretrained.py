@@ -13,8 +13,9 @@ import torch
 from safetensors.torch import save_file
 
 from vig.io.files import atomic_write
-from vig.recognition.network import NetworkSettings, RecognitionNetwork
+from vig.recognition.network import NetworkSettings
 from vig.recognition.weights import TRUNK_PREFIXES
+from vig_train.network.network import RecognitionNetwork
 from vig_world.extras import optional_import
 
 

@@ -18,14 +18,11 @@ from torch import nn
 from vig.io.checks import decode, parse_json, read_tensors, reading
 from vig.io.errors import UserError
 from vig.io.progress import Meter
-from vig.recognition.network import (
-    NetworkSettings,
-    RecognitionNetwork,
-    bfloat16,
-    layout_of_numbers,
-)
+from vig.recognition.network import NetworkSettings, layout_of_numbers
 from vig.recognition.weights import TRUNK_PREFIXES, whole_tensors
 from vig.scene import Symmetry
+from vig_train.network.network import RecognitionNetwork, bfloat16
+from vig_train.network.weights import as_tensors
 from vig_train.training.augmentation import Augmentation, Batch
 from vig_train.training.checkpoint import Scale, load_checkpoint, save_checkpoint, save_weights
 from vig_train.training.drawing import Drawing, add_drawn_examples, drawn_once
@@ -325,7 +322,7 @@ def load_start_weights(
         UserError: The file is no weights file, or what is needed has other sizes in it.
     """
     with reading(path, "recognition weights", "Take a file of `vig train`."):
-        tensors = whole_tensors(*read_tensors(path, "pt"))
+        tensors = as_tensors(whole_tensors(*read_tensors(path)))
         own_weights = network.state_dict()
         fitting = {
             name: value.to(own_weights[name].dtype)
@@ -349,7 +346,7 @@ def load_start_weights(
 def _setting_of(path: Path, name: str, without: Any) -> Any:
     """A field of `NetworkSettings` of a weights file, and what stands for it where the file lacks it."""
     with reading(path, "recognition weights", "Take a file of `vig train`."):
-        _, metadata = read_tensors(path, "pt")
+        _, metadata = read_tensors(path)
         settings = decode(dict[str, Any], parse_json(metadata.get("settings", "{}")))
         return decode(get_type_hints(NetworkSettings)[name], settings.get(name, without))
 

@@ -149,7 +149,8 @@ def test_the_mirrored_explanation_renders_the_mirrored_photo(studio) -> None:
     for ours, theirs in zip((irradiance, coverage, colour), again, strict=True):
         off = (ours - theirs.flip(2)).abs()
         assert (off > 1e-9).double().mean() < 1e-4  # a centre exactly on an edge may go either way
-    azimuth, numbers = mirrored(latents.azimuth, numbers_of(latents))
+    mirror_image = mirrored(latents.azimuth.numpy(), numbers_of(latents).numpy())
+    azimuth, numbers = map(torch.from_numpy, mirror_image)
     targets = latents_of(numbers, azimuth)
     torch.testing.assert_close(targets.light, flipped.light)
     torch.testing.assert_close(targets.azimuth, torch.remainder(flipped.azimuth, 2 * math.pi))

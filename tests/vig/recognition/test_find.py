@@ -23,11 +23,11 @@ class SeesDiscs:
     informed = has_map = True
     device = "cpu"
 
-    def object_map(self, image: torch.Tensor) -> torch.Tensor:
+    def object_map(self, image: np.ndarray) -> np.ndarray:
         """Centres and boxes of bright regions of sizes that maps know."""
-        numbers = torch.zeros(1, 5, *(-(-side // MAP_STRIDE) for side in image.shape[2:]))
+        numbers = np.zeros((1, 5, *(-(-side // MAP_STRIDE) for side in image.shape[2:])), np.float32)
         numbers[:, 0] = -8.0
-        regions, count = ndimage.label(image[0].mean(0).numpy() > 0.5)
+        regions, count = ndimage.label(image[0].mean(0) > 0.5)
         for rows, columns in ndimage.find_objects(regions, count):
             size = columns.stop - columns.start, rows.stop - rows.start
             if not BOX_SIDES[0] <= max(size) <= BOX_SIDES[1]:
@@ -35,10 +35,11 @@ class SeesDiscs:
             x, y = ((each.start + each.stop) / 2 / MAP_STRIDE for each in (columns, rows))
             at = int(y), int(x)
             right, down, *log_size = x - at[1] - 0.5, y - at[0] - 0.5, *np.log(np.divide(size, MAP_STRIDE))
-            numbers[0, :, *at] = torch.tensor([4.0, right, down, *log_size])
+            numbers[0, :, *at] = [4.0, right, down, *log_size]
         return numbers
 
-    def __call__(self, photos: torch.Tensor, twice: bool = True) -> Prediction:
+    def __call__(self, photos: np.ndarray, twice: bool = True) -> Prediction:
+        photos = torch.from_numpy(photos)
         bright = (photos.mean(-1) > 0.5).float()
         count = len(photos)
         mask = torch.stack([bright, torch.zeros_like(bright), 1 - bright], -1)
@@ -82,11 +83,11 @@ def test_what_is_unlikely_beside_the_best_is_not_looked_at() -> None:
         seen = 0
         second = 0.0
 
-        def __call__(self, photos: torch.Tensor, twice: bool = True) -> Prediction:
+        def __call__(self, photos: np.ndarray, twice: bool = True) -> Prediction:
             self.seen += len(photos)
             return super().__call__(photos, twice)
 
-        def object_map(self, image: torch.Tensor) -> torch.Tensor:
+        def object_map(self, image: np.ndarray) -> np.ndarray:
             numbers = super().object_map(image)
             numbers[0, 0, 0, 0] = math.log(self.second / (1 - self.second))
             return numbers
@@ -153,7 +154,7 @@ def test_a_window_is_turned_on_where_only_a_part_of_a_roll_is_seen() -> None:
 
 
 def test_the_box_of_what_is_seen_is_in_sides_of_the_window() -> None:
-    photo = torch.zeros(1, 150, 150, 3)
+    photo = np.zeros((1, 150, 150, 3), np.float32)
     photo[:, 30:90, 15:135] = 1.0
     assert box_in_window(SeesDiscs()(photo)) == pytest.approx((0.1, 0.2, 0.8, 0.4))
-    assert box_in_window(SeesDiscs()(torch.zeros(1, 150, 150, 3))) is None
+    assert box_in_window(SeesDiscs()(np.zeros((1, 150, 150, 3), np.float32))) is None

@@ -105,6 +105,6 @@ def test_a_flip_turns_picture_mask_roll_and_targets(batch: Examples) -> None:
     after = replace(NOTHING, flip=1)(given, np.random.default_rng(0))
     torch.testing.assert_close(after.images, before.images.flip(3), atol=1e-5, rtol=0)
     torch.testing.assert_close(after.mask, before.mask.flip(3), atol=1e-5, rtol=0)
-    azimuth, numbers = mirrored(given.azimuth, given.numbers)
+    azimuth, numbers = map(torch.from_numpy, mirrored(given.azimuth.numpy(), given.numbers.numpy()))
     assert torch.equal(after.azimuth, azimuth) and torch.equal(after.numbers, numbers)
     torch.testing.assert_close(after.roll, -roll)

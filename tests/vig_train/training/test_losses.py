@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 import torch
 
-from vig.recognition.network import Heads
 from vig.scene import Symmetry
+from vig_train.network.network import Heads
 from vig_train.training.augmentation import Batch
 from vig_train.training.losses import losses, weighted_sum
 from vig_train.training.schedule import Schedule

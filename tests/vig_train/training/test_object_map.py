@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 import torch
 
-from vig.recognition import NetworkSettings, RecognitionNetwork
+from vig.recognition import NetworkSettings
 from vig.recognition.object_map import MAP_STRIDE
 from vig.scene import regressed_layout
+from vig_train.network.network import RecognitionNetwork
 from vig_train.training.collages import SIDE, Box, draw_pictures
 from vig_train.training.examples import Examples
 from vig_train.training.object_map import CELLS, MapTraining, map_loss, targets_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from vig.parallel.internals import has_bfloat16
+from vig_train.network.network import has_bfloat16
 
 
 def test_bfloat16_is_what_torch_says_and_else_taken_for_absent(monkeypatch: pytest.MonkeyPatch) -> None:

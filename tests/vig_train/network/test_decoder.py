@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 import torch
 
-from vig.recognition import NetworkSettings, RecognitionNetwork
+from vig.recognition import NetworkSettings
+from vig_train.network.network import RecognitionNetwork
 
 SMALL = NetworkSettings(
     modes=2, channels=(4, 4, 6, 8, 8, 8), blocks=(1, 1, 1, 1, 1), squeezed=4, features=8, context=(8, 6, 6, 4)

@@ -8,11 +8,12 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from vig.recognition.layers import convolution
+from vig.recognition.network import ATTENTION_HEADS
+from vig_train.network.layers import convolution
 
 CELLS = 10
 """Side of the coarsest map: the image's at a sixteenth of its size."""
-ATTENTION_LAYERS, ATTENTION_HEADS = 2, 4
+ATTENTION_LAYERS = 2
 """Of self-attention over the cells of the coarsest map."""
 
 

@@ -1,0 +1,1 @@
+"""The recognition network as it is trained, in torch, and its graphs."""
