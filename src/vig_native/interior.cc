@@ -220,14 +220,14 @@ void add_rows(Task<R>& task, const int* at, const R* column, const R* line, int 
         const R share[3] = {R(weight[0][lane]), R(weight[1][lane]), R(weight[2][lane])};
         const R axis[3] = {R(cotangent.x[lane]), R(cotangent.y[lane]), R(cotangent.z[lane])};
         const size_t corner[3] = {(size_t)p.corner[0][lane], (size_t)p.corner[1][lane], (size_t)p.corner[2][lane]};
-        for (size_t m = 0; m < width; m += LANES) {
-            Row sum = {};
+        for (size_t m = 0; m < width; m += REGISTER) {
+            Register<R> sum = {};
             for (int n = 0; n < 3; ++n) {
                 const R* const b = &geometry.basis[corner[n] * 3 * width + m];
-                sum += share[n] * (lanes_at(&work.shape_rows[corner[n] * width + m]) + axis[0] * lanes_at(b)
-                                   + axis[1] * lanes_at(b + width) + axis[2] * lanes_at(b + 2 * width));
+                sum += share[n] * (register_at(&work.shape_rows[corner[n] * width + m]) + axis[0] * register_at(b)
+                                   + axis[1] * register_at(b + width) + axis[2] * register_at(b + 2 * width));
             }
-            lanes_at(to + m) = sum * root[lane];
+            register_at(to + m) = sum * root[lane];
         }
         Row rest = motion[lane];
         for (int n = 0; n < 3; ++n)

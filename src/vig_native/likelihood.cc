@@ -57,12 +57,15 @@ template <class R> void place_vertices(Task<R>& task) {
     const Eye<R>& eye = task.eye;
     const R near = R(0.01);  // metres; a triangle with a corner nearer than this is not drawn
     const R* rows = task.geometry.positions.data();
-    for (int first = 0; first < task.geometry.vertices; first += LANES) {
-        Row world[4] = {lanes_at(rows), lanes_at(rows + LANES), lanes_at(rows + 2 * LANES), Row{}};
-        rows += 3 * LANES;
-        for (int mode = 0; mode < task.geometry.modes; ++mode, rows += 3 * LANES)
-            for (int axis = 0; axis < 3; ++axis)
-                world[axis] += task.work.coefficients[mode] * lanes_at(rows + axis * LANES);
+    const int modes = task.geometry.modes;
+    for (int first = 0; first < task.geometry.vertices; first += LANES, rows += (modes + 1) * 3 * LANES) {
+        Row world[4] = {};
+        for (int part = 0; part < 3 * LANES; part += REGISTER) {
+            Register<R> sum = register_at(rows + part);
+            for (int mode = 0; mode < modes; ++mode)
+                sum += task.work.coefficients[mode] * register_at(rows + (mode + 1) * 3 * LANES + part);
+            register_at((R*)world + part) = sum;
+        }
         const Vec3<Row> point = eye.rotation * Vec3<Row>{world[0], world[1], world[2] - eye.target_height};
         // The camera's frame has its origin `distance` metres before the target.
         const Row depth = point.z + eye.distance, q = depth > near ? 1 / depth : Row{}, scale = eye.focal * q;
@@ -74,24 +77,23 @@ template <class R> void place_vertices(Task<R>& task) {
 
 // products (W, W) = rows^T rows; W is a multiple of LANES. Blocks above the diagonal, then mirrored.
 template <class R> void square_rows(const R* rows, size_t count, int width, R* products) {
-    typedef Lanes<R> Row;
-    constexpr int TILE = 8;       // vectors that are summed at once; for 16 there are too few registers
+    constexpr int TILE = 8;       // registers that are summed at once
     constexpr size_t NEAR = 128;  // rows that are taken at once, so that they stay in the nearest cache
     std::fill_n(products, (size_t)width * width, R(0));
     for (size_t first = 0; first < count; first += NEAR)
-        for (int column = 0; column < width; column += LANES)
-            for (int i = 0; i < column + LANES; i += TILE) {
-                Row sums[TILE];
+        for (int column = 0; column < width; column += REGISTER)
+            for (int i = 0; i < column + REGISTER; i += TILE) {
+                Register<R> sums[TILE];
                 for (int j = 0; j < TILE; ++j)
-                    sums[j] = lanes_at(products + (size_t)(i + j) * width + column);
+                    sums[j] = register_at(products + (size_t)(i + j) * width + column);
                 for (size_t line = first; line < std::min(first + NEAR, count); ++line) {
                     const R* const row = rows + line * width;
-                    const Row lanes = lanes_at(row + column);
+                    const Register<R> columns = register_at(row + column);
                     for (int j = 0; j < TILE; ++j)
-                        sums[j] += row[i + j] * lanes;
+                        sums[j] += row[i + j] * columns;
                 }
                 for (int j = 0; j < TILE; ++j)
-                    lanes_at(products + (size_t)(i + j) * width + column) = sums[j];
+                    register_at(products + (size_t)(i + j) * width + column) = sums[j];
             }
     for (int i = 0; i < width; ++i)
         for (int j = 0; j < i; ++j)

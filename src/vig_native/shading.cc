@@ -56,16 +56,16 @@ template <class R> R shadow(const Task<R>& task, int vertex, const Lanes<R>& lig
     const R* const by_shape = task.geometry.transfer_by_shape.data() + (size_t)vertex * LOBES * width;
     const Row mean = lanes_at(&task.geometry.transfer_mean[(size_t)vertex * REST]);
     Row total = mean * light, parts[LOBES] = {};
-    for (int n = 0; n < width; n += LANES) {
-        const Row shape = lanes_at(&task.work.coefficients[n]);
-        Row rate = {};
+    for (int n = 0; n < width; n += REGISTER) {
+        const Register<R> shape = register_at(&task.work.coefficients[n]);
+        Register<R> rate = {};
         for (int lobe = 0; lobe < LOBES; ++lobe) {
-            const Row row = lanes_at(by_shape + lobe * width + n);
+            const Register<R> row = register_at(by_shape + lobe * width + n);
             rate += row * task.light[lobe];
-            parts[lobe] += row * shape;
+            register_at((R*)&parts[lobe] + n % LANES) += row * shape;
         }
-        total += rate * shape;
-        lanes_at(rates + n) = rate;
+        register_at((R*)&total + n % LANES) += rate * shape;
+        register_at(rates + n) = rate;
     }
     Row sums = {};
     if (task.order)
@@ -81,18 +81,18 @@ template <class R> void write_shape_row(Task<R>& task, int vertex, Four<R> tange
     const Ring<R> ring(geometry, task.work.world, vertex);
     int count = 0;
     const Four<R> own = ring.pull(tangent, [&](int, Four<R> arm) { four_at(task.work.arms, count++) = arm; });
-    for (size_t n = 0; n < width; n += LANES) {
-        Lanes<R> sum = {};
+    for (size_t n = 0; n < width; n += REGISTER) {
+        Register<R> sum = {};
         if (geometry.shadowed)
-            sum = lanes_at(&task.work.shadow_rates[vertex * width + n]);
+            sum = register_at(&task.work.shadow_rates[vertex * width + n]);
         const auto add = [&](int at, const R* arm) {
             const R* const b = &geometry.basis[at * 3 * width + n];
-            sum += arm[0] * lanes_at(b) + arm[1] * lanes_at(b + width) + arm[2] * lanes_at(b + 2 * width);
+            sum += arm[0] * register_at(b) + arm[1] * register_at(b + width) + arm[2] * register_at(b + 2 * width);
         };
         add(vertex, (const R*)&own);
         for (int i = 0; i < count; ++i)
             add(ring.first[3 * i], &task.work.arms[4 * i]);
-        lanes_at(&task.work.shape_rows[vertex * width + n]) = sum;
+        register_at(&task.work.shape_rows[vertex * width + n]) = sum;
     }
 }
 

@@ -12,6 +12,16 @@ namespace vig {
 // Sums over them have this fixed order on every processor.
 constexpr int LANES = 16;
 
+// Numbers in one vector register, in single precision: loops over columns take so many, as compilers keep sums of more
+// than one register in memory.
+#if defined(__AVX512F__)
+constexpr int REGISTER = 16;
+#elif defined(__AVX__)
+constexpr int REGISTER = 8;
+#else
+constexpr int REGISTER = 4;
+#endif
+
 template <class R> struct Vec2 {
     R x, y;
 };
@@ -63,7 +73,7 @@ template <class R, class V, class... Places> auto shuffle(const V& a, const V& b
 #define VIG_SHUFFLE(a, b, ...) shuffle<R>(a, b, __VA_ARGS__)
 #endif
 
-// LANES numbers in vector registers, and four, as points of vertices are kept; in memory they lie anywhere (Loose).
+// LANES numbers, those of a register, and four, as points of vertices are kept; in memory they lie anywhere (Loose).
 #define VIG_VECTOR(NAME, COUNT)                                                                                        \
     template <class R> struct NAME##Of;                                                                                \
     template <> struct NAME##Of<float> {                                                                               \
@@ -77,11 +87,14 @@ template <class R, class V, class... Places> auto shuffle(const V& a, const V& b
     template <class R> using NAME = typename NAME##Of<R>::type;                                                        \
     template <class R> using Loose##NAME = typename NAME##Of<R>::loose;
 VIG_VECTOR(Lanes, LANES)
+VIG_VECTOR(Register, REGISTER)
 VIG_VECTOR(Four, 4)
 #undef VIG_VECTOR
 
 template <class R> const LooseLanes<R>& lanes_at(const R* numbers) { return *(const LooseLanes<R>*)numbers; }
 template <class R> LooseLanes<R>& lanes_at(R* numbers) { return *(LooseLanes<R>*)numbers; }
+template <class R> const LooseRegister<R>& register_at(const R* numbers) { return *(const LooseRegister<R>*)numbers; }
+template <class R> LooseRegister<R>& register_at(R* numbers) { return *(LooseRegister<R>*)numbers; }
 template <class R> const LooseFour<R>& four_at(const R* numbers) { return *(const LooseFour<R>*)numbers; }
 template <class R> LooseFour<R>& four_at(R* numbers) { return *(LooseFour<R>*)numbers; }
 // A row of (., 4).
