@@ -245,33 +245,36 @@ template <class R> Gain<R> explain_interior(Task<R>& task) {
 }
 
 template <class R> void add_interior_rows(Task<R>& task) {
+    Workspace<R>& work = task.work;
     const int width = task.eye.width, height = task.eye.height, stride = task.photos.stride;
-    int at[LANES], count = 0;
-    R column[LANES], line[LANES];
-    const auto add = [&] {
-        // Lanes that are left over repeat the first.
-        for (int lane = std::max(count, 1); lane < LANES; ++lane) {
-            at[lane] = at[0];
-            column[lane] = column[0];
-            line[lane] = line[0];
+    work.row_pixels.clear();
+    work.row_vertices.clear();
+    for (int y = 0; y < height; y += stride)
+        for (int x = 0; x < width; x += stride) {
+            const int pixel = y * width + x, face = work.visible.face[pixel];
+            if (face == NO_FACE || !(work.posterior[pixel] > R(NEGLIGIBLE)))
+                continue;
+            work.row_pixels.push_back(pixel);
+            for (int n = 0; n < 3; ++n) {
+                const int corner = task.geometry.corners[3 * (size_t)face + n];
+                if (work.used[corner] != 2)
+                    work.row_vertices.push_back(corner);
+                work.used[corner] = 2;
+            }
+        }
+    write_shape_rows(task);
+    for (size_t first = 0; first < work.row_pixels.size(); first += LANES) {
+        int at[LANES];
+        R column[LANES], line[LANES];
+        const int count = (int)std::min<size_t>(LANES, work.row_pixels.size() - first);
+        for (int lane = 0; lane < LANES; ++lane) {
+            at[lane] = work.row_pixels[first + std::min(lane, count - 1)];
+            column[lane] = at[lane] % width + R(0.5);
+            line[lane] = at[lane] / width + R(0.5);
         }
         with_density(task.photos.density,
                      [&](auto density) { add_rows<decltype(density)>(task, at, column, line, count); });
-        count = 0;
-    };
-    for (int y = 0; y < height; y += stride)
-        for (int x = 0; x < width; x += stride) {
-            const int pixel = y * width + x;
-            if (task.work.visible.face[pixel] == NO_FACE || !(task.work.posterior[pixel] > R(NEGLIGIBLE)))
-                continue;
-            at[count] = pixel;
-            column[count] = x + R(0.5);
-            line[count] = y + R(0.5);
-            if (++count == LANES)
-                add();
-        }
-    if (count)
-        add();
+    }
 }
 
 template Gain<float> explain_interior(Task<float>&);

@@ -39,6 +39,8 @@ template <class R> void Workspace<R>::fit(const Geometry<R>& geometry, const Pho
     posterior.resize(pixels + LANES);
     coefficients.assign(width, 0);
     row_count = 0;
+    crossed.clear();
+    motions.clear();
 }
 
 template <class R> R* Workspace<R>::add_rows(size_t row_width, size_t count) {
@@ -111,7 +113,7 @@ template <class R> void list_seen_vertices(Task<R>& task) {
     for (int face = 0; face < task.geometry.faces; ++face)
         if (work.shown[1 + face])
             for (int n = 0; n < 3; ++n)
-                work.used[task.geometry.corners[3 * (size_t)face + n]] = 2;
+                work.used[task.geometry.corners[3 * (size_t)face + n]] = 1;
     work.seen_vertices.resize(task.geometry.vertices);
     int count = 0;
     for (int vertex = 0; vertex < task.geometry.vertices; ++vertex) {
@@ -164,7 +166,8 @@ void assemble(const Task<R>& task, const R* shape, const R* rest, const double* 
 
 template <class R>
 double evaluate(const Geometry<R>& geometry, const Photos<R>& photos, Workspace<R>& work, const R* point, int which,
-                double sigma, int order, bool images, R* gradient, R* normal) {
+                double sigma, int order, bool images, R* gradient, R* normal,
+                const std::function<bool(double)>& worth) {
     const PointLayout& layout = geometry.layout;
     const size_t first = (size_t)which * photos.pixels() * 3, vertices = geometry.vertices;
     work.fit(geometry, photos);
@@ -189,23 +192,25 @@ double evaluate(const Geometry<R>& geometry, const Photos<R>& photos, Workspace<
     list_seen_vertices(task);
     shade(task);
     Gain<R> gain = explain_interior(task);
-    if (order > 1)
-        add_interior_rows(task);
     if (photos.exact) {
         const Gain<R> more = blend_silhouette(task, work.edges);
         gain.value += more.value;
         for (int channel = 0; channel < 3; ++channel)
             gain.albedo[channel] += more.albedo[channel];
     }
-    if (order) {
-        std::vector<R> shape(geometry.width, 0);
-        R rest[REST] = {};
-        unshade(task, shape.data(), rest);
-        if (order > 1)
-            square_rows(work.rows.data(), work.row_count, geometry.width + REST, work.products.data());
-        assemble(task, shape.data(), rest, gain.albedo, gradient, order > 1 ? normal : nullptr);
+    const double value = photos.background[which] + gain.value;
+    if (!order || (worth && !worth(value)))
+        return value;
+    std::vector<R> shape(geometry.width, 0);
+    R rest[REST] = {};
+    unshade(task, shape.data(), rest);
+    if (order > 1) {
+        add_interior_rows(task);
+        add_edge_rows(task);
+        square_rows(work.rows.data(), work.row_count, geometry.width + REST, work.products.data());
     }
-    return photos.background[which] + gain.value;
+    assemble(task, shape.data(), rest, gain.albedo, gradient, order > 1 ? normal : nullptr);
+    return value;
 }
 
 template Eye<float> eye_of(const float*, const PointLayout&, const Camera&);
@@ -213,8 +218,8 @@ template Eye<double> eye_of(const double*, const PointLayout&, const Camera&);
 template struct Workspace<float>;
 template struct Workspace<double>;
 template double evaluate(const Geometry<float>&, const Photos<float>&, Workspace<float>&, const float*, int, double, int,
-                         bool, float*, float*);
+                         bool, float*, float*, const std::function<bool(double)>&);
 template double evaluate(const Geometry<double>&, const Photos<double>&, Workspace<double>&, const double*, int, double,
-                         int, bool, double*, double*);
+                         int, bool, double*, double*, const std::function<bool(double)>&);
 
 }  // namespace vig

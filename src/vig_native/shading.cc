@@ -147,14 +147,26 @@ template <class R> void shade(Task<R>& task) {
             for (size_t n = 0; n < width && geometry.shadowed; n += LANES)
                 lanes_at(&work.shadow_rates[vertex * width + n]) *= strength[lane];
         }
-        if (task.order < 2)
-            continue;
-        const Vec3<Row> slope = light_slope(task.light, normal) * strength;
+    }
+}
+
+template <class R> void write_shape_rows(Task<R>& task) {
+    typedef Lanes<R> Row;
+    Workspace<R>& work = task.work;
+    for (size_t first = 0; first < work.row_vertices.size(); first += LANES) {
+        const Batch batch(work.row_vertices, first);
+        Row at[4], normals[4], reflectance;
+        gather_four(work.points.data(), batch.vertex, at);
+        gather_four(work.normals.data(), batch.vertex, normals);
+        for (int lane = 0; lane < LANES; ++lane)
+            ((R*)&reflectance)[lane] = task.geometry.reflectance[batch.vertex[lane]];
+        const Vec3<Row> normal = {normals[0], normals[1], normals[2]};
+        const Vec3<Row> slope = light_slope(task.light, normal) * (at[3] > 0 ? reflectance : Row{});
         // d (n / |n|) = (1 - n n^T) dn / |n|.
-        const Vec3<Row> tangent = (slope - normal * dot(slope, normal)) * inverse;
-        Row tangents[4] = {tangent.x, tangent.y, tangent.z, none};
+        const Vec3<Row> tangent = (slope - normal * dot(slope, normal)) * normals[3];
+        Row tangents[4] = {tangent.x, tangent.y, tangent.z, Row{}};
         scatter_four<R>(tangents, [&](int lane, Four<R> numbers) {
-            if (lane < batch.count && work.used[batch.vertex[lane]] == 2)
+            if (lane < batch.count)
                 write_shape_row(task, batch.vertex[lane], numbers);
         });
     }
@@ -219,6 +231,8 @@ template <class R> void unshade(Task<R>& task, R* shape, R* rest) {
 
 template void shade(Task<float>&);
 template void shade(Task<double>&);
+template void write_shape_rows(Task<float>&);
+template void write_shape_rows(Task<double>&);
 template void unshade(Task<float>&, float*, float*);
 template void unshade(Task<double>&, double*, double*);
 
