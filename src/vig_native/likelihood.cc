@@ -62,12 +62,15 @@ template <class R> void place_vertices(Task<R>& task) {
     const int modes = task.geometry.modes;
     for (int first = 0; first < task.geometry.vertices; first += LANES, rows += (modes + 1) * 3 * LANES) {
         Row world[4] = {};
-        for (int part = 0; part < 3 * LANES; part += REGISTER) {
-            Register<R> sum = register_at(rows + part);
-            for (int mode = 0; mode < modes; ++mode)
-                sum += task.work.coefficients[mode] * register_at(rows + (mode + 1) * 3 * LANES + part);
-            register_at((R*)world + part) = sum;
-        }
+        constexpr int PARTS = 3 * LANES / REGISTER;
+        Register<R> sums[PARTS];
+        for (int part = 0; part < PARTS; ++part)
+            sums[part] = register_at(rows + part * REGISTER);
+        for (int mode = 0; mode < modes; ++mode)
+            for (int part = 0; part < PARTS; ++part)
+                sums[part] += task.work.coefficients[mode] * register_at(rows + (mode + 1) * 3 * LANES + part * REGISTER);
+        for (int part = 0; part < PARTS; ++part)
+            register_at((R*)world + part * REGISTER) = sums[part];
         const Vec3<Row> point = eye.rotation * Vec3<Row>{world[0], world[1], world[2] - eye.target_height};
         // The camera's frame has its origin `distance` metres before the target.
         const Row depth = point.z + eye.distance, q = depth > near ? 1 / depth : Row{}, scale = eye.focal * q;

@@ -156,9 +156,9 @@ template <class R> void transpose_registers(Register<R>* rows) {
 }
 #undef VIG_BLOCKS
 
-// The same of four rows of LANES numbers.
-template <class R> void transpose_blocks(Lanes<R>* rows) {
-    for (int part = 0; part < LANES; part += REGISTER) {
+// The same of four rows of a register, or of LANES numbers.
+template <class R, class Row> void transpose_blocks(Row* rows) {
+    for (int part = 0; part < int(sizeof(Row) / sizeof(R)); part += REGISTER) {
         Register<R> four[4];
         for (int n = 0; n < 4; ++n)
             four[n] = register_at((const R*)&rows[n] + part);
@@ -183,9 +183,9 @@ template <class R, class F> Register<R> join_fours(F&& four) {
     }
 }
 
-// Load rows (., 4) at LANES places, transposed: to[n] holds the n-th of each.
-template <class R> void gather_four(const R* rows, const int* place, Lanes<R>* to) {
-    for (int part = 0; part < LANES; part += REGISTER) {
+// Load rows (., 4) at as many places, transposed: to[n] holds the n-th of each.
+template <class R, class Row> void gather_four(const R* rows, const int* place, Row* to) {
+    for (int part = 0; part < int(sizeof(Row) / sizeof(R)); part += REGISTER) {
         Register<R> four[4];
         for (int n = 0; n < 4; ++n)
             four[n] = join_fours<R>(
@@ -197,9 +197,9 @@ template <class R> void gather_four(const R* rows, const int* place, Lanes<R>* t
 }
 
 // The way back: call use(lane, four numbers) for every lane in order.
-template <class R, class F> void scatter_four(Lanes<R>* numbers, F&& use) {
+template <class R, class Row, class F> void scatter_four(Row* numbers, F&& use) {
     transpose_blocks<R>(numbers);
-    for (int block = 0; block < 4; ++block)
+    for (int block = 0; block < int(sizeof(Row) / sizeof(Four<R>)); ++block)
         for (int n = 0; n < 4; ++n)
             use(4 * block + n, four_at((const R*)&numbers[n] + 4 * block));
 }
