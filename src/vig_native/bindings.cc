@@ -247,11 +247,12 @@ Prior<R> make_prior(Input<R> mean, Input<R> precision, Input<R> heading_mean, In
     return p;
 }
 
-// Search from starts (S, n): path (T + 1, S, n), values (S,), normals (S, n, n), evaluations (S,), converged (S,).
+// Search from starts (S, n): path (T + 1, S, n), values (S,), normals (S, n, n) if there is to be `curvature`, evaluations
+// (S,), converged (S,).
 // function_of(thread) makes what a thread calls.
 template <class R, class F>
-nb::tuple search_all(Input<R> starts, Input<R> lower, Input<R> upper, const SearchSettings& settings, int threads,
-                     F&& function_of) {
+nb::tuple search_all(Input<R> starts, Input<R> lower, Input<R> upper, const SearchSettings& settings, bool curvature,
+                     int threads, F&& function_of) {
     check_shape("starts", starts, {-1, -1});
     if (settings.iterations < 0 || settings.iterations > 1000000)
         throw std::invalid_argument("iterations must be 0 to 1,000,000; got " + std::to_string(settings.iterations));
@@ -264,7 +265,8 @@ nb::tuple search_all(Input<R> starts, Input<R> lower, Input<R> upper, const Sear
     bool* converged;
     auto paths = make<R>({steps, count, n}, path);
     auto values = make<double>({count}, value);
-    auto normals = make<R>({settings.iterations ? count : 0, n, n}, normal);
+    curvature &= settings.iterations > 0;
+    auto normals = make<R>({curvature ? count : 0, n, n}, normal);
     auto all_evaluations = make<int64_t>({count}, evaluations);
     auto all_converged = make<bool>({count}, converged);
     {
@@ -275,7 +277,7 @@ nb::tuple search_all(Input<R> starts, Input<R> lower, Input<R> upper, const Sear
             const Function<R> function = function_of(*lent);
             for (size_t s = thread; s < count; s += threads) {
                 const SearchEnd end = search((int)n, function, starts.data() + s * n, lower.data(), upper.data(), settings,
-                                             path + s * n, count * n, settings.iterations ? normal + s * n * n : nullptr);
+                                             path + s * n, count * n, curvature ? normal + s * n * n : nullptr);
                 value[s] = end.value;
                 evaluations[s] = end.evaluations;
                 converged[s] = end.converged;
@@ -288,16 +290,21 @@ nb::tuple search_all(Input<R> starts, Input<R> lower, Input<R> upper, const Sear
 template <class R>
 nb::tuple search_photo(const Geometry<R>& geometry, const Photos<R>& photos, const Prior<R>& prior, int photo,
                        double sigma, Input<R> starts, Input<R> lower, Input<R> upper, int iterations, double tolerance,
-                       double damping, double give_up, int threads) {
+                       double damping, double give_up, bool curvature, int threads) {
     check_shape("starts", starts, {-1, geometry.layout.size});
     if (photo < 0 || photo >= photos.count || prior.size != geometry.layout.size)
         throw std::invalid_argument("photo or prior does not fit");
-    return search_all<R>(starts, lower, upper, {iterations, tolerance, damping, give_up}, threads,
+    return search_all<R>(starts, lower, upper, {iterations, tolerance, damping, give_up}, curvature, threads,
                          [&](Workspace<R>& work) {
-                             return [&](const R* point, R* gradient, R* normal) {
-                                 const double value = evaluate(geometry, photos, work, point, photo, sigma,
-                                                               gradient ? 2 : 0, false, gradient, normal);
-                                 return value + prior.add_to(point, gradient, normal);
+                             return [&](const R* point, R* gradient, R* normal, const Worth& worth) {
+                                 const double log_prior = prior.add_to(point, nullptr, nullptr);
+                                 bool derived = false;
+                                 const double value = evaluate(
+                                     geometry, photos, work, point, photo, sigma, gradient ? 2 : 0, false, gradient, normal,
+                                     [&](double likelihood) { return derived = worth(likelihood + log_prior); });
+                                 if (derived)
+                                     prior.add_to(point, gradient, normal);
+                                 return value + log_prior;
                              };
                          });
 }
@@ -306,7 +313,7 @@ nb::tuple search_photo(const Geometry<R>& geometry, const Photos<R>& photos, con
 template <class R>
 nb::tuple search_function(nb::callable function, Input<R> starts, Input<R> lower, Input<R> upper, int iterations,
                           double tolerance, double damping, double give_up) {
-    const auto call = [&](const R* point, R* gradient, R* normal) {
+    const auto call = [&](const R* point, R* gradient, R* normal, const Worth& worth) {
         const nb::gil_scoped_acquire held;
         const size_t n = lower.size();
         R* data;
@@ -315,7 +322,7 @@ nb::tuple search_function(nb::callable function, Input<R> starts, Input<R> lower
         const auto [value, slope, curved] =
             nb::cast<std::tuple<double, std::optional<Input<R>>, std::optional<Input<R>>>>(
                 function(array, gradient != nullptr));
-        if (gradient) {
+        if (gradient && worth(value)) {
             if (!slope || !curved)
                 throw std::invalid_argument("the function must return a gradient and a normal matrix");
             check_shape("gradient", *slope, {(int64_t)n});
@@ -325,7 +332,7 @@ nb::tuple search_function(nb::callable function, Input<R> starts, Input<R> lower
         }
         return value;
     };
-    return search_all<R>(starts, lower, upper, {iterations, tolerance, damping, give_up}, 1,
+    return search_all<R>(starts, lower, upper, {iterations, tolerance, damping, give_up}, true, 1,
                          [&](Workspace<R>&) { return call; });
 }
 
@@ -450,7 +457,8 @@ template <class R> void bind(nb::module_& m, const char* geometry, const char* p
           "images"_a, "threads"_a);
     m.def("stages", &stages<R>);
     m.def("search", &search_photo<R>, "geometry"_a, "photos"_a, "prior"_a, "photo"_a, "sigma"_a, "starts"_a, "lower"_a,
-          "upper"_a, "iterations"_a, "tolerance"_a, "damping"_a, "give_up"_a, "threads"_a);
+          "upper"_a, "iterations"_a, "tolerance"_a, "damping"_a, "give_up"_a, "curvature"_a,
+          "threads"_a);
     m.def("search_function", &search_function<R>, "function"_a, "starts"_a, "lower"_a, "upper"_a, "iterations"_a,
           "tolerance"_a, "damping"_a, "give_up"_a);
     m.def("rasterize", &rasterize<R>, "points"_a, "faces"_a, "camera"_a, "near"_a, "cull"_a);

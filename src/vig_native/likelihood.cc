@@ -39,6 +39,8 @@ template <class R> void Workspace<R>::fit(const Geometry<R>& geometry, const Pho
     posterior.resize(pixels + LANES);
     coefficients.assign(width, 0);
     row_count = 0;
+    crossed.clear();
+    motions.clear();
 }
 
 template <class R> R* Workspace<R>::add_rows(size_t row_width, size_t count) {
@@ -57,12 +59,18 @@ template <class R> void place_vertices(Task<R>& task) {
     const Eye<R>& eye = task.eye;
     const R near = R(0.01);  // metres; a triangle with a corner nearer than this is not drawn
     const R* rows = task.geometry.positions.data();
-    for (int first = 0; first < task.geometry.vertices; first += LANES) {
-        Row world[4] = {lanes_at(rows), lanes_at(rows + LANES), lanes_at(rows + 2 * LANES), Row{}};
-        rows += 3 * LANES;
-        for (int mode = 0; mode < task.geometry.modes; ++mode, rows += 3 * LANES)
-            for (int axis = 0; axis < 3; ++axis)
-                world[axis] += task.work.coefficients[mode] * lanes_at(rows + axis * LANES);
+    const int modes = task.geometry.modes;
+    for (int first = 0; first < task.geometry.vertices; first += LANES, rows += (modes + 1) * 3 * LANES) {
+        Row world[4] = {};
+        constexpr int PARTS = 3 * LANES / REGISTER;
+        Register<R> sums[PARTS];
+        for (int part = 0; part < PARTS; ++part)
+            sums[part] = register_at(rows + part * REGISTER);
+        for (int mode = 0; mode < modes; ++mode)
+            for (int part = 0; part < PARTS; ++part)
+                sums[part] += task.work.coefficients[mode] * register_at(rows + (mode + 1) * 3 * LANES + part * REGISTER);
+        for (int part = 0; part < PARTS; ++part)
+            register_at((R*)world + part * REGISTER) = sums[part];
         const Vec3<Row> point = eye.rotation * Vec3<Row>{world[0], world[1], world[2] - eye.target_height};
         // The camera's frame has its origin `distance` metres before the target.
         const Row depth = point.z + eye.distance, q = depth > near ? 1 / depth : Row{}, scale = eye.focal * q;
@@ -74,24 +82,23 @@ template <class R> void place_vertices(Task<R>& task) {
 
 // products (W, W) = rows^T rows; W is a multiple of LANES. Blocks above the diagonal, then mirrored.
 template <class R> void square_rows(const R* rows, size_t count, int width, R* products) {
-    typedef Lanes<R> Row;
-    constexpr int TILE = 8;       // vectors that are summed at once; for 16 there are too few registers
+    constexpr int TILE = 8;       // registers that are summed at once
     constexpr size_t NEAR = 128;  // rows that are taken at once, so that they stay in the nearest cache
     std::fill_n(products, (size_t)width * width, R(0));
     for (size_t first = 0; first < count; first += NEAR)
-        for (int column = 0; column < width; column += LANES)
-            for (int i = 0; i < column + LANES; i += TILE) {
-                Row sums[TILE];
+        for (int column = 0; column < width; column += REGISTER)
+            for (int i = 0; i < column + REGISTER; i += TILE) {
+                Register<R> sums[TILE];
                 for (int j = 0; j < TILE; ++j)
-                    sums[j] = lanes_at(products + (size_t)(i + j) * width + column);
+                    sums[j] = register_at(products + (size_t)(i + j) * width + column);
                 for (size_t line = first; line < std::min(first + NEAR, count); ++line) {
                     const R* const row = rows + line * width;
-                    const Row lanes = lanes_at(row + column);
+                    const Register<R> columns = register_at(row + column);
                     for (int j = 0; j < TILE; ++j)
-                        sums[j] += row[i + j] * lanes;
+                        sums[j] += row[i + j] * columns;
                 }
                 for (int j = 0; j < TILE; ++j)
-                    lanes_at(products + (size_t)(i + j) * width + column) = sums[j];
+                    register_at(products + (size_t)(i + j) * width + column) = sums[j];
             }
     for (int i = 0; i < width; ++i)
         for (int j = 0; j < i; ++j)
@@ -109,7 +116,7 @@ template <class R> void list_seen_vertices(Task<R>& task) {
     for (int face = 0; face < task.geometry.faces; ++face)
         if (work.shown[1 + face])
             for (int n = 0; n < 3; ++n)
-                work.used[task.geometry.corners[3 * (size_t)face + n]] = 2;
+                work.used[task.geometry.corners[3 * (size_t)face + n]] = 1;
     work.seen_vertices.resize(task.geometry.vertices);
     int count = 0;
     for (int vertex = 0; vertex < task.geometry.vertices; ++vertex) {
@@ -162,7 +169,8 @@ void assemble(const Task<R>& task, const R* shape, const R* rest, const double* 
 
 template <class R>
 double evaluate(const Geometry<R>& geometry, const Photos<R>& photos, Workspace<R>& work, const R* point, int which,
-                double sigma, int order, bool images, R* gradient, R* normal) {
+                double sigma, int order, bool images, R* gradient, R* normal,
+                const std::function<bool(double)>& worth) {
     const PointLayout& layout = geometry.layout;
     const size_t first = (size_t)which * photos.pixels() * 3, vertices = geometry.vertices;
     work.fit(geometry, photos);
@@ -187,23 +195,25 @@ double evaluate(const Geometry<R>& geometry, const Photos<R>& photos, Workspace<
     list_seen_vertices(task);
     shade(task);
     Gain<R> gain = explain_interior(task);
-    if (order > 1)
-        add_interior_rows(task);
     if (photos.exact) {
         const Gain<R> more = blend_silhouette(task, work.edges);
         gain.value += more.value;
         for (int channel = 0; channel < 3; ++channel)
             gain.albedo[channel] += more.albedo[channel];
     }
-    if (order) {
-        std::vector<R> shape(geometry.width, 0);
-        R rest[REST] = {};
-        unshade(task, shape.data(), rest);
-        if (order > 1)
-            square_rows(work.rows.data(), work.row_count, geometry.width + REST, work.products.data());
-        assemble(task, shape.data(), rest, gain.albedo, gradient, order > 1 ? normal : nullptr);
+    const double value = photos.background[which] + gain.value;
+    if (!order || (worth && !worth(value)))
+        return value;
+    std::vector<R> shape(geometry.width, 0);
+    R rest[REST] = {};
+    unshade(task, shape.data(), rest);
+    if (order > 1) {
+        add_interior_rows(task);
+        add_edge_rows(task);
+        square_rows(work.rows.data(), work.row_count, geometry.width + REST, work.products.data());
     }
-    return photos.background[which] + gain.value;
+    assemble(task, shape.data(), rest, gain.albedo, gradient, order > 1 ? normal : nullptr);
+    return value;
 }
 
 template Eye<float> eye_of(const float*, const PointLayout&, const Camera&);
@@ -211,8 +221,8 @@ template Eye<double> eye_of(const double*, const PointLayout&, const Camera&);
 template struct Workspace<float>;
 template struct Workspace<double>;
 template double evaluate(const Geometry<float>&, const Photos<float>&, Workspace<float>&, const float*, int, double, int,
-                         bool, float*, float*);
+                         bool, float*, float*, const std::function<bool(double)>&);
 template double evaluate(const Geometry<double>&, const Photos<double>&, Workspace<double>&, const double*, int, double,
-                         int, bool, double*, double*);
+                         int, bool, double*, double*, const std::function<bool(double)>&);
 
 }  // namespace vig

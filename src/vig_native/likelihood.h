@@ -1,5 +1,6 @@
 // Eq. 4 of one point, a guess of latents and framing: value, exact gradient and Gauss-Newton matrix.
 #pragma once
+#include <functional>
 #include <memory>
 
 #include "density.h"
@@ -24,7 +25,7 @@ template <class R> struct Photos {
 // Memory of one evaluation, kept from one to the next. Sizes as in `Geometry`; H, W of the photos.
 template <class R> struct Workspace {
     std::vector<R> world, points;                      // (V, 4) x, y, z, 0 in metres; x, y, q, irradiance where in use
-    std::vector<uint8_t> used;                         // (V,) 2: of a face that is seen, 1: of an occlusion edge alone
+    std::vector<uint8_t> used;                         // (V,) 1: of a face that is seen or an occlusion edge, 2: with shape row
     std::vector<R> normals;                            // (V, 4) unit, world, and one over the length before
     std::vector<R> shape_rows, rest_rows;              // (V, W), (V, REST) derivatives of the irradiances
     std::vector<R> shadow_rates;                       // (V, W) part of the shape rows, see `shadow`
@@ -33,6 +34,9 @@ template <class R> struct Workspace {
     std::vector<int32_t> seen_vertices, edges;         // vertices in use; occlusion edges; in their order
     std::vector<R> arms;                               // (., 4) cotangents on the places of a ring
     std::vector<R> on_corner, on_normal, on_world;     // (V, 4) by point; by normal in the camera's frame; by world place
+    std::vector<int32_t> row_pixels, row_vertices;     // that the normal matrix has rows of; corners of their faces
+    std::vector<int32_t> crossed;                      // (., 2) ends of the edge of each crossing
+    std::vector<R> motions;                            // (., 4, 4) first end on the screen and its root motion; second end
     std::vector<R> rows;                               // rows of the normal matrix, (., W + REST)
     std::vector<R> products;                           // (W + REST, W + REST)
     std::vector<R> posterior, coverage, irradiance;    // (H * W) images, and LANES more as in `VisibilityBuffer`
@@ -68,22 +72,25 @@ template <class R> struct Gain {
     double albedo[3] = {};
 };
 
-// shading.cc: normals, irradiances and their rows of the vertices in use; and the way back of all cotangents: those on
-// the screen, irradiance and normals become those on world places, and on pose, light and framing (rest, REST) and on
-// shape through the transfer (shape, W).
+// shading.cc: normals, irradiances and the rest of their rows of the vertices in use; the shape part of rows; and the way
+// back of all cotangents: those on the screen, irradiance and normals become those on world places, and on pose, light and
+// framing (rest, REST) and on shape through the transfer (shape, W).
 template <class R> void shade(Task<R>& task);
+template <class R> void write_shape_rows(Task<R>& task);
 template <class R> void unshade(Task<R>& task, R* shape, R* rest);
 // interior.cc: covered pixels; rows of the normal matrix, a row for every stride-th pixel of every stride-th line.
 template <class R> Gain<R> explain_interior(Task<R>& task);
 template <class R> void add_interior_rows(Task<R>& task);
-// silhouette.cc: marks the ends of occlusion edges as used; blends across these edges.
+// silhouette.cc: marks the ends of occlusion edges as used; blends across these edges; rows of their crossings.
 template <class R> void find_occlusion_edges(Task<R>& task, std::vector<int32_t>& edges);
 template <class R> Gain<R> blend_silhouette(Task<R>& task, const std::vector<int32_t>& edges);
+template <class R> void add_edge_rows(Task<R>& task);
 
 // Evaluate a point (P',) of photo `which` under noise sigma. gradient (P',) and normal (P', P') are written where the
-// order asks for them; images stay in the workspace.
+// order asks for them and the value is worth it; images stay in the workspace.
 template <class R>
 double evaluate(const Geometry<R>& geometry, const Photos<R>& photos, Workspace<R>& work, const R* point, int which,
-                double sigma, int order, bool images, R* gradient, R* normal);
+                double sigma, int order, bool images, R* gradient, R* normal,
+                const std::function<bool(double)>& worth = nullptr);
 
 }  // namespace vig

@@ -40,9 +40,9 @@ template <class R, class T> Vec3<T> light_slope(const R* light, Vec3<T> n) {
 template <class R> void add_basis(const Geometry<R>& geometry, int vertex, Vec3<R> cotangent, R* shape) {
     const int width = geometry.width;
     const R* const b = geometry.basis.data() + (size_t)vertex * 3 * width;
-    for (int n = 0; n < width; n += LANES)
-        lanes_at(shape + n) += cotangent.x * lanes_at(b + n) + cotangent.y * lanes_at(b + width + n)
-            + cotangent.z * lanes_at(b + 2 * width + n);
+    for (int n = 0; n < width; n += REGISTER)
+        register_at(shape + n) += cotangent.x * register_at(b + n) + cotangent.y * register_at(b + width + n)
+            + cotangent.z * register_at(b + 2 * width + n);
 }
 
 // Add a cotangent on a screen point, pulled back to pose and framing, to a row's rest.

@@ -140,32 +140,39 @@ double damped_step(int n, const R* x, const R* slope, const R* curved, R damping
 template <class R>
 SearchEnd search(int n, const Function<R>& function, const R* start, const R* lower, const R* upper,
                  const SearchSettings& settings, R* path, size_t path_stride, R* normal) {
-    std::vector<R> point(start, start + n), trial(n), step(n), gradient(n), tried_gradient(n), tried_normal((size_t)n * n);
+    std::vector<R> point(start, start + n), trial(n), step(n), gradient(n), tried_gradient(n), curved((size_t)n * n),
+        tried_curved((size_t)n * n);
     const auto finite = [n](const std::vector<R>& numbers) {
         return std::all_of(numbers.begin(), numbers.begin() + n, [](R number) { return std::isfinite(number); });
     };
     std::copy(start, start + n, path);
     if (!settings.iterations)
-        return {function(start, nullptr, nullptr), 1, false};
-    SearchEnd end = {function(start, gradient.data(), normal), 1, false};
+        return {function(start, nullptr, nullptr, nullptr), 1, false};
+    SearchEnd end = {function(start, gradient.data(), curved.data(), [](double) { return true; }), 1, false};
     R damping = R(settings.damping), growth = 3;
     bool active = std::isfinite(end.value) && finite(gradient);
     for (int t = 1; t <= settings.iterations; ++t) {
         if (active && !end.converged) {
             const double promised =
-                damped_step(n, point.data(), gradient.data(), normal, damping, lower, upper, step.data());
+                damped_step(n, point.data(), gradient.data(), curved.data(), damping, lower, upper, step.data());
             for (int i = 0; i < n; ++i)
                 trial[i] = point[i] + step[i];
             if ((active = finite(trial))) {
-                const double value = function(trial.data(), tried_gradient.data(), tried_normal.data());
+                // Derivatives are for the next step, of which there is none after the last, and for the matrix.
+                const bool last = t == settings.iterations || promised < 0.1 * settings.tolerance;
+                bool derived = false;
+                const double value = function(trial.data(), tried_gradient.data(), tried_curved.data(), [&](double tried) {
+                    const double gained = tried - end.value;
+                    return derived = gained > 0 && (normal || !(last || gained < settings.tolerance));
+                });
                 const double gain = value - end.value;
-                const bool better = gain > 0 && finite(tried_gradient);
+                const bool better = gain > 0 && (!derived || finite(tried_gradient));
                 ++end.evaluations;
                 if (better) {
                     end.value = value;
                     point = trial;
                     gradient = tried_gradient;
-                    std::copy(tried_normal.begin(), tried_normal.end(), normal);
+                    curved = tried_curved;
                 }
                 // Damping shrinks smoothly with the ratio of gain to promise, and grows ever faster while steps fail.
                 // off: how far the quadratic model held, 1 where the objective is quadratic.
@@ -181,6 +188,8 @@ SearchEnd search(int n, const Function<R>& function, const R* start, const R* lo
         std::copy(point.begin(), point.end(), path + t * path_stride);
     }
     end.converged &= active;
+    if (normal)
+        std::copy(curved.begin(), curved.end(), normal);
     return end;
 }
 

@@ -21,8 +21,10 @@ template <class R> struct Prior {
     double add_to(const R* point, R* gradient, R* normal) const;
 };
 
-// Value of a point (P',), with gradient (P',) and normal matrix (P', P'); without where these are null.
-template <class R> using Function = std::function<double(const R* point, R* gradient, R* normal)>;
+// Value of a point (P',), with gradient (P',) and normal matrix (P', P') where these are not null and the value, which
+// is asked once, is worth them.
+using Worth = std::function<bool(double)>;
+template <class R> using Function = std::function<double(const R* point, R* gradient, R* normal, const Worth& worth)>;
 
 // The damped Gauss-Newton step (n,) within bounds, and the gain that the quadratic model promises. Numbers that would
 // pass a bound are held on it and the others solved again. damping: the multiple of the normal matrix's diagonal that is
@@ -45,7 +47,7 @@ struct SearchEnd {
     bool converged;
 };
 
-// Maximise a function from a start (n,) within bounds. normal (n, n): the matrix at the end.
+// Maximise a function from a start (n,) within bounds. normal (n, n): the matrix at the end, or null.
 template <class R>
 SearchEnd search(int n, const Function<R>& function, const R* start, const R* lower, const R* upper,
                  const SearchSettings& settings, R* path, size_t path_stride, R* normal);

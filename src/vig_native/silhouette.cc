@@ -302,25 +302,17 @@ void pull_edge(Task<R>& task, const Edge<R>& edge, const Crossing<R>& c, R persp
     add(edge.j, on_b, by_q * edge.a.z, on_edge * perspective);
 }
 
-// The edge's motion along the line as a row of the normal matrix. Gauss-Newton has no residual here: the cusp of gain per
+// The edge's motion along the line, for a row of the normal matrix. Gauss-Newton has no residual here: the cusp of gain per
 // pixel is taken one pixel wide.
 template <class R>
-void add_edge_row(Task<R>& task, const Edge<R>& edge, const Blend<R>& blend, Vec3<R> motion_a, Vec3<R> motion_b) {
+void keep_motion(Task<R>& task, const Edge<R>& edge, const Blend<R>& blend, Vec3<R> motion_a, Vec3<R> motion_b) {
     const R brightness = std::max(dot(task.albedo, task.albedo), R(LEAST_BRIGHTNESS));
     const R steepness = std::abs(blend.weight * blend.gain) + R(LEAST_GAIN);
     // (root x motion)^2 = curvature x steepness: a second derivative of the gain's size in a pixel.
     const R root = std::sqrt(R(CURVATURE) / (steepness * brightness));
-    const Eye<R>& eye = task.eye;
-    const size_t width = task.geometry.width;
-    R* const shape = task.work.add_rows(width + REST, 1);
-    R* const rest = shape + width;
-    std::fill_n(shape, width + REST, R(0));
-    const auto add = [&](int vertex, Vec3<R> spot, Vec3<R> motion) {
-        add_basis(task.geometry, vertex, eye.rotation.transposed(camera_cotangent(eye, spot, motion)), shape);
-        add_motion(eye, motion, spot, rest);
-    };
-    add(edge.i, edge.a, motion_a * root);
-    add(edge.j, edge.b, motion_b * root);
+    task.work.crossed.insert(task.work.crossed.end(), {edge.i, edge.j});
+    for (const Vec3<R> v : {edge.a, motion_a * root, edge.b, motion_b * root})
+        task.work.motions.insert(task.work.motions.end(), {v.x, v.y, v.z, 0});
 }
 
 // The first line of pixels whose centres are at or after a place across them, at most `lines`; 0 for NaN.
@@ -332,7 +324,7 @@ template <class R> int line_after(R place, int lines) {
 template <class D, class R> Gain<R> blend_edges(Task<R>& task, const std::vector<int32_t>& edges) {
     Gain<R> gain;
     const Eye<R>& eye = task.eye;
-    const size_t most = task.work.row_count + std::max(LEAST_BOUNDARY_ROWS, BOUNDARY_ROWS * (eye.width + eye.height));
+    const size_t most = std::max(LEAST_BOUNDARY_ROWS, BOUNDARY_ROWS * (eye.width + eye.height));
     for (const int number : edges) {
         const Edge<R> edge = edge_of(task, number);
         if (!in_frame(edge, eye))
@@ -366,8 +358,8 @@ template <class D, class R> Gain<R> blend_edges(Task<R>& task, const std::vector
                 const R slope = (edge.b[axis] - edge.a[axis]) / c.length;
                 const Vec3<R> motion_a = on_axis(axis, on_a, -on_a * slope), motion_b = on_axis(axis, on_b, -on_b * slope);
                 pull_edge(task, edge, c, blend.perspective, on_edge, on_share, motion_a, motion_b);
-                if (task.order > 1 && task.work.row_count < most)
-                    add_edge_row(task, edge, blend, motion_a, motion_b);
+                if (task.order > 1 && task.work.crossed.size() < 2 * most)
+                    keep_motion(task, edge, blend, motion_a, motion_b);
             }
         }
     }
@@ -399,9 +391,45 @@ template <class R> Gain<R> blend_silhouette(Task<R>& task, const std::vector<int
     return gain;
 }
 
+template <class R> void add_edge_rows(Task<R>& task) {
+    typedef Lanes<R> Row;
+    Workspace<R>& work = task.work;
+    const Eye<R>& eye = task.eye;
+    const size_t width = task.geometry.width, all = work.crossed.size() / 2;
+    for (size_t first = 0; first < all; first += LANES) {
+        const int count = (int)std::min<size_t>(LANES, all - first);
+        Row rest[LANES] = {};
+        R axes[2][LANES][4];
+        for (int end = 0; end < 2; ++end) {
+            int place[2][LANES];
+            for (int lane = 0; lane < LANES; ++lane)
+                for (int n = 0; n < 2; ++n)
+                    place[n][lane] = 4 * ((int)first + std::min(lane, count - 1)) + 2 * end + n;
+            Row at[4], moved[4];
+            gather_four(work.motions.data(), place[0], at);
+            gather_four(work.motions.data(), place[1], moved);
+            const Vec3<Row> spot = {at[0], at[1], at[2]}, motion = {moved[0], moved[1], moved[2]};
+            add_motion(eye, motion, spot, rest);
+            const Vec3<Row> axis = eye.rotation.transposed(camera_cotangent(eye, spot, motion));
+            Row parts[4] = {axis.x, axis.y, axis.z, Row{}};
+            scatter_four<R>(parts, [&](int lane, Four<R> numbers) { four_at(axes[end][lane]) = numbers; });
+        }
+        transpose<R>(rest);
+        R* to = work.add_rows(width + REST, count);
+        for (int lane = 0; lane < count; ++lane, to += width + REST) {
+            std::fill_n(to, width, R(0));
+            for (int end = 0; end < 2; ++end)
+                add_basis(task.geometry, work.crossed[2 * (first + lane) + end], load3(axes[end][lane]), to);
+            lanes_at(to + width) = rest[lane];
+        }
+    }
+}
+
 template void find_occlusion_edges(Task<float>&, std::vector<int32_t>&);
 template void find_occlusion_edges(Task<double>&, std::vector<int32_t>&);
 template Gain<float> blend_silhouette(Task<float>&, const std::vector<int32_t>&);
 template Gain<double> blend_silhouette(Task<double>&, const std::vector<int32_t>&);
+template void add_edge_rows(Task<float>&);
+template void add_edge_rows(Task<double>&);
 
 }  // namespace vig

@@ -12,6 +12,16 @@ namespace vig {
 // Sums over them have this fixed order on every processor.
 constexpr int LANES = 16;
 
+// Numbers in one vector register, in single precision: loops over columns take so many, as compilers keep sums of more
+// than one register in memory.
+#if defined(__AVX512F__)
+constexpr int REGISTER = 16;
+#elif defined(__AVX__)
+constexpr int REGISTER = 8;
+#else
+constexpr int REGISTER = 4;
+#endif
+
 template <class R> struct Vec2 {
     R x, y;
 };
@@ -63,7 +73,7 @@ template <class R, class V, class... Places> auto shuffle(const V& a, const V& b
 #define VIG_SHUFFLE(a, b, ...) shuffle<R>(a, b, __VA_ARGS__)
 #endif
 
-// LANES numbers in vector registers, and four, as points of vertices are kept; in memory they lie anywhere (Loose).
+// LANES numbers, those of a register, and four, as points of vertices are kept; in memory they lie anywhere (Loose).
 #define VIG_VECTOR(NAME, COUNT)                                                                                        \
     template <class R> struct NAME##Of;                                                                                \
     template <> struct NAME##Of<float> {                                                                               \
@@ -77,11 +87,14 @@ template <class R, class V, class... Places> auto shuffle(const V& a, const V& b
     template <class R> using NAME = typename NAME##Of<R>::type;                                                        \
     template <class R> using Loose##NAME = typename NAME##Of<R>::loose;
 VIG_VECTOR(Lanes, LANES)
+VIG_VECTOR(Register, REGISTER)
 VIG_VECTOR(Four, 4)
 #undef VIG_VECTOR
 
 template <class R> const LooseLanes<R>& lanes_at(const R* numbers) { return *(const LooseLanes<R>*)numbers; }
 template <class R> LooseLanes<R>& lanes_at(R* numbers) { return *(LooseLanes<R>*)numbers; }
+template <class R> const LooseRegister<R>& register_at(const R* numbers) { return *(const LooseRegister<R>*)numbers; }
+template <class R> LooseRegister<R>& register_at(R* numbers) { return *(LooseRegister<R>*)numbers; }
 template <class R> const LooseFour<R>& four_at(const R* numbers) { return *(const LooseFour<R>*)numbers; }
 template <class R> LooseFour<R>& four_at(R* numbers) { return *(LooseFour<R>*)numbers; }
 // A row of (., 4).
@@ -119,40 +132,74 @@ template <class R> Four<R> cross_fours(Four<R> a, Four<R> b) {
         - VIG_SHUFFLE(a, a, 2, 0, 1, 3) * VIG_SHUFFLE(b, b, 1, 2, 0, 3);
 }
 
+// Places a, b, c, d of each block of four.
+#if defined(__AVX512F__)
 #define VIG_BLOCKS(a, b, c, d)                                                                                         \
     a, b, c, d, a + 4, b + 4, c + 4, d + 4, a + 8, b + 8, c + 8, d + 8, a + 12, b + 12, c + 12, d + 12
-// Transpose the 4 x 4 blocks of four rows of LANES numbers.
-template <class R> void transpose_blocks(Lanes<R>* rows) {
-    const Lanes<R> a = rows[0], b = rows[1], c = rows[2], d = rows[3];
-    const Lanes<R> low_ab = VIG_SHUFFLE(a, b, VIG_BLOCKS(0, 16, 1, 17));
-    const Lanes<R> high_ab = VIG_SHUFFLE(a, b, VIG_BLOCKS(2, 18, 3, 19));
-    const Lanes<R> low_cd = VIG_SHUFFLE(c, d, VIG_BLOCKS(0, 16, 1, 17));
-    const Lanes<R> high_cd = VIG_SHUFFLE(c, d, VIG_BLOCKS(2, 18, 3, 19));
-    rows[0] = VIG_SHUFFLE(low_ab, low_cd, VIG_BLOCKS(0, 1, 16, 17));
-    rows[1] = VIG_SHUFFLE(low_ab, low_cd, VIG_BLOCKS(2, 3, 18, 19));
-    rows[2] = VIG_SHUFFLE(high_ab, high_cd, VIG_BLOCKS(0, 1, 16, 17));
-    rows[3] = VIG_SHUFFLE(high_ab, high_cd, VIG_BLOCKS(2, 3, 18, 19));
+#elif defined(__AVX__)
+#define VIG_BLOCKS(a, b, c, d) a, b, c, d, a + 4, b + 4, c + 4, d + 4
+#else
+#define VIG_BLOCKS(a, b, c, d) a, b, c, d
+#endif
+// Transpose the 4 x 4 blocks of four registers.
+template <class R> void transpose_registers(Register<R>* rows) {
+    constexpr int N = REGISTER;
+    const Register<R> a = rows[0], b = rows[1], c = rows[2], d = rows[3];
+    const Register<R> low_ab = VIG_SHUFFLE(a, b, VIG_BLOCKS(0, N, 1, N + 1));
+    const Register<R> high_ab = VIG_SHUFFLE(a, b, VIG_BLOCKS(2, N + 2, 3, N + 3));
+    const Register<R> low_cd = VIG_SHUFFLE(c, d, VIG_BLOCKS(0, N, 1, N + 1));
+    const Register<R> high_cd = VIG_SHUFFLE(c, d, VIG_BLOCKS(2, N + 2, 3, N + 3));
+    rows[0] = VIG_SHUFFLE(low_ab, low_cd, VIG_BLOCKS(0, 1, N, N + 1));
+    rows[1] = VIG_SHUFFLE(low_ab, low_cd, VIG_BLOCKS(2, 3, N + 2, N + 3));
+    rows[2] = VIG_SHUFFLE(high_ab, high_cd, VIG_BLOCKS(0, 1, N, N + 1));
+    rows[3] = VIG_SHUFFLE(high_ab, high_cd, VIG_BLOCKS(2, 3, N + 2, N + 3));
 }
 #undef VIG_BLOCKS
 
-// Four times four numbers in a row: four(n) is the n-th.
-template <class R, class F> Lanes<R> join_fours(F&& four) {
-    const auto low = VIG_SHUFFLE(four(0), four(1), 0, 1, 2, 3, 4, 5, 6, 7);
-    const auto high = VIG_SHUFFLE(four(2), four(3), 0, 1, 2, 3, 4, 5, 6, 7);
-    return VIG_SHUFFLE(low, high, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+// The same of four rows of a register, or of LANES numbers.
+template <class R, class Row> void transpose_blocks(Row* rows) {
+    for (int part = 0; part < int(sizeof(Row) / sizeof(R)); part += REGISTER) {
+        Register<R> four[4];
+        for (int n = 0; n < 4; ++n)
+            four[n] = register_at((const R*)&rows[n] + part);
+        transpose_registers<R>(four);
+        for (int n = 0; n < 4; ++n)
+            register_at((R*)&rows[n] + part) = four[n];
+    }
 }
 
-// Load rows (., 4) at LANES places, transposed: to[n] holds the n-th of each.
-template <class R> void gather_four(const R* rows, const int* place, Lanes<R>* to) {
-    for (int n = 0; n < 4; ++n)
-        to[n] = join_fours<R>([&](int block) -> Four<R> { return four_at(rows + 4 * (size_t)place[4 * block + n]); });
-    transpose_blocks<R>(to);
+// A register of fours in a row: four(n) is the n-th.
+template <class R, class F> Register<R> join_fours(F&& four) {
+    if constexpr (REGISTER == 4) {
+        return four(0);
+    } else {
+        const auto low = VIG_SHUFFLE(four(0), four(1), 0, 1, 2, 3, 4, 5, 6, 7);
+        if constexpr (REGISTER == 8) {
+            return low;
+        } else {
+            const auto high = VIG_SHUFFLE(four(2), four(3), 0, 1, 2, 3, 4, 5, 6, 7);
+            return VIG_SHUFFLE(low, high, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+        }
+    }
+}
+
+// Load rows (., 4) at as many places, transposed: to[n] holds the n-th of each.
+template <class R, class Row> void gather_four(const R* rows, const int* place, Row* to) {
+    for (int part = 0; part < int(sizeof(Row) / sizeof(R)); part += REGISTER) {
+        Register<R> four[4];
+        for (int n = 0; n < 4; ++n)
+            four[n] = join_fours<R>(
+                [&](int block) -> Four<R> { return four_at(rows + 4 * (size_t)place[part + 4 * block + n]); });
+        transpose_registers<R>(four);
+        for (int n = 0; n < 4; ++n)
+            register_at((R*)&to[n] + part) = four[n];
+    }
 }
 
 // The way back: call use(lane, four numbers) for every lane in order.
-template <class R, class F> void scatter_four(Lanes<R>* numbers, F&& use) {
+template <class R, class Row, class F> void scatter_four(Row* numbers, F&& use) {
     transpose_blocks<R>(numbers);
-    for (int block = 0; block < 4; ++block)
+    for (int block = 0; block < int(sizeof(Row) / sizeof(Four<R>)); ++block)
         for (int n = 0; n < 4; ++n)
             use(4 * block + n, four_at((const R*)&numbers[n] + 4 * block));
 }
@@ -164,8 +211,8 @@ template <class R> void transpose(Lanes<R>* columns) {
         transpose_blocks<R>(columns + n);
     std::copy_n(columns, LANES, blocks);
     for (int lane = 0; lane < LANES; ++lane)
-        columns[lane] = join_fours<R>(
-            [&](int n) -> Four<R> { return four_at((const R*)&blocks[4 * n + lane % 4] + lane / 4 * 4); });
+        for (int n = 0; n < LANES; n += 4)
+            four_at((R*)&columns[lane] + n) = four_at((const R*)&blocks[n + lane % 4] + lane / 4 * 4);
 }
 
 }  // namespace vig

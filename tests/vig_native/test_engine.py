@@ -74,7 +74,7 @@ def results(engine: ModuleType, given: dict[str, dict[str, Any]], threads: int =
     prior = engine.prior(mean, precision, none, none, none, 0.0, 1.0, azimuth, light)
     bound = np.full(size, 9, points.dtype)
     limits = 5, 0.1, 0.1, 1e4  # iterations, tolerance, damping, give_up
-    searched = engine.search(geometry, photos, prior, 0, 0.05, points, -bound, bound, *limits, threads)
+    searched = engine.search(geometry, photos, prior, 0, 0.05, points, -bound, bound, *limits, True, threads)
     return [*valued, *searched]
 
 

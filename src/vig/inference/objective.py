@@ -213,6 +213,7 @@ class Objective:
             budget.tolerance,
             damping,
             give_up,
+            budget.curvature,
             thread_count(),
         )
         steps = torch.from_numpy(path[: int(evaluations.max(initial=1))])
@@ -222,7 +223,7 @@ class Objective:
             torch.from_numpy(evaluations),
             torch.from_numpy(converged),
             steps,
-            torch.from_numpy(normal) if budget.iterations else None,
+            torch.from_numpy(normal) if len(normal) else None,
         )
 
     def __call__(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -206,7 +206,7 @@ def refine(
             points,
             torch.zeros(len(points), dtype=torch.int32),
             settings.likelihood.sigma * stage.sigma,
-            stage.budget,
+            replace(stage.budget, curvature=stage is settings.stages[-1]),
         )
         points, evidence = descent.points, descent.value
         paths = torch.cat([paths, points[None] if descent.path is None else descent.path[1:]])

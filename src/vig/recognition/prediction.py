@@ -74,8 +74,8 @@ class Prediction:
         return latents_of(self.numbers, azimuth[:, 0])
 
     @functools.cached_property
-    def _modes(self) -> dict[tuple[int, bool], tuple[torch.Tensor, torch.Tensor]]:
-        """What `modes` found; several steps of a fit ask for the same."""
+    def _modes(self) -> dict[bool, tuple[torch.Tensor, torch.Tensor]]:
+        """The most peaks that `modes` found, broad and others; several steps of a fit ask for the same."""
         return {}
 
     def modes(self, count: int, broad: bool = True) -> tuple[torch.Tensor, torch.Tensor]:
@@ -89,8 +89,9 @@ class Prediction:
         """
         if not self.symmetry.fold:
             return torch.zeros(len(self), 1, dtype=torch.float64), torch.zeros(len(self), 1)
-        if (count, broad) in self._modes:
-            return self._modes[count, broad]
+        if broad in self._modes and self._modes[broad][0].shape[1] >= count:
+            log_weight, azimuths = self._modes[broad]
+            return log_weight[:, :count], azimuths[:, :count]
         bins = self.azimuth.shape[1]
         centres = (torch.arange(bins) + 0.5) * (2 * math.pi / bins)
         left = self.azimuth.clone().double()
@@ -117,8 +118,8 @@ class Prediction:
             angles.append(torch.where(total > 0, angle, at[:, reach]))
             left = left.scatter(1, near, left.gather(1, near) * (1 - member))
         azimuths = torch.remainder(torch.stack(angles, 1), 2 * math.pi).float() / self.symmetry.fold
-        self._modes[count, broad] = torch.stack(weights, 1), azimuths
-        return self._modes[count, broad]
+        self._modes[broad] = torch.stack(weights, 1), azimuths
+        return self._modes[broad]
 
     def round_for_search(self) -> Prediction:
         """The same prediction in steps far above rounding, as searches start from it.
@@ -129,12 +130,14 @@ class Prediction:
         """
         mask, log_deviation = self.mask.double(), self.deviation.double().log()
         coarse = round_to_grid(mask.clamp_min(LEAST_MASK).log(), MASK_STEP).exp()
-        return replace(
+        rounded = replace(
             self,
             mask=torch.where(mask < LEAST_MASK, 0.0, coarse).to(self.mask),
             numbers=round_to_grid(self.numbers, NUMBER_STEP),
             deviation=round_to_grid(log_deviation, DEVIATION_STEP).exp().to(self.deviation),
         )
+        rounded.__dict__["_modes"] = self._modes
+        return rounded
 
     @functools.cached_property
     def _smooth(self) -> torch.Tensor:

@@ -48,10 +48,12 @@ class Budget:
     Attributes:
         iterations: Steps at most, tried or taken; line searches, where there are any.
         tolerance: Nats; a search has converged when a step that was taken gains less.
+        curvature: Whether the normal matrix at the end is wanted.
     """
 
     iterations: int = 30
     tolerance: float = 0.1
+    curvature: bool = True
 
     def __post_init__(self) -> None:
         if self.iterations < 0 or not self.tolerance >= 0:
@@ -68,8 +70,8 @@ class Descent:
         evaluations: (B,) int, of the objective by each search.
         converged: (B,) bool, it stopped because nothing was gained, not because its budget ended.
         path: (T, B, P') the starts, then the best points after each step; None where these were not kept.
-        normal: (B, P', P') the negative Gauss-Newton Hessian at the points; None likewise, and without
-            iterations, when starts are only compared.
+        normal: (B, P', P') the negative Gauss-Newton Hessian at the points; None likewise, without
+            iterations, when starts are only compared, and where it is not wanted.
     """
 
     points: torch.Tensor

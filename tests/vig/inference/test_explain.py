@@ -482,8 +482,8 @@ def test_stages_are_run_at_their_scale_noise_and_budget(whole: Case, teapot: Obj
         whole.photo, whole.prediction, teapot, replace(SETTINGS, stages=stages, optimizer=still)
     )
     assert asked == [
-        (75, 6, 4 * 0.03, Budget(5, 40.0)),
-        (150, 3, 2 * 0.03, Budget(7, 0.5)),
+        (75, 6, 4 * 0.03, Budget(5, 40.0, curvature=False)),
+        (150, 3, 2 * 0.03, Budget(7, 0.5, curvature=False)),
         (150, 2, 0.03, Budget(9, 0.5)),
     ]
     assert found.evaluations == 6 + 3 + 2

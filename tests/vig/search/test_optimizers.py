@@ -146,6 +146,20 @@ def test_a_budget_that_ends_is_told(studio, teapot: ObjectClass) -> None:
     assert not end.converged.item() and end.evaluations.item() == 3
 
 
+@pytest.mark.parametrize("iterations", [2, 6, 40])
+def test_a_search_without_a_matrix_at_its_end_goes_the_same_way(studio, teapot, iterations: int) -> None:
+    ends = []
+    for curvature in (True, False):
+        budget = Budget(iterations, 5.0, curvature)
+        ends.append(search(studio, teapot, LevenbergMarquardt(), 0, True, budget)[3])
+    with_matrix, without = ends
+    assert with_matrix.normal is not None and without.normal is None
+    assert with_matrix.converged.item() == without.converged.item() == (iterations > 6)
+    for one, two in zip(with_matrix.path, without.path, strict=True):
+        assert torch.equal(one, two)
+    assert torch.equal(with_matrix.value, without.value)
+
+
 @pytest.mark.parametrize("name", OPTIMIZERS)
 def test_a_start_on_a_bound_may_leave_it_and_none_is_passed(studio, teapot: ObjectClass, name: str) -> None:
     rng = np.random.default_rng(21)
