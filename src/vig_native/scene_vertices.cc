@@ -56,15 +56,10 @@ template <class R> Light<R> light_of(const Object<R>& object) {
 // `count` rows of three numbers side by side, the last repeated.
 template <class R> Vec3<Lanes<R>> load_rows(const R* rows, int count, size_t stride = 3) {
     Vec3<Lanes<R>> to;
-    for (int k = 0; k < LANES; ++k) {
-        const R* const row = rows + stride * std::min(k, count - 1);
-        to.x[k] = row[0];
-        to.y[k] = row[1];
-        to.z[k] = row[2];
-    }
+    for (int k = 0; k < LANES; ++k)
+        set_lane(to, k, load3(rows + stride * std::min(k, count - 1)));
     return to;
 }
-template <class R> Vec3<R> lane(const Vec3<Lanes<R>>& v, int k) { return {v.x[k], v.y[k], v.z[k]}; }
 
 // Sums of the adjacent faces' cross products: normals weighted by area, twice.
 template <class R> void sum_normals(const Mesh& mesh, const R* world, R* raw) {

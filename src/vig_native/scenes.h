@@ -81,6 +81,8 @@ template <class R> struct Images {
     R *rgb, *coverage, *visible;  // (L, H, W, 3), (L, H, W), (L, masks, H, W)
 };
 
+template <class R> class Sampler;
+
 template <class R> class Scenes {
   public:
     std::vector<Object<R>> objects;
@@ -122,11 +124,15 @@ template <class R> class Scenes {
     std::vector<R> world_, raw_;        // (V, 3) metres; normals before they are of length one
     std::vector<Light<R>> lights_;
 
+    // The pixel of a layer whose one sample is at a place on the grid.
+    size_t pixel(size_t layer, size_t place) const {
+        return (layer * height + place / grid_columns() - MARGIN) * width + place % grid_columns() - MARGIN;
+    }
     void find_layer(int number, bool edges);
     void paint_layer(int number, Images<R> to);
     void paint_layer_back(int number, Images<const R> on, R* on_points, R* on_attributes, R* on_background,
                           std::vector<LightCotangent>& on_lights, std::vector<Cotangents<R>>& on_inputs) const;
-    template <class> friend class Sampler;
+    friend class Sampler<R>;
 };
 
 // Functions of one vector (T = R) or of LANES side by side (T = Lanes<R>).

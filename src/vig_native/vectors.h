@@ -28,6 +28,7 @@ template <class A, class B> auto dot(Vec3<A> a, Vec3<B> b) { return a.x * b.x + 
 template <class R> Vec3<R> cross(Vec3<R> a, Vec3<R> b) {
     return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
+template <class R> Vec3<R> by_channel(Vec3<R> a, Vec3<R> b) { return {a.x * b.x, a.y * b.y, a.z * b.z}; }
 template <class R> Vec3<R> load3(const R* at) { return {at[0], at[1], at[2]}; }
 template <class R> void store3(R* at, Vec3<R> v) {
     at[0] = v.x;
@@ -84,6 +85,15 @@ template <class R> const LooseLanes<R>& lanes_at(const R* numbers) { return *(co
 template <class R> LooseLanes<R>& lanes_at(R* numbers) { return *(LooseLanes<R>*)numbers; }
 template <class R> const LooseFour<R>& four_at(const R* numbers) { return *(const LooseFour<R>*)numbers; }
 template <class R> LooseFour<R>& four_at(R* numbers) { return *(LooseFour<R>*)numbers; }
+// One of LANES vectors side by side, by way of memory, as numbers of a register are slow to take out one by one.
+template <class R> Vec3<R> lane(const Vec3<Lanes<R>>& v, int k) {
+    return {((const R*)&v.x)[k], ((const R*)&v.y)[k], ((const R*)&v.z)[k]};
+}
+template <class R> void set_lane(Vec3<Lanes<R>>& v, int k, Vec3<R> to) {
+    ((R*)&v.x)[k] = to.x;
+    ((R*)&v.y)[k] = to.y;
+    ((R*)&v.z)[k] = to.z;
+}
 // A row of (., 4).
 template <class R> const LooseFour<R>& four_at(const std::vector<R>& rows, int place) {
     return four_at(rows.data() + 4 * (size_t)place);
