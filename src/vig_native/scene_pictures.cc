@@ -243,10 +243,10 @@ void Scenes<R>::paint_layer_back(int number, Images<const R> on, R* on_points, R
         return g.x != 0 || g.y != 0 || g.z != 0;
     };
     sampler.each(0, [&](size_t place) { return !is_mask && wanted(place); }, [&](const Samples<R>& seen) {
-        Vec3<Lanes<R>> g = {};
-        for (int k = 0; k < seen.count; ++k)
-            set_lane(g, k, on_colour(seen.place[k]));
-        SampleCotangent<R> on_seen = {};
+        Vec3<Lanes<R>> g;
+        for (int k = 0; k < LANES; ++k)
+            set_lane(g, k, k < seen.count ? on_colour(seen.place[k]) : Vec3<R>{});
+        SampleCotangent<R> on_seen;
         const Mixed<R> albedo = sampler.mix(seen, 3);
         const Lit<R> light = sampler.light(seen);
         const Vec3<Lanes<R>> texture = sampler.texture(seen);
@@ -318,7 +318,7 @@ void Scenes<R>::surface_back(const R* on_depth, const R* on_normals, R* on_point
     for (size_t number = 0; number < layers.size(); ++number) {
         Sampler<R> sampler(*this, (int)number, on_points, on_attributes);
         sampler.each(MARGIN, [](size_t) { return true; }, [&](const Samples<R>& seen) {
-            SampleCotangent<R> on_seen = {};
+            SampleCotangent<R> on_seen;
             Vec3<Lanes<R>> on_normal = {};
             Lanes<R> on_far = {}, inverse;
             for (int k = 0; k < seen.count; ++k) {

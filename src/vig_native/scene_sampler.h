@@ -17,6 +17,10 @@ template <class R> struct Samples {
 // Cotangents on these.
 template <class R> struct SampleCotangent {
     Lanes<R> w[3], e[3], x[3], y[3], z[3];
+    SampleCotangent() {
+        for (int i = 0; i < 3; ++i)
+            w[i] = e[i] = x[i] = y[i] = z[i] = Lanes<R>{};
+    }
 };
 // Three attributes from column `first` on: at the corners and, interpolated, at the points.
 template <class R> struct Mixed {
@@ -97,9 +101,7 @@ template <class R> class Sampler {
             const Row gy = e[n] * seen.x[m] - e[m] * seen.x[n] + on.y[i];
             to[i] = {gx * scale_, gy * scale_, gx * seen.column + gy * seen.row + on.z[i]};
         }
-        for (int k = 0; k < seen.count; ++k)
-            for (int i = 0; i < 3; ++i)
-                add3(on_points_ + 3 * (size_t)seen.vertex[i][k], lane<R>(to[i], k));
+        add_to_corners(seen, to, on_points_, 3);
     }
 
     Mixed<R> mix(const Samples<R>& seen, int first) const {
@@ -112,12 +114,12 @@ template <class R> class Sampler {
         return mixed;
     }
     void pull_mix(const Samples<R>& seen, const Mixed<R>& mixed, Vec3<Row> on, SampleCotangent<R>& on_seen) {
+        Vec3<Row> to[3];
         for (int i = 0; i < 3; ++i) {
             on_seen.w[i] += dot(mixed.corner[i], on);
-            const Vec3<Row> to = on * seen.w[i];
-            for (int k = 0; k < seen.count; ++k)
-                add3(on_attributes_ + scenes_.columns * (size_t)seen.vertex[i][k] + mixed.first, lane<R>(to, k));
+            to[i] = on * seen.w[i];
         }
+        add_to_corners(seen, to, on_attributes_ + mixed.first, scenes_.columns);
     }
 
     // What a white surface reflects: interpolated from the vertices, or reflected here.
@@ -126,14 +128,14 @@ template <class R> class Sampler {
         lit.value = lit.mixed.value;
         if (scenes_.columns < 9) {
             lit.normal = unit(lit.mixed.value, lit.inverse);
-            lit.value = reflect(scenes_.lights_[seen.object], lit.normal);
+            lit.value = reflect<R>(scenes_.lights_[seen.object], lit.normal);
         }
         return lit;
     }
     void pull_light(const Samples<R>& seen, const Lit<R>& lit, Vec3<Row> on, SampleCotangent<R>& on_seen,
                     LightCotangent& on_light) {
         if (scenes_.columns < 9) {
-            on = pull_reflect(scenes_.lights_[seen.object], lit.normal, on, on_light);
+            on = pull_reflect<R>(scenes_.lights_[seen.object], lit.normal, on, on_light);
             on = pull_unit(lit.normal, lit.inverse, on);
         }
         pull_mix(seen, lit.mixed, on, on_seen);
@@ -164,6 +166,12 @@ template <class R> class Sampler {
     R *on_points_, *on_attributes_;
     std::vector<Cotangents<R>>* on_inputs_;
 
+    // Corner by corner of each sample: neighbours mostly share corners, and additions to one wait for each other.
+    static void add_to_corners(const Samples<R>& seen, const Vec3<Row>* on, R* to, int columns) {
+        for (int k = 0; k < seen.count; ++k)
+            for (int i = 0; i < 3; ++i)
+                add3(to + columns * (size_t)seen.vertex[i][k], lane<R>(on[i], k));
+    }
     void locate(Samples<R>& seen) const;
     Lookup<R> look_up(const Samples<R>& seen, int lane) const;
     void pull_look_up(const Samples<R>& seen, int lane, Vec3<R> on, SampleCotangent<R>& on_seen);

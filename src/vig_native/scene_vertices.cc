@@ -111,7 +111,7 @@ template <class R> bool Scenes<R>::place(R* to_points, R* to_attributes, int thr
             Lanes<R> inverse;
             const int size = std::min(LANES, mesh.vertices - base);
             const Vec3<Lanes<R>> normal = unit(load_rows(raw + 3 * (size_t)base, size), inverse);
-            const Vec3<Lanes<R>> reflected = reflect(light, normal);
+            const Vec3<Lanes<R>> reflected = reflect<R>(light, normal);
             for (int k = 0; k < size; ++k) {
                 const size_t v = (size_t)base + k;
                 R* const row = to_attributes + columns * (object.first_vertex + v);
@@ -161,7 +161,7 @@ void Scenes<R>::place_back(const R* on_points, const R* on_attributes, const std
                 Vec3<Lanes<R>> on = load_rows(rows + 6, size, columns);
                 for (int k = size; k < LANES; ++k)
                     on.x[k] = on.y[k] = on.z[k] = 0;
-                on_normal = on_normal + pull_reflect(lights_[number], normal, on, on_light);
+                on_normal = on_normal + pull_reflect<R>(lights_[number], normal, on, on_light);
             }
             const Vec3<Lanes<R>> pulled = pull_unit(normal, inverse, on_normal);
             for (int k = 0; k < size; ++k)

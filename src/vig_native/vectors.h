@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 #include <vector>
 
 namespace vig {
@@ -21,8 +22,12 @@ template <class R> struct Vec3 {
     R operator[](int i) const { return i == 0 ? x : i == 1 ? y : z; }
 };
 
-template <class R> Vec3<R> operator+(Vec3<R> a, Vec3<R> b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
-template <class R> Vec3<R> operator-(Vec3<R> a, Vec3<R> b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+template <class A, class B> auto operator+(Vec3<A> a, Vec3<B> b) -> Vec3<decltype(a.x + b.x)> {
+    return {a.x + b.x, a.y + b.y, a.z + b.z};
+}
+template <class A, class B> auto operator-(Vec3<A> a, Vec3<B> b) -> Vec3<decltype(a.x - b.x)> {
+    return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
 template <class R, class S> Vec3<R> operator*(Vec3<R> a, S s) { return {a.x * s, a.y * s, a.z * s}; }
 template <class A, class B> auto dot(Vec3<A> a, Vec3<B> b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 template <class R> Vec3<R> cross(Vec3<R> a, Vec3<R> b) {
@@ -85,6 +90,25 @@ template <class R> const LooseLanes<R>& lanes_at(const R* numbers) { return *(co
 template <class R> LooseLanes<R>& lanes_at(R* numbers) { return *(LooseLanes<R>*)numbers; }
 template <class R> const LooseFour<R>& four_at(const R* numbers) { return *(const LooseFour<R>*)numbers; }
 template <class R> LooseFour<R>& four_at(R* numbers) { return *(LooseFour<R>*)numbers; }
+// A function of one number or, side by side, of those of LANES (T): a loop, which becomes vector instructions. Of vectors
+// that are wider than its registers GCC takes comparisons and `?:` number by number.
+template <class F, class T, class... More> T by_lane(F&& f, T x, const More&... more) {
+    if constexpr (std::is_floating_point_v<T>)
+        return f(x, more...);
+    else {
+        typedef std::remove_reference_t<decltype(x[0])> R;
+        for (int k = 0; k < LANES; ++k)
+            ((R*)&x)[k] = f(((const R*)&x)[k], ((const R*)&more)[k]...);
+        return x;
+    }
+}
+template <class T> T root(T x) {
+    return by_lane([](auto x) { return std::sqrt(x); }, x);
+}
+template <class T> T above_zero(T x) {
+    return by_lane([](auto x) { return x > 0 ? x : 0; }, x);
+}
+
 // One of LANES vectors side by side, by way of memory, as numbers of a register are slow to take out one by one.
 template <class R> Vec3<R> lane(const Vec3<Lanes<R>>& v, int k) {
     return {((const R*)&v.x)[k], ((const R*)&v.y)[k], ((const R*)&v.z)[k]};
