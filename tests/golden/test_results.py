@@ -39,12 +39,14 @@ def test_a_wrong_view_is_reported_on_any_processor() -> None:
 def test_samples_of_the_worlds_are_the_golden_ones(worlds: dict[str, Any]) -> None:
     """Pixels of pictures, masks and depth, labels, scenes and latents."""
     expected = json.loads(results.WORLDS.read_text())
+    tolerance = 0.0
     if worlds["machine"] != expected["machine"]:  # another processor or numpy rounds some pixels otherwise
+        tolerance = 2e-4  # of a mean image: two in the last digit that it is rounded to
         for world in (*worlds.values(), *expected.values()):
             if isinstance(world, dict):
                 del world["shown_sha256"]
         worlds["machine"] = expected["machine"]
-    assert list(results.differences(expected, worlds, tolerance=0.0)) == []
+    assert list(results.differences(expected, worlds, tolerance)) == []
 
 
 def test_a_difference_is_reported() -> None:
