@@ -14,9 +14,11 @@ template <class R> struct Samples {
     Row column, row;                                       // from the point to the grid's origin
     Row x[3], y[3], z[3], e[3], w[3], inverse;
 };
-// Cotangents on these.
+// Cotangents on these, and up to two times three on attributes of the corners, from column `first` on.
 template <class R> struct SampleCotangent {
     Lanes<R> w[3], e[3], x[3], y[3], z[3];
+    int groups = 0, first[2];
+    Vec3<Lanes<R>> attributes[2][3];
     SampleCotangent() {
         for (int i = 0; i < 3; ++i)
             w[i] = e[i] = x[i] = y[i] = z[i] = Lanes<R>{};
@@ -63,6 +65,7 @@ template <class R> class Sampler {
     template <class Wanted, class Use> void each(int margin, Wanted&& wanted, Use&& use) {
         Samples<R> seen;
         seen.object = layer_.begin;
+        int first = 0, end = 0;  // faces of that object
         const auto flush = [&] {
             if (seen.count == 0)
                 return;
@@ -77,18 +80,22 @@ template <class R> class Sampler {
                 const int face = layer_.face[place];
                 if (face < 0 || !wanted(place))
                     continue;
-                const int object = find_object(face, seen.object);
-                if (seen.count == LANES || object != seen.object)
+                const bool other = face < first || face >= end;
+                if (seen.count == LANES || other)
                     flush();
-                seen.object = object;
-                seen.face[seen.count] = face - scenes_.objects[object].first_face;
+                if (other) {
+                    seen.object = find_object(face, seen.object);
+                    first = scenes_.objects[seen.object].first_face;
+                    end = first + scenes_.objects[seen.object].mesh->faces();
+                }
+                seen.face[seen.count] = face - first;
                 seen.place[seen.count] = place;
                 ((R*)&seen.column)[seen.count] = MARGIN - column - R(0.5);
                 ((R*)&seen.row)[seen.count++] = MARGIN - row - R(0.5);
             }
         flush();
     }
-    // Add cotangents on samples to those on points.
+    // Add cotangents on samples to those on points and attributes.
     void pull(const Samples<R>& seen, const SampleCotangent<R>& on) {
         const Row mean = seen.w[0] * on.w[0] + seen.w[1] * on.w[1] + seen.w[2] * on.w[2];
         Row e[3];
@@ -101,7 +108,14 @@ template <class R> class Sampler {
             const Row gy = e[n] * seen.x[m] - e[m] * seen.x[n] + on.y[i];
             to[i] = {gx * scale_, gy * scale_, gx * seen.column + gy * seen.row + on.z[i]};
         }
-        add_to_corners(seen, to, on_points_, 3);
+        // All at once: neighbours mostly share corners, and additions to one number wait for each other.
+        for (int k = 0; k < seen.count; ++k)
+            for (int i = 0; i < 3; ++i) {
+                const size_t vertex = seen.vertex[i][k];
+                add3(on_points_ + 3 * vertex, lane<R>(to[i], k));
+                for (int n = 0; n < on.groups; ++n)
+                    add3(on_attributes_ + scenes_.columns * vertex + on.first[n], lane<R>(on.attributes[n][i], k));
+            }
     }
 
     Mixed<R> mix(const Samples<R>& seen, int first) const {
@@ -114,12 +128,12 @@ template <class R> class Sampler {
         return mixed;
     }
     void pull_mix(const Samples<R>& seen, const Mixed<R>& mixed, Vec3<Row> on, SampleCotangent<R>& on_seen) {
-        Vec3<Row> to[3];
+        const int group = on_seen.groups++;
+        on_seen.first[group] = mixed.first;
         for (int i = 0; i < 3; ++i) {
             on_seen.w[i] += dot(mixed.corner[i], on);
-            to[i] = on * seen.w[i];
+            on_seen.attributes[group][i] = on * seen.w[i];
         }
-        add_to_corners(seen, to, on_attributes_ + mixed.first, scenes_.columns);
     }
 
     // What a white surface reflects: interpolated from the vertices, or reflected here.
@@ -166,12 +180,6 @@ template <class R> class Sampler {
     R *on_points_, *on_attributes_;
     std::vector<Cotangents<R>>* on_inputs_;
 
-    // Corner by corner of each sample: neighbours mostly share corners, and additions to one wait for each other.
-    static void add_to_corners(const Samples<R>& seen, const Vec3<Row>* on, R* to, int columns) {
-        for (int k = 0; k < seen.count; ++k)
-            for (int i = 0; i < 3; ++i)
-                add3(to + columns * (size_t)seen.vertex[i][k], lane<R>(on[i], k));
-    }
     void locate(Samples<R>& seen) const;
     Lookup<R> look_up(const Samples<R>& seen, int lane) const;
     void pull_look_up(const Samples<R>& seen, int lane, Vec3<R> on, SampleCotangent<R>& on_seen);
@@ -188,14 +196,15 @@ template <class R> class Sampler {
 // Find corners and weights of samples of which place and face are set.
 template <class R> void Sampler<R>::locate(Samples<R>& seen) const {
     const Object<R>& object = scenes_.objects[seen.object];
-    for (int k = 0; k < LANES; ++k) {
-        const int from = std::min(k, seen.count - 1);
-        seen.face[k] = seen.face[from];
-        ((R*)&seen.column)[k] = ((R*)&seen.column)[from];
-        ((R*)&seen.row)[k] = ((R*)&seen.row)[from];
-        for (int i = 0; i < 3; ++i)
-            seen.vertex[i][k] = object.first_vertex + object.mesh->corners[3 * (size_t)seen.face[k] + i];
+    for (int k = seen.count; k < LANES; ++k) {
+        seen.face[k] = seen.face[k - 1];
+        ((R*)&seen.column)[k] = ((R*)&seen.column)[k - 1];
+        ((R*)&seen.row)[k] = ((R*)&seen.row)[k - 1];
     }
+    const int32_t* const corners = object.mesh->corners.data();
+    for (int k = 0; k < LANES; ++k)
+        for (int i = 0; i < 3; ++i)
+            seen.vertex[i][k] = object.first_vertex + corners[3 * (size_t)seen.face[k] + i];
     for (int i = 0; i < 3; ++i) {
         Vec3<Row> point;
         for (int k = 0; k < LANES; ++k)
