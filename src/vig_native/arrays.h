@@ -2,6 +2,7 @@
 #pragma once
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 
 #include <algorithm>
@@ -67,6 +68,10 @@ template <class T> Input<T> array_of(const char* name, nb::handle given, std::ve
                                 + came);
 }
 
+template <class R> using Optional = std::optional<Input<R>>;
+template <class R> using OptionalOut = std::optional<InOut<R>>;
+template <class A> auto data_or_null(const std::optional<A>& array) { return array ? array->data() : nullptr; }
+
 template <class A> auto copy(const A& array) {
     return std::vector<std::remove_const_t<typename A::Scalar>>(array.data(), array.data() + array.size());
 }
@@ -85,13 +90,18 @@ inline void check_table(const char* name, const std::vector<int32_t>& table, int
     check_table(name, table.data(), table.size(), least, count);
 }
 
-template <class T> Output<T> make(std::initializer_list<size_t> shape, T*& data) {
+template <class T> Output<T> make(std::initializer_list<size_t> shape) {
     size_t size = 1;
     for (const size_t length : shape)
         size *= length;
-    data = new T[std::max<size_t>(size, 1)];
+    T* const data = new T[std::max<size_t>(size, 1)];
     nb::capsule owner(data, [](void* p) noexcept { delete[] (T*)p; });
     return Output<T>(data, shape, owner);
+}
+template <class T> Output<T> make_copy(const std::vector<T>& numbers, std::initializer_list<size_t> shape) {
+    const Output<T> array = make<T>(shape);
+    std::copy_n(numbers.data(), array.size(), array.data());
+    return array;
 }
 
 void bind_scenes(nb::module_& m);

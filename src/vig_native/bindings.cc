@@ -1,7 +1,5 @@
 // The Python module: arrays in, arrays out. Shapes are checked here, before anything reads them; types by nanobind.
 #include <nanobind/stl/function.h>
-#include <nanobind/stl/optional.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
@@ -57,7 +55,7 @@ PointLayout layout_of(const std::vector<int>& numbers) {
 template <class R>
 Geometry<R> make_geometry(std::vector<int> layout, Input<R> positions, Input<int32_t> corners, Input<int32_t> edges,
                           Input<int32_t> ring_start, Input<int32_t> ring, Input<R> reflectance,
-                          std::optional<Input<R>> transfer) {
+                          Optional<R> transfer) {
     Geometry<R> g;
     g.layout = layout_of(layout);
     g.modes = g.layout.modes;
@@ -164,16 +162,12 @@ nb::tuple evaluate_points(const Geometry<R>& geometry, const Photos<R>& photos, 
     check_shape("photo", photo, {(int64_t)count});
     check_shape("sigma", sigma, {(int64_t)count});
     check_table("photo", copy(photo), 0, photos.count);
-    double* value;
-    R *gradient, *normal, *posterior, *coverage, *irradiance;
     const size_t derived = order ? count : 0, curved = order > 1 ? count : 0, shown = images ? count : 0;
-    auto values = make<double>({count}, value);
-    auto gradients = make<R>({derived, size}, gradient);
-    auto normals = make<R>({curved, size, size}, normal);
     const size_t height = photos.camera.height, width = photos.camera.width;
-    auto posteriors = make<R>({shown, height, width}, posterior);
-    auto coverages = make<R>({shown, height, width}, coverage);
-    auto irradiances = make<R>({shown, height, width}, irradiance);
+    const auto value = make<double>({count});
+    const auto gradient = make<R>({derived, size}), normal = make<R>({curved, size, size});
+    const auto posterior = make<R>({shown, height, width}), coverage = make<R>({shown, height, width});
+    const auto irradiance = make<R>({shown, height, width});
     {
         const nb::gil_scoped_release released;
         threads = (int)std::clamp<size_t>(count, 1, std::max(threads, 1));
@@ -181,19 +175,19 @@ nb::tuple evaluate_points(const Geometry<R>& geometry, const Photos<R>& photos, 
             Lent<Workspace<R>> lent;
             Workspace<R>& work = *lent;
             for (size_t n = thread; n < count; n += threads) {
-                value[n] = evaluate(geometry, photos, work, points.data() + n * size, photo.data()[n], sigma.data()[n],
-                                    order, images, order ? gradient + n * size : nullptr,
-                                    order > 1 ? normal + n * size * size : nullptr);
+                value.data()[n] = evaluate(geometry, photos, work, points.data() + n * size, photo.data()[n], sigma.data()[n],
+                                           order, images, order ? gradient.data() + n * size : nullptr,
+                                           order > 1 ? normal.data() + n * size * size : nullptr);
                 if (images) {
-                    std::copy_n(work.posterior.begin(), pixels, posterior + n * pixels);
-                    std::copy_n(work.irradiance.begin(), pixels, irradiance + n * pixels);
-                    for (size_t at = 0; at < pixels; ++at)
-                        coverage[n * pixels + at] = std::clamp(work.coverage[at], R(0), R(1));
+                    std::copy_n(work.posterior.begin(), pixels, posterior.data() + n * pixels);
+                    std::copy_n(work.irradiance.begin(), pixels, irradiance.data() + n * pixels);
+                    std::transform(work.coverage.begin(), work.coverage.begin() + pixels, coverage.data() + n * pixels,
+                                   [](R share) { return std::clamp(share, R(0), R(1)); });
                 }
             }
         });
     }
-    return nb::make_tuple(values, gradients, normals, posteriors, coverages, irradiances);
+    return nb::make_tuple(value, gradient, normal, posterior, coverage, irradiance);
 }
 
 // Results of the stages of one evaluation of a point (P',), for tests beside their references.
@@ -207,18 +201,12 @@ nb::dict stages(const Geometry<R>& geometry, const Photos<R>& photos, Input<R> p
     std::vector<R> gradient(point.size()), normal(point.size() * point.size());
     evaluate(geometry, photos, work, point.data(), 0, sigma, 2, true, gradient.data(), normal.data());
     nb::dict out;
-    const auto add = [&](const char* name, const auto& numbers, std::initializer_list<size_t> shape) {
-        std::remove_const_t<std::remove_reference_t<decltype(numbers[0])>>* data;
-        auto array = make(shape, data);
-        std::copy_n(numbers.data(), array.size(), data);
-        out[name] = array;
-    };
-    add("face", work.visible.face, {(size_t)photos.camera.height, (size_t)photos.camera.width});
-    add("points", work.points, {vertices, 4});
-    add("used", work.used, {vertices});
-    add("normals", work.normals, {vertices, 4});
-    add("shape_rows", work.shape_rows, {vertices, width});
-    add("rest_rows", work.rest_rows, {vertices, (size_t)REST});
+    out["face"] = make_copy(work.visible.face, {(size_t)photos.camera.height, (size_t)photos.camera.width});
+    out["points"] = make_copy(work.points, {vertices, 4});
+    out["used"] = make_copy(work.used, {vertices});
+    out["normals"] = make_copy(work.normals, {vertices, 4});
+    out["shape_rows"] = make_copy(work.shape_rows, {vertices, width});
+    out["rest_rows"] = make_copy(work.rest_rows, {vertices, (size_t)REST});
     return out;
 }
 
@@ -259,16 +247,11 @@ nb::tuple search_all(Input<R> starts, Input<R> lower, Input<R> upper, const Sear
     const size_t count = starts.shape(0), n = starts.shape(1), steps = settings.iterations + 1;
     check_shape("lower", lower, {(int64_t)n});
     check_shape("upper", upper, {(int64_t)n});
-    R *path, *normal;
-    double* value;
-    int64_t* evaluations;
-    bool* converged;
-    auto paths = make<R>({steps, count, n}, path);
-    auto values = make<double>({count}, value);
     curvature &= settings.iterations > 0;
-    auto normals = make<R>({curvature ? count : 0, n, n}, normal);
-    auto all_evaluations = make<int64_t>({count}, evaluations);
-    auto all_converged = make<bool>({count}, converged);
+    const auto path = make<R>({steps, count, n}), normal = make<R>({curvature ? count : 0, n, n});
+    const auto value = make<double>({count});
+    const auto evaluations = make<int64_t>({count});
+    const auto converged = make<bool>({count});
     {
         const nb::gil_scoped_release released;
         threads = (int)std::clamp<size_t>(count, 1, std::max(threads, 1));
@@ -277,14 +260,15 @@ nb::tuple search_all(Input<R> starts, Input<R> lower, Input<R> upper, const Sear
             const Function<R> function = function_of(*lent);
             for (size_t s = thread; s < count; s += threads) {
                 const SearchEnd end = search((int)n, function, starts.data() + s * n, lower.data(), upper.data(), settings,
-                                             path + s * n, count * n, curvature ? normal + s * n * n : nullptr);
-                value[s] = end.value;
-                evaluations[s] = end.evaluations;
-                converged[s] = end.converged;
+                                             path.data() + s * n, count * n,
+                                             curvature ? normal.data() + s * n * n : nullptr);
+                value.data()[s] = end.value;
+                evaluations.data()[s] = end.evaluations;
+                converged.data()[s] = end.converged;
             }
         });
     }
-    return nb::make_tuple(paths, values, normals, all_evaluations, all_converged);
+    return nb::make_tuple(path, value, normal, evaluations, converged);
 }
 
 template <class R>
@@ -316,11 +300,10 @@ nb::tuple search_function(nb::callable function, Input<R> starts, Input<R> lower
     const auto call = [&](const R* point, R* gradient, R* normal, const Worth& worth) {
         const nb::gil_scoped_acquire held;
         const size_t n = lower.size();
-        R* data;
-        auto array = make<R>({n}, data);
-        std::copy(point, point + n, data);
+        const auto array = make<R>({n});
+        std::copy(point, point + n, array.data());
         const auto [value, slope, curved] =
-            nb::cast<std::tuple<double, std::optional<Input<R>>, std::optional<Input<R>>>>(
+            nb::cast<std::tuple<double, Optional<R>, Optional<R>>>(
                 function(array, gradient != nullptr));
         if (gradient && worth(value)) {
             if (!slope || !curved)
@@ -346,14 +329,12 @@ nb::tuple damped_steps(Input<R> points, Input<R> gradient, Input<R> normal, Inpu
     check_shape("damping", damping, {(int64_t)count});
     check_shape("lower", lower, {(int64_t)n});
     check_shape("upper", upper, {(int64_t)n});
-    R* step;
-    double* promised;
-    auto steps = make<R>({count, n}, step);
-    auto gains = make<double>({count}, promised);
+    const auto step = make<R>({count, n});
+    const auto gain = make<double>({count});
     for (size_t s = 0; s < count; ++s)
-        promised[s] = damped_step((int)n, points.data() + s * n, gradient.data() + s * n, normal.data() + s * n * n,
-                                  damping.data()[s], lower.data(), upper.data(), step + s * n);
-    return nb::make_tuple(steps, gains);
+        gain.data()[s] = damped_step((int)n, points.data() + s * n, gradient.data() + s * n, normal.data() + s * n * n,
+                                     damping.data()[s], lower.data(), upper.data(), step.data() + s * n);
+    return nb::make_tuple(step, gain);
 }
 
 // Draw one mesh of points (V, 3) before a camera at the origin: face (H, W), weights of its corners (H, W, 3) and depth
@@ -368,11 +349,8 @@ nb::tuple rasterize(Input<R> points, Input<int32_t> corners, std::tuple<double, 
     const size_t vertices = points.shape(0), faces = corners.shape(0);
     if (width < 1 || height < 1 || (int64_t)height * width > INT_MAX / 4 || std::max(vertices, faces) > INT_MAX / 4)
         throw std::invalid_argument("width and height must be 1 or more, and pixels, points and faces fit into memory");
-    int32_t* face;
-    R *weights, *depth;
-    auto all_faces = make<int32_t>({(size_t)height, (size_t)width}, face);
-    auto all_weights = make<R>({(size_t)height, (size_t)width, 3}, weights);
-    auto depths = make<R>({(size_t)height, (size_t)width}, depth);
+    const auto weights = make<R>({(size_t)height, (size_t)width, 3}), depth = make<R>({(size_t)height, (size_t)width});
+    VisibilityBuffer<R> seen;
     {
         const nb::gil_scoped_release released;
         std::vector<R> screen(3 * vertices);
@@ -382,20 +360,19 @@ nb::tuple rasterize(Input<R> points, Input<int32_t> corners, std::tuple<double, 
             if (point.z > R(near))
                 store3(&screen[3 * v], {point.x * scale + R(cx), point.y * scale + R(cy), q});
         }
-        VisibilityBuffer<R> seen;
         seen.clear(height * width);
         std::vector<uint8_t> facing(faces);
         draw_faces(screen.data(), corners.data(), (int)faces, width, height, cull, seen, facing.data());
         for (int y = 0, at = 0; y < height; ++y)
             for (int x = 0; x < width; ++x, ++at) {
-                face[at] = seen.face[at];
-                const Fragment<R> here = face[at] == NO_FACE ? Fragment<R>{{0, 0, 0}, std::numeric_limits<R>::infinity()}
-                                                             : fragment_at(screen.data(), corners.data(), face[at], x, y);
-                std::copy_n(here.weights, 3, weights + 3 * (size_t)at);
-                depth[at] = here.depth;
+                const int face = seen.face[at];
+                const Fragment<R> here = face == NO_FACE ? Fragment<R>{{0, 0, 0}, std::numeric_limits<R>::infinity()}
+                                                         : fragment_at(screen.data(), corners.data(), face, x, y);
+                std::copy_n(here.weights, 3, weights.data() + 3 * (size_t)at);
+                depth.data()[at] = here.depth;
             }
     }
-    return nb::make_tuple(all_faces, all_weights, depths);
+    return nb::make_tuple(make_copy(seen.face, {(size_t)height, (size_t)width}), weights, depth);
 }
 
 // Cast rays from points against a mesh: blocked (V, 9), faces (V, R), weights (V, R, 3), see rays.h.
@@ -414,28 +391,24 @@ nb::tuple cast_rays(Input<float> vertices, Input<int32_t> corners, Input<double>
     const size_t rays = patterns.shape(1);
     if (std::max({count, rays, corners.shape(0)}) > INT_MAX / 4)
         throw std::invalid_argument("points, rays and faces must fit into memory");
-    double* blocked;
-    int32_t* faces;
-    float* weights;
-    auto all_blocked = make<double>({count, (size_t)LOBES}, blocked);
-    auto all_faces = make<int32_t>({count, rays}, faces);
-    auto all_weights = make<float>({count, rays, 3}, weights);
+    const auto blocked = make<double>({count, (size_t)LOBES});
+    const auto faces = make<int32_t>({count, rays});
+    const auto weights = make<float>({count, rays, 3});
     {
         const nb::gil_scoped_release released;
         const RayMesh mesh(vertices.data(), corners.data(), (int)corners.shape(0));
         cast_hemisphere_rays(mesh, {(int)count, (int)rays, chunk, points.data(), frames.data(), patterns.data(), turns.data(), offset},
-                   blocked, faces, weights);
+                             blocked.data(), faces.data(), weights.data());
     }
-    return nb::make_tuple(all_blocked, all_faces, all_weights);
+    return nb::make_tuple(blocked, faces, weights);
 }
 
 template <class R> void bind(nb::module_& m, const char* geometry, const char* photos, const char* prior) {
     nb::class_<Geometry<R>>(m, geometry);
     nb::class_<Photos<R>>(m, photos);
     nb::class_<Prior<R>>(m, prior).def(
-        "add_to", [](const Prior<R>& self, Input<R> points, nb::ndarray<double, nb::c_contig, nb::device::cpu> value,
-                     std::optional<nb::ndarray<R, nb::c_contig, nb::device::cpu>> gradient,
-                     std::optional<nb::ndarray<R, nb::c_contig, nb::device::cpu>> normal) {
+        "add_to",
+        [](const Prior<R>& self, Input<R> points, InOut<double> value, OptionalOut<R> gradient, OptionalOut<R> normal) {
             check_shape("points", points, {-1, self.size});
             const int64_t count = points.shape(0), n = self.size;
             check_shape("value", value, {count});
@@ -478,20 +451,19 @@ NB_MODULE(VIG_MODULE, m) {
 #undef VIG_NAME
     m.attr("DENSITIES") = nb::cast(names);
     bind_scenes(m);
-    m.def("minimum_cut", [](Input<bool> free, Input<int32_t> alone, nb::ndarray<int32_t, nb::c_contig, nb::device::cpu> links) {
+    m.def("minimum_cut", [](Input<bool> free, Input<int32_t> alone, InOut<int32_t> links) {
         check_shape("free", free, {-1, -1, -1});
         const size_t count = free.shape(0), height = free.shape(1), width = free.shape(2), size = height * width;
         check_shape("alone", alone, {(int64_t)count, (int64_t)height, (int64_t)width});
         check_shape("links", links, {(int64_t)count, 8, (int64_t)height, (int64_t)width});
-        bool* visible;
-        auto out = make<bool>({count, height, width}, visible);
+        const auto visible = make<bool>({count, height, width});
         const nb::gil_scoped_release released;
-        for (size_t n = 0; n < count; ++n)
+        for (size_t n = 0; n < count; ++n) {
             close_links((int)height, (int)width, free.data() + n * size, links.data() + n * 8 * size);
-        for (size_t n = 0; n < count; ++n)
             minimum_cut((int)height, (int)width, (const uint8_t*)free.data() + n * size, alone.data() + n * size,
-                        links.data() + n * 8 * size, (uint8_t*)visible + n * size);
-        return out;
+                        links.data() + n * 8 * size, (uint8_t*)visible.data() + n * size);
+        }
+        return visible;
     }, "free"_a, "alone"_a, "links"_a.noconvert());
     m.def("cast_hemisphere_rays", &cast_rays, "vertices"_a, "faces"_a, "points"_a, "frames"_a, "patterns"_a, "turns"_a, "offset"_a,
           "chunk"_a);
@@ -499,12 +471,11 @@ NB_MODULE(VIG_MODULE, m) {
         check_shape("shares", shares, {-1, -1, -1});
         const size_t count = shares.shape(0), height = shares.shape(1), width = shares.shape(2), size = height * width;
         check_shape("photo", photo, {(int64_t)height, (int64_t)width, 3});
-        double* density;
-        auto out = make<double>({count, height, width}, density);
+        const auto density = make<double>({count, height, width});
         const nb::gil_scoped_release released;
         for (size_t n = 0; n < count; ++n)
-            colour_density((int)size, photo.data(), shares.data() + n * size, density + n * size);
-        return out;
+            colour_density((int)size, photo.data(), shares.data() + n * size, density.data() + n * size);
+        return density;
     });
 }
 

@@ -1,7 +1,6 @@
 // Scenes of the public renderer in Python; see vig_renderer/native.py.
 #include "arrays.h"
 
-#include <nanobind/stl/optional.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/vector.h>
 
@@ -39,15 +38,11 @@ std::shared_ptr<Mesh> make_mesh(Input<int32_t> faces, Input<int32_t> texture_fac
     return mesh;
 }
 
-template <class R> using Optional = std::optional<Input<R>>;
-template <class R> using OptionalOut = std::optional<InOut<R>>;
-template <class A> auto data_or_null(const std::optional<A>& array) { return array ? array->data() : nullptr; }
-
 // Scenes and the arrays that they point into.
 template <class R> class BoundScenes {
   public:
     // levels: of each mesh's texture (L, 3), or None. starts (L + 1): the meshes of each layer.
-    BoundScenes(std::vector<std::shared_ptr<Mesh>> meshes, std::vector<std::optional<Input<int32_t>>> levels,
+    BoundScenes(std::vector<std::shared_ptr<Mesh>> meshes, std::vector<Optional<int32_t>> levels,
                 std::vector<int> places, std::vector<int> starts, int height, int width, int samples, double near, int masks,
                 bool is_mask) {
         const int64_t rows = (int64_t)height * samples + 2 * MARGIN, columns = (int64_t)width * samples + 2 * MARGIN;
@@ -119,18 +114,12 @@ template <class R> class BoundScenes {
     nb::list found() const {
         nb::list out;
         for (const Layer<R>& layer : scenes_.layers) {
-            int32_t *face, *edges, *crossings;
-            auto faces = make<int32_t>({scenes_.grid()}, face);
-            auto silhouettes = make<int32_t>({layer.silhouettes.size(), 4}, edges);
-            auto crossed = make<int32_t>({layer.crossings.size(), 7}, crossings);
-            std::copy(layer.face.begin(), layer.face.begin() + scenes_.grid(), face);
-            for (const Silhouette& e : layer.silhouettes)
-                for (const int number : {e.first, e.second, e.face, e.other})
-                    *edges++ = number;
-            for (const Crossing& c : layer.crossings)
-                for (const int number : {c.edge, c.axis, c.line, c.low, c.sharers, c.here, c.there})
-                    *crossings++ = number;
-            out.append(nb::make_tuple(faces, silhouettes, crossed));
+            static_assert(sizeof(Silhouette) == 4 * sizeof(int32_t) && sizeof(Crossing) == 7 * sizeof(int32_t), "rows of numbers");
+            const auto silhouettes = make<int32_t>({layer.silhouettes.size(), 4});
+            const auto crossings = make<int32_t>({layer.crossings.size(), 7});
+            std::copy(layer.silhouettes.begin(), layer.silhouettes.end(), (Silhouette*)silhouettes.data());
+            std::copy(layer.crossings.begin(), layer.crossings.end(), (Crossing*)crossings.data());
+            out.append(nb::make_tuple(make_copy(layer.face, {scenes_.grid()}), silhouettes, crossings));
         }
         return out;
     }
@@ -278,7 +267,7 @@ template <class R> class BoundScenes {
 template <class R> void bind_type(nb::module_& m, const char* name) {
     typedef BoundScenes<R> Bound;
     nb::class_<Bound>(m, name)
-        .def(nb::init<std::vector<std::shared_ptr<Mesh>>, std::vector<std::optional<Input<int32_t>>>, std::vector<int>,
+        .def(nb::init<std::vector<std::shared_ptr<Mesh>>, std::vector<Optional<int32_t>>, std::vector<int>,
                       std::vector<int>, int, int, int, double, int, bool>(),
              "meshes"_a, "levels"_a, "places"_a, "starts"_a, "height"_a, "width"_a, "samples"_a, "near"_a, "masks"_a,
              "is_mask"_a)
@@ -303,13 +292,8 @@ void bind_scenes(nb::module_& m) {
     nb::class_<Mesh>(m, "Mesh")
         .def_ro("texture_rows", &Mesh::texture_rows)
         .def("tables", [](const Mesh& mesh) {  // faces and texture_faces (F, 3)
-            const auto table = [](const std::vector<int32_t>& numbers) {
-                int32_t* to;
-                auto out = make<int32_t>({numbers.size() / 3, 3}, to);
-                std::copy(numbers.begin(), numbers.end(), to);
-                return out;
-            };
-            return nb::make_tuple(table(mesh.corners), table(mesh.texture_corners));
+            const size_t faces = mesh.faces();
+            return nb::make_tuple(make_copy(mesh.corners, {faces, 3}), make_copy(mesh.texture_corners, {faces, 3}));
         });
     m.def("mesh", &make_mesh, "faces"_a.noconvert(), "texture_faces"_a.noconvert(), "edges"_a.noconvert(), "vertices"_a);
     bind_type<float>(m, "Scenes32");

@@ -91,24 +91,6 @@ template <class R> struct Planes {
     size_t first(int y) const { return ((size_t)y * scenes.samples + MARGIN) * columns + MARGIN; }
 };
 
-// Columns of one row, handed on LANES at a time; those that are missing at the end repeat the last.
-struct RowBlocks {
-    int columns[LANES], count = 0;
-    template <class F> void add(int column, F&& run) {
-        columns[count++] = column;
-        if (count == LANES)
-            flush(run);
-    }
-    template <class F> void flush(F&& run) {
-        if (count == 0)
-            return;
-        for (int k = count; k < LANES; ++k)
-            columns[k] = columns[count - 1];
-        run(columns, count);
-        count = 0;
-    }
-};
-
 // Where the background's colour, or its cotangent, at a point of the grid lies; its border goes on in the margin.
 template <class R, class N> N* background_at(const Scenes<R>& scenes, int layer, int row, int column, N* background) {
     if (!scenes.background_is_image)
@@ -132,42 +114,23 @@ template <class R> void Scenes<R>::paint_layer(int number, Images<R> to) {
     Layer<R>& layer = layers[number];
     const int columns = grid_columns(), rows = grid_rows();
     Planes<R> picture(*this);
-    Sampler<R> sampler(*this, number);
-    const bool blocks = !is_mask && sampler.has_blocks();
     const R* const behind = background ? background + 3 * (size_t)number : nullptr;
     const bool is_black = behind && !background_is_image && behind[0] == 0 && behind[1] == 0 && behind[2] == 0;
-    RowBlocks pending;
-    for (int row = 0; row < rows; ++row) {
-        const size_t first = (size_t)row * columns;
-        const auto paint_block = [&](const int* points, int size) {
-            SampleBlock<R> b;
-            sampler.block(&layer.face[first], points, row, b);
-            for (int c = 0; c < 3; ++c)
-                for (int k = 0; k < size; ++k)
-                    picture.numbers[3 * (first + points[k]) + c] = b.mixed[c][k] * b.mixed[3 + c][k];
-            for (int k = 0; k < size; ++k)
-                picture.at(first + points[k], 3 + objects[b.object[k]].place) = 1;
-        };
-        for (int column = 0; column < columns; ++column) {
-            const size_t place = first + column;
-            const int face = layer.face[place];
-            if (blocks && face >= 0) {
-                pending.add(column, paint_block);
-            } else if (is_mask) {
-                picture.at(place, 0) = face >= 0;
-            } else if (face < 0) {
-                if (!is_black)
-                    store3(&picture.numbers[3 * place], load3(background_at(*this, number, row, column, background)));
-            } else {
-                const Sample<R> seen = sampler.at(face, column, row);
-                picture.at(place, 3 + objects[seen.object].place) = 1;
-                const Vec3<R> albedo = sampler.mix(seen, 3), light = sampler.light(seen), texture = sampler.texture(seen);
-                for (int c = 0; c < 3; ++c)
-                    picture.at(place, c) = albedo[c] * light[c] * texture[c];
-            }
+    for (size_t place = 0; place < grid() && is_mask; ++place)
+        picture.at(place, 0) = layer.face[place] >= 0;
+    for (int row = 0; row < rows && !is_mask && !is_black; ++row)
+        for (int column = 0; column < columns; ++column)
+            if (const size_t place = (size_t)row * columns + column; layer.face[place] < 0)
+                store3(&picture.numbers[3 * place], load3(background_at(*this, number, row, column, background)));
+    Sampler<R> sampler(*this, number);
+    sampler.each(0, [&](size_t) { return !is_mask; }, [&](const Samples<R>& seen) {
+        const Vec3<Lanes<R>> colour =
+            by_channel(by_channel(sampler.mix(seen, 3).value, sampler.light(seen).value), sampler.texture(seen));
+        for (int k = 0; k < seen.count; ++k) {
+            store3(&picture.numbers[3 * seen.place[k]], lane<R>(colour, k));
+            picture.at(seen.place[k], 3 + objects[seen.object].place) = 1;
         }
-        pending.flush(paint_block);
-    }
+    });
     const int count = channels();
     layer.steps.reserve(layer.crossings.size() * count);
     for (const Crossing& crossing : layer.crossings)
@@ -262,53 +225,37 @@ void Scenes<R>::paint_layer_back(int number, Images<const R> on, R* on_points, R
             pulled.at(layer.crossings[n].there, c) += given[n * count + c];
             pulled.at(layer.crossings[n].here, c) -= given[n * count + c];
         }
-    Sampler<R> sampler(*this, number, on_points, on_attributes, &on_inputs);
+    const auto on_colour = [&](size_t place) { return load3(&pulled.numbers[3 * place]); };
     double behind[3] = {};
-    const bool blocks = !is_mask && sampler.has_blocks();
-    RowBlocks pending;
-    for (int row = 0; row < rows && !is_mask; ++row) {
-        const size_t first = (size_t)row * columns;
-        const auto pull_block = [&](const int* points, int size) {
-            SampleBlock<R> b;
-            R g[3][LANES];
-            for (int c = 0; c < 3; ++c)
-                for (int k = 0; k < LANES; ++k)
-                    g[c][k] = pulled.numbers[3 * (first + points[k]) + c];
-            sampler.block(&layer.face[first], points, row, b);
-            sampler.pull_block(b, g, size);
-        };
+    for (int row = 0; row < rows && !is_mask && on_background; ++row)
         for (int column = 0; column < columns; ++column) {
-            const size_t place = first + column;
-            const int face = layer.face[place];
-            if (face < 0 && !on_background)
+            const size_t place = (size_t)row * columns + column;
+            if (layer.face[place] >= 0)
                 continue;
-            const Vec3<R> g = load3(&pulled.numbers[3 * place]);
-            if (g.x == 0 && g.y == 0 && g.z == 0)
-                continue;
-            if (face < 0) {
-                if (background_is_image)
-                    add3(background_at(*this, number, row, column, on_background), g);
-                for (int c = 0; c < 3; ++c)
-                    behind[c] += g[c];
-                continue;
-            }
-            if (blocks) {
-                pending.add(column, pull_block);
-                continue;
-            }
-            const Sample<R> seen = sampler.at(face, column, row);
-            SampleCotangent<R> on_seen = {};
-            const Vec3<R> albedo = sampler.mix(seen, 3), light = sampler.light(seen), texture = sampler.texture(seen);
-            const auto times = [](Vec3<R> a, Vec3<R> b, Vec3<R> c) {
-                return Vec3<R>{a.x * b.x * c.x, a.y * b.y * c.y, a.z * b.z * c.z};
-            };
-            sampler.pull_mix(seen, 3, times(g, light, texture), on_seen);
-            sampler.pull_light(seen, times(g, albedo, texture), on_seen, on_lights[seen.object]);
-            sampler.pull_texture(seen, times(g, albedo, light), on_seen);
-            sampler.pull(seen, on_seen);
+            if (background_is_image)
+                add3(background_at(*this, number, row, column, on_background), on_colour(place));
+            for (int c = 0; c < 3; ++c)
+                behind[c] += on_colour(place)[c];
         }
-        pending.flush(pull_block);
-    }
+    Sampler<R> sampler(*this, number, on_points, on_attributes, &on_inputs);
+    const auto wanted = [&](size_t place) {
+        const Vec3<R> g = on_colour(place);
+        return g.x != 0 || g.y != 0 || g.z != 0;
+    };
+    sampler.each(0, [&](size_t place) { return !is_mask && wanted(place); }, [&](const Samples<R>& seen) {
+        Vec3<Lanes<R>> g;
+        for (int k = 0; k < LANES; ++k)
+            set_lane(g, k, k < seen.count ? on_colour(seen.place[k]) : Vec3<R>{});
+        SampleCotangent<R> on_seen;
+        const Mixed<R> albedo = sampler.mix(seen, 3);
+        const Lit<R> light = sampler.light(seen);
+        const Vec3<Lanes<R>> texture = sampler.texture(seen);
+        const auto times = [](Vec3<Lanes<R>> a, Vec3<Lanes<R>> b, Vec3<Lanes<R>> c) { return by_channel(by_channel(a, b), c); };
+        sampler.pull_mix(seen, albedo, times(g, light.value, texture), on_seen);
+        sampler.pull_light(seen, light, times(g, albedo.value, texture), on_seen, on_lights[seen.object]);
+        sampler.pull_texture(seen, times(g, albedo.value, light.value), on_seen);
+        sampler.pull(seen, on_seen);
+    });
     for (int c = 0; c < 3 && on_background && !background_is_image; ++c)
         on_background[3 * (size_t)number + c] += (R)behind[c];
     if (vertices == 0)
@@ -344,25 +291,25 @@ void Scenes<R>::paint_layer_back(int number, Images<const R> on, R* on_points, R
 }
 
 template <class R> void Scenes<R>::surface(R* depth, R* normals, int32_t* object, int32_t* triangle) const {
+    const size_t pixels = layers.size() * height * width;
+    std::fill_n(depth, pixels, std::numeric_limits<R>::infinity());
+    std::fill_n(normals, 3 * pixels, R(0));
+    std::fill_n(object, pixels, -1);
+    std::fill_n(triangle, pixels, -1);
     for (size_t number = 0; number < layers.size(); ++number) {
         Sampler<R> sampler(*this, (int)number);
-        for (int y = 0; y < height; ++y)
-            for (int x = 0; x < width; ++x) {
-                const size_t at = (number * height + y) * width + x;
-                const int face = layers[number].face[(size_t)(y + MARGIN) * grid_columns() + x + MARGIN];
-                depth[at] = std::numeric_limits<R>::infinity();
-                object[at] = triangle[at] = -1;
-                Vec3<R> normal = {0, 0, 0};
-                if (face >= 0) {
-                    const Sample<R> seen = sampler.at(face, x + MARGIN, y + MARGIN);
-                    R inverse;
-                    normal = unit(sampler.mix(seen, 0), inverse);
-                    depth[at] = dot(load3(seen.w), load3(seen.z));
-                    object[at] = objects[seen.object].place;
-                    triangle[at] = seen.face;
-                }
-                store3(normals + 3 * at, normal);
+        sampler.each(MARGIN, [](size_t) { return true; }, [&](const Samples<R>& seen) {
+            Lanes<R> inverse;
+            const Lanes<R> far = seen.w[0] * seen.z[0] + seen.w[1] * seen.z[1] + seen.w[2] * seen.z[2];
+            const Vec3<Lanes<R>> normal = unit(sampler.mix(seen, 0).value, inverse);
+            for (int k = 0; k < seen.count; ++k) {
+                const size_t at = pixel(number, seen.place[k]);
+                store3(normals + 3 * at, lane<R>(normal, k));
+                depth[at] = far[k];
+                object[at] = objects[seen.object].place;
+                triangle[at] = seen.face[k];
             }
+        });
     }
 }
 
@@ -370,25 +317,26 @@ template <class R>
 void Scenes<R>::surface_back(const R* on_depth, const R* on_normals, R* on_points, R* on_attributes) const {
     for (size_t number = 0; number < layers.size(); ++number) {
         Sampler<R> sampler(*this, (int)number, on_points, on_attributes);
-        for (int y = 0; y < height; ++y)
-            for (int x = 0; x < width; ++x) {
-                const size_t at = (number * height + y) * width + x;
-                const int face = layers[number].face[(size_t)(y + MARGIN) * grid_columns() + x + MARGIN];
-                if (face < 0)
-                    continue;
-                const Sample<R> seen = sampler.at(face, x + MARGIN, y + MARGIN);
-                SampleCotangent<R> on_seen = {};
-                if (on_normals) {
-                    R inverse;
-                    const Vec3<R> normal = unit(sampler.mix(seen, 0), inverse);
-                    sampler.pull_mix(seen, 0, pull_unit(normal, inverse, load3(on_normals + 3 * at)), on_seen);
-                }
-                for (int i = 0; i < 3 && on_depth; ++i) {
-                    on_seen.w[i] += on_depth[at] * seen.z[i];
-                    on_seen.z[i] = on_depth[at] * seen.w[i];
-                }
-                sampler.pull(seen, on_seen);
+        sampler.each(MARGIN, [](size_t) { return true; }, [&](const Samples<R>& seen) {
+            SampleCotangent<R> on_seen;
+            Vec3<Lanes<R>> on_normal = {};
+            Lanes<R> on_far = {}, inverse;
+            for (int k = 0; k < seen.count; ++k) {
+                const size_t at = pixel(number, seen.place[k]);
+                if (on_normals)
+                    set_lane(on_normal, k, load3(on_normals + 3 * at));
+                on_far[k] = on_depth ? on_depth[at] : 0;
             }
+            const Mixed<R> mixed = sampler.mix(seen, 0);
+            const Vec3<Lanes<R>> normal = unit(mixed.value, inverse);
+            if (on_normals)
+                sampler.pull_mix(seen, mixed, pull_unit(normal, inverse, on_normal), on_seen);
+            for (int i = 0; i < 3; ++i) {
+                on_seen.w[i] += on_far * seen.z[i];
+                on_seen.z[i] = on_far * seen.w[i];
+            }
+            sampler.pull(seen, on_seen);
+        });
     }
 }
 

@@ -4,24 +4,36 @@
 
 namespace vig {
 
-// A seen face at a point: its vertices, numbered through, from there (x and y still times the depth z), barycentric weights
-// w = e / sum of e, e being twice the areas opposite each corner times two depths; inverse = 1 / sum of e.
-template <class R> struct Sample {
-    int object, face;
-    int vertex[3];
-    R x[3], y[3], z[3], e[3], w[3], inverse;
+// What is seen at LANES points of the grid, faces of one object; the last is repeated where there are fewer. Corners lie
+// from there (x and y still times the depth z), barycentric weights are w = e / sum of e, e being twice the areas opposite
+// each corner times two depths; inverse = 1 / sum of e.
+template <class R> struct Samples {
+    typedef Lanes<R> Row;
+    int count = 0, object, face[LANES], vertex[3][LANES];  // faces of the object; vertices numbered through
+    size_t place[LANES];                                   // on the grid
+    Row column, row;                                       // from the point to the grid's origin
+    Row x[3], y[3], z[3], e[3], w[3], inverse;
 };
-// Cotangents on these.
+// Cotangents on these, and up to two times three on attributes of the corners, from column `first` on.
 template <class R> struct SampleCotangent {
-    R w[3], e[3], x[3], y[3], z[3];
+    Lanes<R> w[3], e[3], x[3], y[3], z[3];
+    int groups = 0, first[2];
+    Vec3<Lanes<R>> attributes[2][3];
+    SampleCotangent() {
+        for (int i = 0; i < 3; ++i)
+            w[i] = e[i] = x[i] = y[i] = z[i] = Lanes<R>{};
+    }
 };
-
-// LANES samples side by side, of surfaces whose light was found at the vertices, without textures.
-template <class R> struct SampleBlock {
-    static constexpr int COLOURS = 6;  // albedo and light, columns 3 to 8 of attributes
-    int vertex[3][LANES], object[LANES];
-    R column[LANES], row[LANES], x[3][LANES], y[3][LANES], z[3][LANES], w[3][LANES], inverse[LANES];
-    R corner[3][COLOURS][LANES], mixed[COLOURS][LANES];
+// Three attributes from column `first` on: at the corners and, interpolated, at the points.
+template <class R> struct Mixed {
+    int first;
+    Vec3<Lanes<R>> corner[3], value;
+};
+// Light that a white surface reflects; by the mixed normal, before it is of length one, or mixed itself.
+template <class R> struct Lit {
+    Mixed<R> mixed;
+    Vec3<Lanes<R>> normal, value;
+    Lanes<R> inverse;
 };
 
 // Texture look-up: bilinear in `levels` levels of the pyramid, linear between them (Williams 1983); derivatives of the
@@ -40,215 +52,199 @@ template <class R> struct Lookup {
 
 // Samples of one layer. On the way back cotangents are added to `on_points`, `on_attributes` and the textures' of `on_inputs`.
 template <class R> class Sampler {
+    typedef Lanes<R> Row;
+
   public:
     Sampler(const Scenes<R>& scenes, int layer, R* on_points = nullptr, R* on_attributes = nullptr,
             std::vector<Cotangents<R>>* on_inputs = nullptr)
-        : scenes_(scenes), layer_(layer), scale_((R)scenes.samples), object_(scenes.starts[layer]), on_points_(on_points),
+        : scenes_(scenes), layer_(scenes.layers[layer]), scale_((R)scenes.samples), on_points_(on_points),
           on_attributes_(on_attributes), on_inputs_(on_inputs) {}
 
-    // Face `face`, numbered through, at a point of the grid.
-    Sample<R> at(int face, int column, int row) {
-        const Object<R>& object = scenes_.objects[find_object(face)];
-        Sample<R> seen;
-        seen.object = object_;
-        seen.face = face - object.first_face;
-        column_ = MARGIN - column - R(0.5);
-        row_ = MARGIN - row - R(0.5);
-        for (int i = 0; i < 3; ++i) {
-            seen.vertex[i] = object.first_vertex + object.mesh->corners[3 * (size_t)seen.face + i];
-            const R* const point = scenes_.points + 3 * (size_t)seen.vertex[i];
-            seen.x[i] = point[0] * scale_ + column_ * point[2];
-            seen.y[i] = point[1] * scale_ + row_ * point[2];
-            seen.z[i] = point[2];
-        }
-        for (int i = 0; i < 3; ++i) {
-            const int n = (i + 1) % 3, m = (i + 2) % 3;
-            seen.e[i] = seen.x[n] * seen.y[m] - seen.x[m] * seen.y[n];
-        }
-        seen.inverse = 1 / (seen.e[0] + seen.e[1] + seen.e[2]);
-        for (int i = 0; i < 3; ++i)
-            seen.w[i] = seen.e[i] * seen.inverse;
-        return seen;
+    // Call use(samples) for the points of the grid without its margin, or with, at which a surface is seen and that are
+    // wanted(place), in their order.
+    template <class Wanted, class Use> void each(int margin, Wanted&& wanted, Use&& use) {
+        Samples<R> seen;
+        seen.object = layer_.begin;
+        int first = 0, end = 0;  // faces of that object
+        const auto flush = [&] {
+            if (seen.count == 0)
+                return;
+            locate(seen);
+            use(seen);
+            seen.count = 0;
+        };
+        const int columns = scenes_.grid_columns();
+        for (int row = margin; row < scenes_.grid_rows() - margin; ++row)
+            for (int column = margin; column < columns - margin; ++column) {
+                const size_t place = (size_t)row * columns + column;
+                const int face = layer_.face[place];
+                if (face < 0 || !wanted(place))
+                    continue;
+                const bool other = face < first || face >= end;
+                if (seen.count == LANES || other)
+                    flush();
+                if (other) {
+                    seen.object = find_object(face, seen.object);
+                    first = scenes_.objects[seen.object].first_face;
+                    end = first + scenes_.objects[seen.object].mesh->faces();
+                }
+                seen.face[seen.count] = face - first;
+                seen.place[seen.count] = place;
+                ((R*)&seen.column)[seen.count] = MARGIN - column - R(0.5);
+                ((R*)&seen.row)[seen.count++] = MARGIN - row - R(0.5);
+            }
+        flush();
     }
-    // Add cotangents on the last sample to those on points.
-    void pull(const Sample<R>& seen, const SampleCotangent<R>& on) {
-        const R mean = seen.w[0] * on.w[0] + seen.w[1] * on.w[1] + seen.w[2] * on.w[2];
-        R e[3];
+    // Add cotangents on samples to those on points and attributes.
+    void pull(const Samples<R>& seen, const SampleCotangent<R>& on) {
+        const Row mean = seen.w[0] * on.w[0] + seen.w[1] * on.w[1] + seen.w[2] * on.w[2];
+        Row e[3];
+        Vec3<Row> to[3];
         for (int i = 0; i < 3; ++i)
             e[i] = (on.w[i] - mean) * seen.inverse + on.e[i];
         for (int i = 0; i < 3; ++i) {
             const int n = (i + 1) % 3, m = (i + 2) % 3;
-            const R gx = e[m] * seen.y[n] - e[n] * seen.y[m] + on.x[i];
-            const R gy = e[n] * seen.x[m] - e[m] * seen.x[n] + on.y[i];
-            add3(on_points_ + 3 * (size_t)seen.vertex[i], Vec3<R>{gx * scale_, gy * scale_, gx * column_ + gy * row_ + on.z[i]});
+            const Row gx = e[m] * seen.y[n] - e[n] * seen.y[m] + on.x[i];
+            const Row gy = e[n] * seen.x[m] - e[m] * seen.x[n] + on.y[i];
+            to[i] = {gx * scale_, gy * scale_, gx * seen.column + gy * seen.row + on.z[i]};
         }
-    }
-
-    // Whether `block` serves this layer.
-    bool has_blocks() const {
-        const Layer<R>& layer = scenes_.layers[layer_];
-        return scenes_.columns == 9 && std::none_of(scenes_.objects.begin() + layer.begin, scenes_.objects.begin() + layer.end,
-                                                    [](const Object<R>& object) { return object.in[TEXELS] != nullptr; });
-    }
-    // Faces at LANES points of a row of the grid.
-    void block(const int32_t* face, const int* columns, int row, SampleBlock<R>& b) {
-        for (int k = 0; k < LANES; ++k) {
-            const Object<R>& object = scenes_.objects[find_object(face[columns[k]])];
-            b.object[k] = object_;
-            b.column[k] = MARGIN - columns[k] - R(0.5);
-            b.row[k] = MARGIN - row - R(0.5);
-            const int32_t* const corners = &object.mesh->corners[3 * (size_t)(face[columns[k]] - object.first_face)];
-            for (int i = 0; i < 3; ++i)
-                b.vertex[i][k] = object.first_vertex + corners[i];
-        }
-        for (int i = 0; i < 3; ++i)
-            for (int k = 0; k < LANES; ++k) {
-                const R* const point = scenes_.points + 3 * (size_t)b.vertex[i][k];
-                b.x[i][k] = point[0] * scale_ + b.column[k] * point[2];
-                b.y[i][k] = point[1] * scale_ + b.row[k] * point[2];
-                b.z[i][k] = point[2];
-            }
-        for (int i = 0; i < 3; ++i)
-            for (int k = 0; k < LANES; ++k) {
-                const int n = (i + 1) % 3, m = (i + 2) % 3;
-                b.w[i][k] = b.x[n][k] * b.y[m][k] - b.x[m][k] * b.y[n][k];
-            }
-        for (int k = 0; k < LANES; ++k)
-            b.inverse[k] = 1 / (b.w[0][k] + b.w[1][k] + b.w[2][k]);
-        for (int i = 0; i < 3; ++i)
-            for (int k = 0; k < LANES; ++k)
-                b.w[i][k] *= b.inverse[k];
-        for (int i = 0; i < 3; ++i)
-            for (int k = 0; k < LANES; ++k)
-                for (int c = 0; c < b.COLOURS; ++c)
-                    b.corner[i][c][k] = scenes_.attributes[9 * (size_t)b.vertex[i][k] + 3 + c];
-        for (int c = 0; c < b.COLOURS; ++c)
-            for (int k = 0; k < LANES; ++k)
-                b.mixed[c][k] = b.corner[0][c][k] * b.w[0][k] + b.corner[1][c][k] * b.w[1][k] + b.corner[2][c][k] * b.w[2][k];
-    }
-    // Add cotangents (3, LANES) on the colours of the first `count` samples to those on points and attributes.
-    void pull_block(const SampleBlock<R>& b, const R (&on)[3][LANES], int count) {
-        R on_mixed[b.COLOURS][LANES], on_w[3][LANES], gx[3][LANES], gy[3][LANES], gz[3][LANES], mean[LANES];
-        for (int c = 0; c < 3; ++c)
-            for (int k = 0; k < LANES; ++k) {
-                on_mixed[c][k] = on[c][k] * b.mixed[3 + c][k];
-                on_mixed[3 + c][k] = on[c][k] * b.mixed[c][k];
-            }
-        for (int i = 0; i < 3; ++i)
-            for (int k = 0; k < LANES; ++k) {
-                on_w[i][k] = 0;
-                for (int c = 0; c < b.COLOURS; ++c)
-                    on_w[i][k] += b.corner[i][c][k] * on_mixed[c][k];
-            }
-        for (int k = 0; k < LANES; ++k)
-            mean[k] = b.w[0][k] * on_w[0][k] + b.w[1][k] * on_w[1][k] + b.w[2][k] * on_w[2][k];
-        for (int i = 0; i < 3; ++i)
-            for (int k = 0; k < LANES; ++k)
-                on_w[i][k] = (on_w[i][k] - mean[k]) * b.inverse[k];
-        for (int i = 0; i < 3; ++i)
-            for (int k = 0; k < LANES; ++k) {
-                const int n = (i + 1) % 3, m = (i + 2) % 3;
-                const R x = on_w[m][k] * b.y[n][k] - on_w[n][k] * b.y[m][k];
-                const R y = on_w[n][k] * b.x[m][k] - on_w[m][k] * b.x[n][k];
-                gx[i][k] = x * scale_;
-                gy[i][k] = y * scale_;
-                gz[i][k] = x * b.column[k] + y * b.row[k];
-            }
-        for (int k = 0; k < count; ++k)
+        // All at once: neighbours mostly share corners, and additions to one number wait for each other.
+        for (int k = 0; k < seen.count; ++k)
             for (int i = 0; i < 3; ++i) {
-                const size_t vertex = b.vertex[i][k];
-                add3(on_points_ + 3 * vertex, Vec3<R>{gx[i][k], gy[i][k], gz[i][k]});
-                for (int c = 0; c < b.COLOURS; ++c)
-                    on_attributes_[9 * vertex + 3 + c] += b.w[i][k] * on_mixed[c][k];
+                const size_t vertex = seen.vertex[i][k];
+                add3(on_points_ + 3 * vertex, lane<R>(to[i], k));
+                for (int n = 0; n < on.groups; ++n)
+                    add3(on_attributes_ + scenes_.columns * vertex + on.first[n], lane<R>(on.attributes[n][i], k));
             }
     }
 
-    // Attributes from column `first` on, interpolated.
-    Vec3<R> mix(const Sample<R>& seen, int first) const {
-        return load3(row(scenes_.attributes, seen, 0, first)) * seen.w[0] +
-               load3(row(scenes_.attributes, seen, 1, first)) * seen.w[1] +
-               load3(row(scenes_.attributes, seen, 2, first)) * seen.w[2];
+    Mixed<R> mix(const Samples<R>& seen, int first) const {
+        Mixed<R> mixed;
+        mixed.first = first;
+        for (int i = 0; i < 3; ++i)
+            for (int k = 0; k < LANES; ++k)
+                set_lane(mixed.corner[i], k, load3(scenes_.attributes + scenes_.columns * (size_t)seen.vertex[i][k] + first));
+        mixed.value = mixed.corner[0] * seen.w[0] + mixed.corner[1] * seen.w[1] + mixed.corner[2] * seen.w[2];
+        return mixed;
     }
-    void pull_mix(const Sample<R>& seen, int first, Vec3<R> on, SampleCotangent<R>& on_seen) {
+    void pull_mix(const Samples<R>& seen, const Mixed<R>& mixed, Vec3<Row> on, SampleCotangent<R>& on_seen) {
+        const int group = on_seen.groups++;
+        on_seen.first[group] = mixed.first;
         for (int i = 0; i < 3; ++i) {
-            on_seen.w[i] += dot(load3(row(scenes_.attributes, seen, i, first)), on);
-            add3(row(on_attributes_, seen, i, first), on * seen.w[i]);
+            on_seen.w[i] += dot(mixed.corner[i], on);
+            on_seen.attributes[group][i] = on * seen.w[i];
         }
     }
 
     // What a white surface reflects: interpolated from the vertices, or reflected here.
-    Vec3<R> light(const Sample<R>& seen) const {
-        R inverse;
-        return scenes_.columns == 9 ? mix(seen, 6) : reflect(scenes_.lights_[seen.object], unit(mix(seen, 0), inverse));
+    Lit<R> light(const Samples<R>& seen) const {
+        Lit<R> lit = {mix(seen, scenes_.columns == 9 ? 6 : 0), {}, {}, {}};
+        lit.value = lit.mixed.value;
+        if (scenes_.columns < 9) {
+            lit.normal = unit(lit.mixed.value, lit.inverse);
+            lit.value = reflect<R>(scenes_.lights_[seen.object], lit.normal);
+        }
+        return lit;
     }
-    void pull_light(const Sample<R>& seen, Vec3<R> on, SampleCotangent<R>& on_seen, LightCotangent& on_light) {
-        if (scenes_.columns == 9)
-            return pull_mix(seen, 6, on, on_seen);
-        R inverse;
-        const Vec3<R> normal = unit(mix(seen, 0), inverse);
-        const Vec3<R> on_normal = pull_reflect(scenes_.lights_[seen.object], normal, on, on_light);
-        pull_mix(seen, 0, pull_unit(normal, inverse, on_normal), on_seen);
+    void pull_light(const Samples<R>& seen, const Lit<R>& lit, Vec3<Row> on, SampleCotangent<R>& on_seen,
+                    LightCotangent& on_light) {
+        if (scenes_.columns < 9) {
+            on = pull_reflect<R>(scenes_.lights_[seen.object], lit.normal, on, on_light);
+            on = pull_unit(lit.normal, lit.inverse, on);
+        }
+        pull_mix(seen, lit.mixed, on, on_seen);
     }
 
-    Vec3<R> texture(const Sample<R>& seen) const {
+    Vec3<Row> texture(const Samples<R>& seen) const {
+        const Row one = Row{} + R(1);
+        Vec3<Row> out = {one, one, one};
         const R* const texels = scenes_.objects[seen.object].in[TEXELS];
-        if (!texels)
-            return {1, 1, 1};
-        const Lookup<R> k = look_up(seen);
-        R out[3];
-        for (int c = 0; c < 3; ++c) {
-            out[c] = k.bilinear(0, texels, c);
-            if (k.share > 0)
-                out[c] += k.share * (k.bilinear(1, texels, c) - out[c]);
+        for (int n = 0; n < seen.count && texels; ++n) {
+            const Lookup<R> k = look_up(seen, n);
+            R colour[3];
+            for (int c = 0; c < 3; ++c) {
+                colour[c] = k.bilinear(0, texels, c);
+                if (k.share > 0)
+                    colour[c] += k.share * (k.bilinear(1, texels, c) - colour[c]);
+            }
+            set_lane(out, n, load3(colour));
         }
-        return load3(out);
+        return out;
     }
-    void pull_texture(const Sample<R>& seen, Vec3<R> on, SampleCotangent<R>& on_seen);
+    void pull_texture(const Samples<R>& seen, Vec3<Row> on, SampleCotangent<R>& on_seen);
 
   private:
     const Scenes<R>& scenes_;
-    int layer_;
-    R scale_, column_ = 0, row_ = 0;
-    int object_;
+    const Layer<R>& layer_;
+    R scale_;
     R *on_points_, *on_attributes_;
     std::vector<Cotangents<R>>* on_inputs_;
 
-    template <class N> N* row(N* table, const Sample<R>& seen, int corner, int first) const {
-        return table + scenes_.columns * (size_t)seen.vertex[corner] + first;
-    }
-    Lookup<R> look_up(const Sample<R>& seen) const;
+    void locate(Samples<R>& seen) const;
+    Lookup<R> look_up(const Samples<R>& seen, int lane) const;
+    void pull_look_up(const Samples<R>& seen, int lane, Vec3<R> on, SampleCotangent<R>& on_seen);
     // The object of a face, mostly that of the point before.
-    int find_object(int face) {
-        while (face < scenes_.objects[object_].first_face)
-            --object_;
-        while (face >= scenes_.objects[object_].first_face + scenes_.objects[object_].mesh->faces())
-            ++object_;
-        return object_;
+    int find_object(int face, int object) const {
+        while (face < scenes_.objects[object].first_face)
+            --object;
+        while (face >= scenes_.objects[object].first_face + scenes_.objects[object].mesh->faces())
+            ++object;
+        return object;
     }
 };
 
+// Find corners and weights of samples of which place and face are set.
+template <class R> void Sampler<R>::locate(Samples<R>& seen) const {
+    const Object<R>& object = scenes_.objects[seen.object];
+    for (int k = seen.count; k < LANES; ++k) {
+        seen.face[k] = seen.face[k - 1];
+        ((R*)&seen.column)[k] = ((R*)&seen.column)[k - 1];
+        ((R*)&seen.row)[k] = ((R*)&seen.row)[k - 1];
+    }
+    const int32_t* const corners = object.mesh->corners.data();
+    for (int k = 0; k < LANES; ++k)
+        for (int i = 0; i < 3; ++i)
+            seen.vertex[i][k] = object.first_vertex + corners[3 * (size_t)seen.face[k] + i];
+    for (int i = 0; i < 3; ++i) {
+        Vec3<Row> point;
+        for (int k = 0; k < LANES; ++k)
+            set_lane(point, k, load3(scenes_.points + 3 * (size_t)seen.vertex[i][k]));
+        seen.x[i] = point.x * scale_ + seen.column * point.z;
+        seen.y[i] = point.y * scale_ + seen.row * point.z;
+        seen.z[i] = point.z;
+    }
+    for (int i = 0; i < 3; ++i) {
+        const int n = (i + 1) % 3, m = (i + 2) % 3;
+        seen.e[i] = seen.x[n] * seen.y[m] - seen.x[m] * seen.y[n];
+    }
+    seen.inverse = 1 / (seen.e[0] + seen.e[1] + seen.e[2]);
+    for (int i = 0; i < 3; ++i)
+        seen.w[i] = seen.e[i] * seen.inverse;
+}
+
 constexpr double PER_OCTAVE = 0.72134752044448170368;  // 0.5 / log(2)
 
-template <class R> Lookup<R> Sampler<R>::look_up(const Sample<R>& seen) const {
+template <class R> Lookup<R> Sampler<R>::look_up(const Samples<R>& seen, int lane) const {
     const auto wrapped = [](int i, int count) { return (i % count + count) % count; };
     const Object<R>& object = scenes_.objects[seen.object];
+    const R inverse = seen.inverse[lane];
     Lookup<R> k;
     R uv[2] = {}, foot[4] = {};
     for (int i = 0; i < 3; ++i) {
         const int n = (i + 1) % 3, m = (i + 2) % 3;
         // A step of one pixel moves a corner by its depth.
-        k.ex[i] = seen.z[m] * seen.y[n] - seen.z[n] * seen.y[m];
-        k.ey[i] = seen.x[m] * seen.z[n] - seen.x[n] * seen.z[m];
+        k.ex[i] = seen.z[m][lane] * seen.y[n][lane] - seen.z[n][lane] * seen.y[m][lane];
+        k.ey[i] = seen.x[m][lane] * seen.z[n][lane] - seen.x[n][lane] * seen.z[m][lane];
     }
     k.sum_x = k.ex[0] + k.ex[1] + k.ex[2];
     k.sum_y = k.ey[0] + k.ey[1] + k.ey[2];
     for (int i = 0; i < 3; ++i) {
-        k.corner[i] = object.mesh->texture_corners[3 * (size_t)seen.face + i];
-        k.wx[i] = (k.ex[i] - seen.w[i] * k.sum_x) * seen.inverse;
-        k.wy[i] = (k.ey[i] - seen.w[i] * k.sum_y) * seen.inverse;
+        k.corner[i] = object.mesh->texture_corners[3 * (size_t)seen.face[lane] + i];
+        k.wx[i] = (k.ex[i] - seen.w[i][lane] * k.sum_x) * inverse;
+        k.wy[i] = (k.ey[i] - seen.w[i][lane] * k.sum_y) * inverse;
         const R* const at = object.in[COORDINATES] + 2 * (size_t)k.corner[i];
         for (int c = 0; c < 2; ++c) {
-            uv[c] += seen.w[i] * at[c];
+            uv[c] += seen.w[i][lane] * at[c];
             foot[c] += k.wx[i] * at[c];
             foot[2 + c] += k.wy[i] * at[c];
         }
@@ -285,13 +281,12 @@ template <class R> Lookup<R> Sampler<R>::look_up(const Sample<R>& seen) const {
 }
 
 template <class R>
-void Sampler<R>::pull_texture(const Sample<R>& seen, Vec3<R> g, SampleCotangent<R>& on_seen) {
+void Sampler<R>::pull_look_up(const Samples<R>& seen, int lane, Vec3<R> g, SampleCotangent<R>& on_seen) {
     const Object<R>& object = scenes_.objects[seen.object];
     const R* const texels = object.in[TEXELS];
-    if (!texels)
-        return;
     const Cotangents<R>& on = (*on_inputs_)[seen.object];
-    const Lookup<R> k = look_up(seen);
+    const Lookup<R> k = look_up(seen, lane);
+    const R inverse = seen.inverse[lane];
     R on_uv[2] = {}, on_share = 0;
     for (int n = 0; n < k.levels; ++n) {
         const R part = n ? k.share : 1 - k.share, fx = k.fx[n], fy = k.fy[n];
@@ -316,26 +311,31 @@ void Sampler<R>::pull_texture(const Sample<R>& seen, Vec3<R> g, SampleCotangent<
         const size_t corner = 2 * (size_t)k.corner[i];
         const R* const at = object.in[COORDINATES] + corner;
         for (int c = 0; c < 2 && on[COORDINATES]; ++c)
-            on[COORDINATES][corner + c] += on_uv[c] * seen.w[i] + on_foot[c] * k.wx[i] + on_foot[2 + c] * k.wy[i];
+            on[COORDINATES][corner + c] += on_uv[c] * seen.w[i][lane] + on_foot[c] * k.wx[i] + on_foot[2 + c] * k.wy[i];
         on_wx[i] = on_foot[0] * at[0] + on_foot[1] * at[1];
         on_wy[i] = on_foot[2] * at[0] + on_foot[3] * at[1];
-        mean_x += on_wx[i] * seen.w[i];
-        mean_y += on_wy[i] * seen.w[i];
+        mean_x += on_wx[i] * seen.w[i][lane];
+        mean_y += on_wy[i] * seen.w[i][lane];
         by_inverse += on_wx[i] * k.wx[i] + on_wy[i] * k.wy[i];
-        on_seen.w[i] += on_uv[0] * at[0] + on_uv[1] * at[1];
-        on_seen.w[i] -= (on_wx[i] * k.sum_x + on_wy[i] * k.sum_y) * seen.inverse;
+        on_seen.w[i][lane] += on_uv[0] * at[0] + on_uv[1] * at[1];
+        on_seen.w[i][lane] -= (on_wx[i] * k.sum_x + on_wy[i] * k.sum_y) * inverse;
     }
     for (int i = 0; i < 3; ++i) {
         const int n = (i + 1) % 3, m = (i + 2) % 3;
-        const R gx = (on_wx[i] - mean_x) * seen.inverse, gy = (on_wy[i] - mean_y) * seen.inverse;
-        on_seen.e[i] -= by_inverse * seen.inverse;
-        on_seen.z[m] += gx * seen.y[n] - gy * seen.x[n];
-        on_seen.z[n] += gy * seen.x[m] - gx * seen.y[m];
-        on_seen.y[n] += gx * seen.z[m];
-        on_seen.y[m] -= gx * seen.z[n];
-        on_seen.x[m] += gy * seen.z[n];
-        on_seen.x[n] -= gy * seen.z[m];
+        const R gx = (on_wx[i] - mean_x) * inverse, gy = (on_wy[i] - mean_y) * inverse;
+        on_seen.e[i][lane] -= by_inverse * inverse;
+        on_seen.z[m][lane] += gx * seen.y[n][lane] - gy * seen.x[n][lane];
+        on_seen.z[n][lane] += gy * seen.x[m][lane] - gx * seen.y[m][lane];
+        on_seen.y[n][lane] += gx * seen.z[m][lane];
+        on_seen.y[m][lane] -= gx * seen.z[n][lane];
+        on_seen.x[m][lane] += gy * seen.z[n][lane];
+        on_seen.x[n][lane] -= gy * seen.z[m][lane];
     }
+}
+
+template <class R> void Sampler<R>::pull_texture(const Samples<R>& seen, Vec3<Row> on, SampleCotangent<R>& on_seen) {
+    for (int n = 0; n < seen.count && scenes_.objects[seen.object].in[TEXELS]; ++n)
+        pull_look_up(seen, n, lane<R>(on, n), on_seen);
 }
 
 }  // namespace vig

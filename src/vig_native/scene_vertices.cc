@@ -56,15 +56,10 @@ template <class R> Light<R> light_of(const Object<R>& object) {
 // `count` rows of three numbers side by side, the last repeated.
 template <class R> Vec3<Lanes<R>> load_rows(const R* rows, int count, size_t stride = 3) {
     Vec3<Lanes<R>> to;
-    for (int k = 0; k < LANES; ++k) {
-        const R* const row = rows + stride * std::min(k, count - 1);
-        to.x[k] = row[0];
-        to.y[k] = row[1];
-        to.z[k] = row[2];
-    }
+    for (int k = 0; k < LANES; ++k)
+        set_lane(to, k, load3(rows + stride * std::min(k, count - 1)));
     return to;
 }
-template <class R> Vec3<R> lane(const Vec3<Lanes<R>>& v, int k) { return {v.x[k], v.y[k], v.z[k]}; }
 
 // Sums of the adjacent faces' cross products: normals weighted by area, twice.
 template <class R> void sum_normals(const Mesh& mesh, const R* world, R* raw) {
@@ -116,7 +111,7 @@ template <class R> bool Scenes<R>::place(R* to_points, R* to_attributes, int thr
             Lanes<R> inverse;
             const int size = std::min(LANES, mesh.vertices - base);
             const Vec3<Lanes<R>> normal = unit(load_rows(raw + 3 * (size_t)base, size), inverse);
-            const Vec3<Lanes<R>> reflected = reflect(light, normal);
+            const Vec3<Lanes<R>> reflected = reflect<R>(light, normal);
             for (int k = 0; k < size; ++k) {
                 const size_t v = (size_t)base + k;
                 R* const row = to_attributes + columns * (object.first_vertex + v);
@@ -166,7 +161,7 @@ void Scenes<R>::place_back(const R* on_points, const R* on_attributes, const std
                 Vec3<Lanes<R>> on = load_rows(rows + 6, size, columns);
                 for (int k = size; k < LANES; ++k)
                     on.x[k] = on.y[k] = on.z[k] = 0;
-                on_normal = on_normal + pull_reflect(lights_[number], normal, on, on_light);
+                on_normal = on_normal + pull_reflect<R>(lights_[number], normal, on, on_light);
             }
             const Vec3<Lanes<R>> pulled = pull_unit(normal, inverse, on_normal);
             for (int k = 0; k < size; ++k)

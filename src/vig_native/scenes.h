@@ -81,6 +81,8 @@ template <class R> struct Images {
     R *rgb, *coverage, *visible;  // (L, H, W, 3), (L, H, W), (L, masks, H, W)
 };
 
+template <class R> class Sampler;
+
 template <class R> class Scenes {
   public:
     std::vector<Object<R>> objects;
@@ -122,55 +124,49 @@ template <class R> class Scenes {
     std::vector<R> world_, raw_;        // (V, 3) metres; normals before they are of length one
     std::vector<Light<R>> lights_;
 
+    // The pixel of a layer whose one sample is at a place on the grid.
+    size_t pixel(size_t layer, size_t place) const {
+        return (layer * height + place / grid_columns() - MARGIN) * width + place % grid_columns() - MARGIN;
+    }
     void find_layer(int number, bool edges);
     void paint_layer(int number, Images<R> to);
     void paint_layer_back(int number, Images<const R> on, R* on_points, R* on_attributes, R* on_background,
                           std::vector<LightCotangent>& on_lights, std::vector<Cotangents<R>>& on_inputs) const;
-    template <class> friend class Sampler;
+    friend class Sampler<R>;
 };
-
-// Functions of one vector (T = R) or of LANES side by side (T = Lanes<R>).
-
-inline float root(float x) { return std::sqrt(x); }
-inline double root(double x) { return std::sqrt(x); }
-template <class T> T root(T x) {
-    for (int k = 0; k < LANES; ++k)
-        x[k] = std::sqrt(x[k]);
-    return x;
-}
-inline double total(float x) { return x; }
-inline double total(double x) { return x; }
-template <class T> double total(T x) { return sum_lanes<std::remove_reference_t<decltype(x[0])>>(x); }
-template <class T> T above_zero(T x) { return x > 0 ? x : T{}; }
 
 // A vector of length one, and one over the length before; vectors shorter than 1e-15 become zero. Scaled first, as squares
 // may leave the range of numbers.
 template <class T> Vec3<T> unit(Vec3<T> v, T& inverse) {
-    T size = {};
-    for (const T& x : {v.x, v.y, v.z}) {
-        const T length = x < 0 ? -x : x;
-        size = length > size ? length : size;
-    }
-    const T shrink = size > 1e-15f ? 1 / size : T{};
+    const auto shrink_of = [](auto x, auto y, auto z) {
+        auto size = x * 0;
+        for (const auto number : {x, y, z}) {
+            const auto length = number < 0 ? -number : number;
+            size = length > size ? length : size;
+        }
+        return size > 1e-15f ? 1 / size : 0;
+    };
+    const T shrink = by_lane(shrink_of, v.x, v.y, v.z);
     v = v * shrink;
-    const T square = dot(v, v), less = square > 0 ? 1 / root(square) : T{};
+    const T less = by_lane([](auto square) { return square > 0 ? 1 / std::sqrt(square) : 0; }, T(dot(v, v)));
     inverse = shrink * less;
     return v * less;
 }
 // Pull a cotangent on a unit vector n back to the vector that was made of length one.
 template <class T> Vec3<T> pull_unit(Vec3<T> n, T inverse, Vec3<T> on) { return (on - n * dot(n, on)) * inverse; }
 
-// What a white surface of unit normal n reflects: max(0, sum A_l L_lm Y_lm(n)) + radiance max(0, n . lamp).
-template <class R, class T> Vec3<T> reflect(const Light<R>& light, Vec3<T> n) {
-    const T one = T{} + R(1);
+// What a white surface of unit normal n reflects: max(0, sum A_l L_lm Y_lm(n)) + radiance max(0, n . lamp); LANES at a time.
+template <class R> Vec3<Lanes<R>> reflect(const Light<R>& light, Vec3<Lanes<R>> n) {
+    typedef Lanes<R> Row;
+    const Row one = Row{} + R(1);
     if (!light.is_on)
         return {one, one, one};
-    T row[LOBES], sum = {}, out[3];
+    Row row[LOBES], sum = {}, out[3];
     lobes<R>(n, row);
-    const T cosine = above_zero<T>(dot(n, light.lamp));
+    const Row cosine = above_zero<Row>(dot(n, light.lamp));
     for (int c = 0; c < 3; ++c) {
         if (c == 0 || !light.is_grey) {
-            sum = T{};
+            sum = Row{};
             for (int l = 0; l < LOBES; ++l)
                 sum += row[l] * light.sky[c][l];
         }
@@ -178,33 +174,38 @@ template <class R, class T> Vec3<T> reflect(const Light<R>& light, Vec3<T> n) {
     }
     return {out[0], out[1], out[2]};
 }
-// Pull a cotangent on it back to the normal and, added, to the light. Where the cotangent is 0 nothing is pulled, as normals
-// of points that overflow are no numbers.
-template <class R, class T> Vec3<T> pull_reflect(const Light<R>& light, Vec3<T> n, Vec3<T> on, LightCotangent& on_light) {
-    Vec3<T> to = {T{}, T{}, T{}};
+// Pull a cotangent on it back to the normal and, added, to the light.
+template <class R>
+Vec3<Lanes<R>> pull_reflect(const Light<R>& light, Vec3<Lanes<R>> n, Vec3<Lanes<R>> on, LightCotangent& on_light) {
+    typedef Lanes<R> Row;
+    Vec3<Row> to = {};
     if (!light.is_on)
         return to;
-    T row[LOBES], sum = {}, g = {};
+    // Normals of points that overflow are no numbers, and nothing is pulled there.
+    const Row any = n.x + n.y + n.z;
+    for (Row* const numbers : {&n.x, &n.y, &n.z, &on.x, &on.y, &on.z})
+        *numbers = by_lane([](R number, R any) { return any == any ? number : 0; }, *numbers, any);
+    const auto where_lit = [](R on, R lit) { return lit >= 0 ? on : 0; };
+    Row row[LOBES], sum = {}, g = {};
     lobes<R>(n, row);
     for (int c = 0; c < 3; ++c) {
         if (c == 0 || !light.is_grey) {
-            sum = g = T{};
+            sum = g = Row{};
             for (int l = 0; l < LOBES; ++l)
                 sum += row[l] * light.sky[c][l];
         }
-        g += sum >= 0 ? on[c] : T{};
+        g += by_lane(where_lit, on[c], sum);
         if (light.is_grey && c < 2)
             continue;
         for (int l = 0; l < LOBES; ++l)
-            on_light.sky[c][l] += total(T(g != 0 ? row[l] * g : T{}));
-        const Vec3<T> slope = light_slope(light.sky[c], n) * g;
-        to = to + Vec3<T>{g != 0 ? slope.x : T{}, g != 0 ? slope.y : T{}, g != 0 ? slope.z : T{}};
+            on_light.sky[c][l] += sum_lanes<R>(row[l] * g);
+        to = to + light_slope(light.sky[c], n) * g;
     }
-    const T cosine = dot(n, light.lamp), pulled = cosine >= 0 ? T(dot(on, light.radiance)) : T{};
-    to = to + Vec3<T>{pulled * light.lamp.x, pulled * light.lamp.y, pulled * light.lamp.z};
+    const Row cosine = dot(n, light.lamp), pulled = by_lane(where_lit, Row(dot(on, light.radiance)), cosine);
+    to = to + Vec3<Row>{pulled * light.lamp.x, pulled * light.lamp.y, pulled * light.lamp.z};
     for (int c = 0; c < 3; ++c) {
-        on_light.lamp[c] += total(T(pulled != 0 ? pulled * n[c] : T{}));
-        on_light.radiance[c] += total(T(on[c] != 0 ? above_zero(cosine) * on[c] : T{}));
+        on_light.lamp[c] += sum_lanes<R>(pulled * n[c]);
+        on_light.radiance[c] += sum_lanes<R>(above_zero(cosine) * on[c]);
     }
     return to;
 }

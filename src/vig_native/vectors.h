@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 #include <vector>
 
 namespace vig {
@@ -31,13 +32,18 @@ template <class R> struct Vec3 {
     R operator[](int i) const { return i == 0 ? x : i == 1 ? y : z; }
 };
 
-template <class R> Vec3<R> operator+(Vec3<R> a, Vec3<R> b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
-template <class R> Vec3<R> operator-(Vec3<R> a, Vec3<R> b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+template <class A, class B> auto operator+(Vec3<A> a, Vec3<B> b) -> Vec3<decltype(a.x + b.x)> {
+    return {a.x + b.x, a.y + b.y, a.z + b.z};
+}
+template <class A, class B> auto operator-(Vec3<A> a, Vec3<B> b) -> Vec3<decltype(a.x - b.x)> {
+    return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
 template <class R, class S> Vec3<R> operator*(Vec3<R> a, S s) { return {a.x * s, a.y * s, a.z * s}; }
 template <class A, class B> auto dot(Vec3<A> a, Vec3<B> b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 template <class R> Vec3<R> cross(Vec3<R> a, Vec3<R> b) {
     return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
+template <class R> Vec3<R> by_channel(Vec3<R> a, Vec3<R> b) { return {a.x * b.x, a.y * b.y, a.z * b.z}; }
 template <class R> Vec3<R> load3(const R* at) { return {at[0], at[1], at[2]}; }
 template <class R> void store3(R* at, Vec3<R> v) {
     at[0] = v.x;
@@ -97,6 +103,34 @@ template <class R> const LooseRegister<R>& register_at(const R* numbers) { retur
 template <class R> LooseRegister<R>& register_at(R* numbers) { return *(LooseRegister<R>*)numbers; }
 template <class R> const LooseFour<R>& four_at(const R* numbers) { return *(const LooseFour<R>*)numbers; }
 template <class R> LooseFour<R>& four_at(R* numbers) { return *(LooseFour<R>*)numbers; }
+// A function of one number or, side by side, of those of LANES (T): a loop, which becomes vector instructions. Of vectors
+// that are wider than its registers GCC takes comparisons and `?:` number by number.
+template <class F, class T, class... More> T by_lane(F&& f, T x, const More&... more) {
+    if constexpr (std::is_floating_point_v<T>)
+        return f(x, more...);
+    else {
+        typedef std::remove_reference_t<decltype(x[0])> R;
+        for (int k = 0; k < LANES; ++k)
+            ((R*)&x)[k] = f(((const R*)&x)[k], ((const R*)&more)[k]...);
+        return x;
+    }
+}
+template <class T> T root(T x) {
+    return by_lane([](auto x) { return std::sqrt(x); }, x);
+}
+template <class T> T above_zero(T x) {
+    return by_lane([](auto x) { return x > 0 ? x : 0; }, x);
+}
+
+// One of LANES vectors side by side, by way of memory, as numbers of a register are slow to take out one by one.
+template <class R> Vec3<R> lane(const Vec3<Lanes<R>>& v, int k) {
+    return {((const R*)&v.x)[k], ((const R*)&v.y)[k], ((const R*)&v.z)[k]};
+}
+template <class R> void set_lane(Vec3<Lanes<R>>& v, int k, Vec3<R> to) {
+    ((R*)&v.x)[k] = to.x;
+    ((R*)&v.y)[k] = to.y;
+    ((R*)&v.z)[k] = to.z;
+}
 // A row of (., 4).
 template <class R> const LooseFour<R>& four_at(const std::vector<R>& rows, int place) {
     return four_at(rows.data() + 4 * (size_t)place);

@@ -7,7 +7,7 @@ operation. What the functions compute is said in `general.py`, which also has th
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import torch
@@ -16,6 +16,11 @@ from torch import Tensor
 from vig_renderer import general
 from vig_renderer.internals import transforms
 from vig_renderer.packing import INPUTS, PackedScenes
+
+Tensors = Sequence[Any]
+"""Tensors, None where there is none."""
+Stage = Any
+"""`Draw`, `FullMasks` or `Surface`: a function of tensors, its way back, and the same in plain torch."""
 
 
 def _arrays(tensors: Iterable[Tensor | None]) -> list[np.ndarray | None]:
@@ -26,28 +31,15 @@ def _per_object(flat: Sequence[Any]) -> list[list[Any]]:
     return [list(flat[start : start + len(INPUTS)]) for start in range(0, len(flat), len(INPUTS))]
 
 
-class Stage(Protocol):
-    """A function from tensors to tensors."""
-
-    def general(self, *inputs: Any) -> tuple[Tensor, ...]:
-        """The function in plain torch."""
-
-    def forward(self, *inputs: Any) -> tuple[Tensor, ...]:
-        """The function; keeps what `backward` needs."""
-
-    def backward(
-        self, inputs: Sequence[Any], needed: Sequence[bool], cotangents: Sequence[Tensor | None]
-    ) -> Sequence[Tensor | None]:
-        """Cotangents on the inputs that are needed."""
-
-
 class _Native(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, stage: Stage, *inputs: Tensor | None) -> tuple[Tensor, ...]:
         ctx.set_materialize_grads(False)
         ctx.save_for_backward(*inputs)
         ctx.stage = stage
-        results = stage.forward(*(each if each is None else each.contiguous() for each in inputs))
+        results: tuple[Tensor, ...] = stage.forward(
+            *(each if each is None else each.contiguous() for each in inputs)
+        )
         if isinstance(stage, Surface):
             ctx.mark_non_differentiable(*results[2:])
         return results
@@ -61,9 +53,7 @@ class _Native(torch.autograd.Function):
         return None, *ctx.stage.backward(inputs, needed, given)
 
 
-def _differentiable(
-    stage: Stage, inputs: Sequence[Any], needed: Sequence[bool], cotangents: Sequence[Tensor | None]
-) -> list[Tensor | None]:
+def _differentiable(stage: Stage, inputs: Tensors, needed: Sequence[bool], cotangents: Tensors) -> Tensors:
     """The way back as torch's own operations, of which there are second derivatives and batches."""
     twice = torch.is_grad_enabled()
     with torch.enable_grad():
@@ -122,9 +112,7 @@ class Draw:
         self.scenes.paint(*_arrays((background, rgb, coverage, visible)), threads)
         return rgb, coverage, visible, points, attributes
 
-    def backward(
-        self, inputs: Sequence[Any], needed: Sequence[bool], cotangents: Sequence[Tensor | None]
-    ) -> Sequence[Tensor | None]:
+    def backward(self, inputs: Tensors, needed: Sequence[bool], cotangents: Tensors) -> Tensors:
         vertices, like = sum(self.packed.vertex_counts), self.packed.background
         on_points, on_attributes = (
             like.new_zeros(vertices, columns) if given is None else given.clone()
@@ -152,9 +140,7 @@ class FullMasks:
         self.scenes.paint(None, None, None, masks.numpy(), torch.get_num_threads())
         return (masks[:, 0],)
 
-    def backward(
-        self, inputs: Sequence[Any], needed: Sequence[bool], cotangents: Sequence[Tensor | None]
-    ) -> Sequence[Tensor | None]:
+    def backward(self, inputs: Tensors, needed: Sequence[bool], cotangents: Tensors) -> Tensors:
         on, on_masks = torch.zeros_like(inputs[0], memory_format=torch.contiguous_format), cotangents[0]
         if on_masks is not None:
             arrays = None, None, on_masks[:, None].detach().numpy(), on.numpy(), None, None
@@ -182,9 +168,7 @@ class Surface:
         self.scenes.surface(*_arrays((depth, normals, *ids)))
         return (depth, normals, *ids)
 
-    def backward(
-        self, inputs: Sequence[Any], needed: Sequence[bool], cotangents: Sequence[Tensor | None]
-    ) -> Sequence[Tensor | None]:
+    def backward(self, inputs: Tensors, needed: Sequence[bool], cotangents: Tensors) -> Tensors:
         on = _zeros(inputs, [True, True])
         self.scenes.surface_back(*_arrays((*cotangents[:2], *on)))
         return on

@@ -17,16 +17,8 @@ _Tensors = dict[str, tuple[torch.Tensor | None, list[tuple[int, ...]]]]
 
 INPUTS = (
     *("vertices", "rotation", "translation", "normals", "albedo", "light"),
-    *(
-        "lamp",
-        "radiance",
-        "camera_rotation",
-        "camera_translation",
-        "focal",
-        "centre",
-        "coordinates",
-        "texels",
-    ),
+    *("lamp", "radiance", "camera_rotation", "camera_translation", "focal", "centre"),
+    *("coordinates", "texels"),
 )
 """Names of an object's inputs, in the order of `ObjectInput` in vig_native/scenes.h."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
-from typing import Protocol
+from typing import Any
 
 import torch
 
@@ -51,38 +51,6 @@ class DirectionalLight:
     radiance: torch.Tensor
 
 
-class SphereCamera(Protocol):
-    """A camera on a sphere about what it looks at, such as `vig.Camera`; lengths in pixels."""
-
-    @property
-    def width(self) -> int:
-        """Of the image."""
-
-    @property
-    def height(self) -> int:
-        """Likewise."""
-
-    @property
-    def focal(self) -> float:
-        """Focal length, along rows too where `focal_y` is None."""
-
-    @property
-    def focal_y(self) -> float | None:
-        """Along columns."""
-
-    @property
-    def cx(self) -> float:
-        """Principal point."""
-
-    @property
-    def cy(self) -> float:
-        """Likewise."""
-
-    def pose(self, azimuth: torch.Tensor, elevation: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """camera_from_world of angles (B,), radians: rotations (B, 3, 3) and translations (B, 3)."""
-        ...
-
-
 @dataclass(frozen=True)
 class Pinhole:
     """A camera: image size in pixels, focal lengths (2,) and principal point (2,) in pixels, pose.
@@ -99,8 +67,11 @@ class Pinhole:
     translation: torch.Tensor
 
     @staticmethod
-    def on_sphere(camera: SphereCamera, azimuth: torch.Tensor, elevation: torch.Tensor) -> Pinhole:
-        """The camera on its sphere at an azimuth and elevation (scalars, radians); their type is kept."""
+    def on_sphere(camera: Any, azimuth: torch.Tensor, elevation: torch.Tensor) -> Pinhole:
+        """A `vig.Camera` on its sphere at an azimuth and elevation (scalars, radians); their type is kept.
+
+        Or any with its width, height, focal, focal_y, cx and cy, pixels, and `pose`.
+        """
         rotation, translation = camera.pose(azimuth[None], elevation[None])
         return Pinhole(
             camera.width,

@@ -1,14 +1,12 @@
 // The world in Python: everything that native code reads is checked here.
 #include "../arrays.h"
 
-#include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
 #include <cmath>
-#include <optional>
 
 #include "../threads.h"
 #include "layout.h"
@@ -129,17 +127,15 @@ Camera make_camera(nb::handle rotation, nb::handle translation, double focal, do
 }
 
 nb::tuple draw_depth(const std::vector<Item>& items, const Camera& camera) {
-    float* far;
-    int32_t* owner;
-    auto depths = make<float>({(size_t)camera.height, (size_t)camera.width}, far);
-    auto owners = make<int32_t>({(size_t)camera.height, (size_t)camera.width}, owner);
+    const auto far = make<float>({(size_t)camera.height, (size_t)camera.width});
+    const auto owner = make<int32_t>({(size_t)camera.height, (size_t)camera.width});
     {
         const nb::gil_scoped_release released;
         Lent<Drawing> drawing;
         drawing->rasterise(items, camera, 1, false);
-        drawing->depth(far, owner);
+        drawing->depth(far.data(), owner.data());
     }
-    return nb::make_tuple(depths, owners);
+    return nb::make_tuple(far, owner);
 }
 
 nb::tuple settle_items(const std::vector<Item>& items, const Camera& camera, nb::handle motion, std::pair<double, double> ends,
@@ -152,17 +148,16 @@ nb::tuple settle_items(const std::vector<Item>& items, const Camera& camera, nb:
     const ObjectPixels pixels = {(int)count, numbers.data(), array_of<float>("depths", depths, {count}).data(),
                                  (const uint8_t*)array_of<bool>("hidden", hidden, {count}).data()};
     const Vec3<double> way = vector3("motion", motion);
-    float* far;
     double offset = 0;
     const char* reason;
-    auto drawn = make<float>({(size_t)camera.height, (size_t)camera.width}, far);
+    const auto far = make<float>({(size_t)camera.height, (size_t)camera.width});
     {
         const nb::gil_scoped_release released;
         Lent<Drawing> drawing;
         reason = settle(*drawing, items, camera, way, ends.first, ends.second, pixels, level, tolerance, offset);
-        drawing->depth(far, nullptr);
+        drawing->depth(far.data(), nullptr);
     }
-    return nb::make_tuple(reason, offset, drawn);
+    return nb::make_tuple(reason, offset, far);
 }
 
 Sky sky_of(const Input<float>& slopes, const Input<float>& weights) {
@@ -186,41 +181,34 @@ nb::tuple draw_picture(Item target, const std::vector<Item>& items, const Camera
     target.is_target = true;
     std::vector<Item> all = {target};
     all.insert(all.end(), items.begin(), items.end());
-    uint8_t *image, *seen, *support;
-    float *far, *direction = nullptr;
-    auto images = make<uint8_t>({H, W, 3}, image), seens = make<uint8_t>({H, W}, seen), supports = make<uint8_t>({H, W}, support);
-    auto depths = make<float>({H, W}, far);
-    nb::object turned = nb::none();
+    const auto image = make<uint8_t>({H, W, 3}), seen = make<uint8_t>({H, W}), support = make<uint8_t>({H, W});
+    const auto far = make<float>({H, W});
+    std::optional<Output<float>> direction;
     if (normals)
-        turned = nb::cast(make<float>({H, W, 3}, direction));
+        direction = make<float>({H, W, 3});
     {
         const nb::gil_scoped_release released;
         Lent<Drawing> drawing;
         Lent<SweepSpace> space;
         cast_shadows(*space, all, sky_of(directions, losses), reach);
         drawing->rasterise(all, camera, SAMPLES, true);
-        drawing->collect(far, seen, support);
+        drawing->collect(far.data(), seen.data(), support.data());
         drawing->shade(lights, space->grid);
         if (colouring) {
             Drawing::Surface samples;
-            drawing->surface(seen, samples);
+            drawing->surface(seen.data(), samples);
             const nb::gil_scoped_acquire held;
             const size_t count = samples.pixels.size();
-            const auto table = [&](const auto& numbers, std::initializer_list<size_t> shape) {
-                std::remove_const_t<std::remove_reference_t<decltype(numbers[0])>>* data;
-                auto array = make(shape, data);
-                std::copy(numbers.begin(), numbers.end(), data);
-                return array;
-            };
-            const nb::object given = (*colouring)(table(samples.points, {count, 3}), table(samples.normals, {count, 3}),
-                                                  table(samples.irradiance, {count}), table(samples.vertices, {count}));
-            drawing->add_colours(samples, array_of<float>("colours", given, {(int64_t)count, 3}).data(), seen);
+            const nb::object given =
+                (*colouring)(make_copy(samples.points, {count, 3}), make_copy(samples.normals, {count, 3}),
+                             make_copy(samples.irradiance, {count}), make_copy(samples.vertices, {count}));
+            drawing->add_colours(samples, array_of<float>("colours", given, {(int64_t)count, 3}).data(), seen.data());
         }
-        drawing->encode(image);
+        drawing->encode(image.data());
         if (normals)
-            drawing->normals(direction);
+            drawing->normals(direction->data());
     }
-    return nb::make_tuple(images, depths, seens, supports, turned);
+    return nb::make_tuple(image, far, seen, support, direction);
 }
 
 nb::tuple sweep_room(nb::handle opacity, float cell, nb::handle slopes, nb::handle weights, float reach) {
@@ -230,8 +218,6 @@ nb::tuple sweep_room(nb::handle opacity, float cell, nb::handle slopes, nb::hand
           "opacity must be as wide as a multiple of 16, and cells must have a width");
     const auto directions = array_of<float>("slopes", slopes, {-1, 2});
     const auto losses = array_of<float>("weights", weights, {(int64_t)directions.shape(0), 4});
-    int16_t* value;
-    auto values = make<int16_t>({Z, Y, X, 4}, value);
     Lent<SweepSpace> space;
     Grid& grid = space->grid;
     grid.cell = grid.rise[0] = cell;
@@ -241,8 +227,7 @@ nb::tuple sweep_room(nb::handle opacity, float cell, nb::handle slopes, nb::hand
     grid.size[2] = (int)Z;
     space->opacity = copy(cells);
     sweep(*space, sky_of(directions, losses), reach);
-    std::copy(grid.values.begin(), grid.values.end(), value);
-    return nb::make_tuple(values, grid.scale);
+    return nb::make_tuple(make_copy(grid.values, {Z, Y, X, 4}), grid.scale);
 }
 
 // supports (S, 8): turn, clearance, behind, half (2), centre (3); chosen (N,): of each place; draws (N, 5); solids (M, 14):
@@ -259,14 +244,13 @@ nb::tuple propose_places(nb::handle supports, nb::handle chosen, nb::handle draw
     const PlaceSearch search = {bodies.data(), walls.data(), (const Solid*)furniture.data(), (int)bodies.shape(0),
                                 (int)walls.shape(0), (int)furniture.shape(0), hiding, body_height, vector3("eye", eye),
                                 ahead, slid, clearance, lowest, highest, edge, near_ray, wall_share};
-    int32_t* state;
-    double* pose;
-    auto states = make<int32_t>({count}, state);
-    auto poses = make<double>({count, 7}, pose);
-    for (size_t n = 0; n < count; ++n, pose += 7) {
+    const auto states = make<int32_t>({count});
+    const auto poses = make<double>({count, 7});
+    for (size_t n = 0; n < count; ++n) {
         check(numbers.data()[n] >= 0 && (size_t)numbers.data()[n] < table.shape(0), "chosen must be numbers of supports");
         const Place place = search.propose(((const Support*)table.data())[numbers.data()[n]], random.data() + 5 * n);
-        state[n] = place.state;
+        double* const pose = poses.data() + 7 * n;
+        states.data()[n] = place.state;
         pose[0] = place.turn;
         std::copy_n(place.spot, 3, pose + 1);
         std::copy_n(place.slide, 3, pose + 4);
@@ -306,13 +290,12 @@ nb::object draw_occluders(const Stage& stage, const std::string& name, nb::handl
         const Cloud hand = {arms.data() + 3 * hand_size * n, arms.shape(0) ? (int)hand_size : 0};
         if (!draw_occluder(stage, request, prop, hand, u.data() + u.shape(1) * n, around.data() + 3 * n, drawn))
             continue;
-        double* data;
-        auto numbers = make<double>({9, 3}, data);
+        const auto numbers = make<double>({9, 3});
         const Vec3<double> rows[9] = {drawn.turn.row[0], drawn.turn.row[1], drawn.turn.row[2],
                                       drawn.hand_turn.row[0], drawn.hand_turn.row[1], drawn.hand_turn.row[2],
                                       drawn.position, drawn.hand_position, drawn.motion};
         for (int r = 0; r < 9; ++r)
-            store3(data + 3 * r, rows[r]);
+            store3(numbers.data() + 3 * r, rows[r]);
         return nb::make_tuple(n, numbers, drawn.least, drawn.most, drawn.front, drawn.bound);
     }
     return nb::none();
@@ -341,18 +324,16 @@ void bind_world(nb::module_& m) {
     m.def("draw_picture", &draw_picture, "target"_a, "items"_a, "camera"_a, "light"_a, "slopes"_a, "weights"_a, "reach"_a,
           "colouring"_a.none(), "normals"_a);
     m.def("silhouette", [](const Item& target, const Camera& camera) {
-        bool* mask;
-        auto masks = make<bool>({(size_t)camera.height, (size_t)camera.width}, mask);
+        const auto mask = make<bool>({(size_t)camera.height, (size_t)camera.width});
         const nb::gil_scoped_release released;
-        Lent<Drawing>()->silhouette(target, camera, mask);
-        return masks;
+        Lent<Drawing>()->silhouette(target, camera, mask.data());
+        return mask;
     });
     m.def("sweep", &sweep_room, "opacity"_a, "cell"_a, "slopes"_a, "weights"_a, "reach"_a);
     m.def("encode_srgb", [](nb::handle linear) {
         const auto values = array_of<float>("linear", linear, {-1});
-        uint8_t* level;
-        auto levels = make<uint8_t>({values.size()}, level);
-        std::transform(values.data(), values.data() + values.size(), level, encode_srgb);
+        const auto levels = make<uint8_t>({values.size()});
+        std::transform(values.data(), values.data() + values.size(), levels.data(), encode_srgb);
         return levels;
     });
     m.def("propose_places", &propose_places, "supports"_a, "chosen"_a, "draws"_a, "body"_a, "outline"_a, "solids"_a, "hiding"_a,
