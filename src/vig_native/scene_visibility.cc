@@ -25,21 +25,43 @@ struct Parts {
     }
 };
 
-// Clip faces at the near plane, see `clip_face`; its points go to the end of `screen`.
+// Clip faces at the near plane. A part's first corner is its farthest: near ones may lie far outside the image, and what is
+// drawn from there would be inexact.
 template <class R> void clip_faces(const R* points, R scale, R near, Parts& faces, std::vector<R>& screen) {
     for (int f = 0; f < faces.faces; ++f) {
         const int32_t* const corner = faces.corners + 3 * (size_t)f;
+        const R* p[3];
+        bool behind[3];
+        for (int i = 0; i < 3; ++i) {
+            p[i] = points + 3 * (size_t)corner[i];
+            behind[i] = !(p[i][2] >= near);
+        }
+        const int count = behind[0] + behind[1] + behind[2];
+        if (count == 0)
+            faces.push(f, corner[0], corner[1], corner[2]);
+        if (count == 0 || count == 3)
+            continue;
+        // The corner that is alone on its side of the plane comes first.
+        const bool one = count == 1;
+        const int alone = behind[0] == one ? 0 : behind[1] == one ? 1 : 2, b = (alone + 1) % 3, c = (alone + 2) % 3;
         const int extra = (int)(screen.size() / 3);
-        const auto corner_point = [&](int i) { return points + 3 * (size_t)corner[i]; };
-        const auto number = [&](int i) { return i < 3 ? corner[i] : extra + i - 3; };
-        const auto add_point = [&](int from, int to, R share) {
-            const R *const low = corner_point(from), *const high = corner_point(to);
+        for (const int other : {b, c}) {
+            // From the hidden end, in either face at an edge: both get the same point.
+            const R *const low = p[one ? alone : other], *const high = p[one ? other : alone];
+            const R share = (near - low[2]) / (high[2] - low[2]);
             const R point[3] = {low[0] + share * (high[0] - low[0]), low[1] + share * (high[1] - low[1]), near};
             const Vec3<R> at = on_grid(point, scale, near);
             screen.insert(screen.end(), {at.x, at.y, at.z});
-        };
-        clip_face({corner_point(0)[2], corner_point(1)[2], corner_point(2)[2]}, near, add_point,
-                  [&](int a, int b, int c) { faces.push(f, number(a), number(b), number(c)); });
+        }
+        if (!one)
+            faces.push(f, corner[alone], extra, extra + 1);
+        else if (p[b][2] < p[c][2]) {
+            faces.push(f, corner[c], extra + 1, extra);
+            faces.push(f, corner[c], extra, corner[b]);
+        } else {
+            faces.push(f, corner[b], corner[c], extra + 1);
+            faces.push(f, corner[b], extra + 1, extra);
+        }
     }
     if (faces.origin.empty())  // all is behind: one part that covers nothing
         faces.push(0, 0, 0, 0);

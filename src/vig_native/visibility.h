@@ -50,35 +50,6 @@ template <class R> inline PixelBox pixel_box(R ax, R ay, R bx, R by, R cx, R cy,
     return box;
 }
 
-// Clip a face at the near plane, by the depths of its corners 0 to 2: point(low, high, share), called twice or not at all,
-// makes points 3 and 4, a share of the way from the hidden corner `low` to `high` (in either face at an edge: both get the
-// same point); part(a, b, c) takes each triangle that is left. Its first corner is its farthest: near ones may lie far
-// outside the image, and what is drawn from there would be inexact.
-template <class R, class Point, class Part> void clip_face(const R (&depth)[3], R near, Point&& point, Part&& part) {
-    const bool behind[3] = {!(depth[0] >= near), !(depth[1] >= near), !(depth[2] >= near)};
-    const int count = behind[0] + behind[1] + behind[2];
-    if (count == 0)
-        part(0, 1, 2);
-    if (count == 0 || count == 3)
-        return;
-    // The corner that is alone on its side of the plane comes first.
-    const bool one = count == 1;
-    const int alone = behind[0] == one ? 0 : behind[1] == one ? 1 : 2, b = (alone + 1) % 3, c = (alone + 2) % 3;
-    for (const int other : {b, c}) {
-        const int low = one ? alone : other, high = one ? other : alone;
-        point(low, high, (near - depth[low]) / (depth[high] - depth[low]));
-    }
-    if (!one)
-        part(alone, 3, 4);
-    else if (depth[b] < depth[c]) {
-        part(c, 4, 3);
-        part(c, 3, b);
-    } else {
-        part(b, c, 4);
-        part(b, 4, 3);
-    }
-}
-
 // Draw faces (F, 3) of vertices on the screen (V, STRIDE), (x, y, q, ...), q = 0 for one at or behind the eye, whose faces
 // are not drawn, and say which faces are turned to the eye (F,). With `cull` only these are drawn.
 template <class R, int STRIDE = 3>

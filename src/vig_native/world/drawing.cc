@@ -30,32 +30,46 @@ Vertex vertex_of(const float* a, const float* screen) {
 
 }  // namespace
 
-// Cut a face at the near plane: its triangles go to `cut_`, further corners to the end of the vertices. corner: of the
-// asset; drawn: the same corners among all vertices.
-void Drawing::clip(const Asset& asset, const int32_t* corner, const int32_t* drawn, bool shaded) {
+// Cut a face at the near plane: its triangles go to `cut_`, their corners to the end of the vertices.
+void Drawing::clip(const Asset& asset, const int32_t* corner, bool shaded) {
+    constexpr int N = 3 + ATTRIBUTES;
     const float near = camera_.near, f = camera_.focal, mid_x = camera_.cx, mid_y = camera_.cy;
-    const int first = vertex_count_;
-    const auto place = [&](int i) {
-        const float* const p = asset.positions.data() + corner[i];
-        return turn_ * Vec3<float>{p[0], p[asset.vertices], p[2 * asset.vertices]} + shift_;
-    };
-    const auto add_point = [&](int low, int high, float share) {
-        const Vec3<float> from = place(low), at = from + (place(high) - from) * share;
-        float* const screen = grow(screen_, 3 * ((size_t)vertex_count_ + 1)) + 3 * (size_t)vertex_count_;
-        const float q = 1 / at.z;
-        store3(screen, {f * at.x * q + mid_x, f * at.y * q + mid_y, q});
-        float mixed[ATTRIBUTES];
-        for (int a = 0; a < ATTRIBUTES && shaded; ++a) {
-            const float start = asset.attributes[ATTRIBUTES * (size_t)corner[low] + a];
-            mixed[a] = start + share * (asset.attributes[ATTRIBUTES * (size_t)corner[high] + a] - start);
+    float in[3][N], out[4][N];
+    int count = 0;
+    for (int m = 0; m < 3; ++m) {
+        const int v = corner[m], V = asset.vertices;
+        const float* const p = asset.positions.data();
+        store3(in[m], turn_ * Vec3<float>{p[v], p[V + v], p[2 * V + v]} + shift_);
+        std::copy_n(&asset.attributes[ATTRIBUTES * (size_t)v], ATTRIBUTES, in[m] + 3);
+    }
+    for (int m = 0; m < 3; ++m) {
+        const float* const here = in[m];
+        const float* const next = in[(m + 1) % 3];
+        const float ahead = here[2] - near, then = next[2] - near;
+        if (ahead >= 0)
+            std::copy_n(here, N, out[count++]);
+        if ((ahead >= 0) != (then >= 0)) {
+            for (int a = 0; a < N; ++a)
+                out[count][a] = here[a] + ahead / (ahead - then) * (next[a] - here[a]);
+            ++count;
         }
+    }
+    float* const screen = grow(screen_, 3 * (vertex_count_ + 4)) + 3 * vertex_count_;
+    for (int m = 0; m < count; ++m) {
+        const float q = 1 / out[m][2];
+        store3(screen + 3 * m, {f * out[m][0] * q + mid_x, f * out[m][1] * q + mid_y, q});
         if (shaded)
-            grow(vertices_, (size_t)vertex_count_ + 1)[vertex_count_] = vertex_of(mixed, screen);
-        ++vertex_count_;
-    };
-    const auto number = [&](int i) { return i < 3 ? drawn[i] : first + i - 3; };
-    clip_face({place(0).z, place(1).z, place(2).z}, near, add_point,
-              [&](int a, int b, int c) { cut_.insert(cut_.end(), {number(a), number(b), number(c)}); });
+            grow(vertices_, vertex_count_ + 4)[vertex_count_ + m] = vertex_of(out[m] + 3, screen + 3 * m);
+    }
+    for (int m = 1; m + 1 < count; ++m) {
+        // From the farthest corner, as the near ones may lie far outside the image: what is small stays exact.
+        int order[3] = {0, m, m + 1};
+        while (screen[3 * order[0] + 2] > std::min(screen[3 * order[1] + 2], screen[3 * order[2] + 2]))
+            std::rotate(order, order + 1, order + 3);
+        for (const int each : order)
+            cut_.push_back(vertex_count_ + each);
+    }
+    vertex_count_ += count;
 }
 
 void Drawing::add_part(const Item& item, const Part& part, bool shaded) {
@@ -104,7 +118,7 @@ void Drawing::add_part(const Item& item, const Part& part, bool shaded) {
             for (int m = 0; m < 3; ++m)
                 ahead += screen_[3 * (size_t)to[n + m] + 2] > 0;
             if (ahead == 1 || ahead == 2)
-                clip(asset, from + n, to + n, shaded);
+                clip(asset, from + n, shaded);
         }
     }
     if (!cut_.empty()) {

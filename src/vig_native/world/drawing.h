@@ -73,7 +73,7 @@ class Drawing {
   private:
     int range_of(int face, int last) const;
     void add_part(const Item& item, const Part& part, bool shaded);
-    void clip(const Asset& asset, const int32_t* corner, const int32_t* drawn, bool shaded);
+    void clip(const Asset& asset, const int32_t* corner, bool shaded);
     SurfacePoint interpolate(int face, float x, float y) const;
     void shade_range(int number, const int* sorted, int count, const Light& light, const Grid& shadow);
 
