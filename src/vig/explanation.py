@@ -259,7 +259,8 @@ class Explanation:
 
     @cached_property
     def _vertices(self) -> np.ndarray:
-        return self.object_class.shape_model.vertices(self.latents.shape)[0]
+        vertices: np.ndarray = self.object_class.shape_model.vertices(self.latents.shape)[0]
+        return vertices
 
     def render(
         self,

@@ -26,8 +26,8 @@ def default_settings(inference: bool | None = None) -> Iterator[None]:
     """Inside, torch makes float32 tensors on the CPU without autocast, and numpy's arithmetic raises nothing.
 
     The default dtype is the whole process's: it is restored when the last thread leaves. inference: whether
-    torch's inference mode is on; None leaves it. Within another such block nothing changes. A torch that nobody
-    has loaded is left alone.
+    torch's inference mode is on; None leaves it. Within another such block nothing changes. A torch that
+    nobody has loaded is left alone.
     """
     if getattr(_here, "inside", False):
         yield

@@ -25,7 +25,7 @@ def sh_basis(directions: Any) -> Any:
     """Real orthonormal SH up to degree 2 of unit directions: an array or tensor (..., 3) to (..., 9)."""
     functions: Any = np
     if not isinstance(directions, np.ndarray):
-        import torch as functions  # type: ignore[no-redef]
+        import torch as functions
     x, y, z = directions[..., 0], directions[..., 1], directions[..., 2]
     basis = [
         functions.full_like(x, Y00),

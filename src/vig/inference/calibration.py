@@ -119,7 +119,8 @@ class FitCalibration:
         """Standard deviations (P,) from those of the curvature."""
         row = 0 if trusted else 1
         wide = np.sqrt((self.scale[row] * deviation) ** 2 + self.floor[row] ** 2)
-        return np.maximum(residual(features) * wide, LEAST_DEVIATION)
+        widened: np.ndarray = np.maximum(residual(features) * wide, LEAST_DEVIATION)
+        return widened
 
     def to_json(self) -> str:
         """The text of the file."""

@@ -56,4 +56,4 @@ def family_of(shape: np.ndarray, object_class: ObjectClass) -> str | None:
 def _tables(families: tuple[Family, ...], like: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Means (F, K), deviations (F, K) and shares (F,)."""
     means, spreads, shares = zip(*((f.mean, f.deviation, f.share) for f in families), strict=True)
-    return tuple(np.array(each, like.dtype) for each in (means, spreads, shares))
+    return np.array(means, like.dtype), np.array(spreads, like.dtype), np.array(shares, like.dtype)

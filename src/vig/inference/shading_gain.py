@@ -129,7 +129,8 @@ def _bumps(silhouette: np.ndarray) -> np.ndarray:
 
     def along(span: np.ndarray, length: int) -> np.ndarray:
         off = (np.arange(length) - (span[0] + span[-1]) / 2) / side
-        return np.exp(-0.5 * ((off[:, None] - knots) * (GRID - 1)) ** 2)
+        heights: np.ndarray = np.exp(-0.5 * ((off[:, None] - knots) * (GRID - 1)) ** 2)
+        return heights
 
     rows, columns = along(down, silhouette.shape[0]), along(across, silhouette.shape[1])
     bumps: np.ndarray = rows[:, None, :, None] * columns[None, :, None, :]

@@ -1,8 +1,8 @@
 """Work shared out to threads: native code and matrix products release Python's lock, and run side by side.
 
 How many is one setting: `set_thread_count`, or OMP_NUM_THREADS in the environment, by default the processors.
-Each thread computes on one core: a fit's matrices are small, and on more cores a product waits for threads far
-longer than it computes. Where a program has loaded torch, its own number counts, as one setting of both.
+Each thread computes on one core: a fit's matrices are small, and on more cores a product waits for threads
+far longer than it computes. Where a program has loaded torch, its own number counts, as one setting of both.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ import numpy as np
 
 from vig.io.checks import check_number
 from vig.scene import LatentLayout, Latents, regressed_layout, rotate_z
-from vig.scene.functions import namespace
+from vig.scene.functions import Array, namespace
 from vig.scene.shape_model import MOST_MODES
 
 MASK_CLASSES = ("visible", "hidden", "background")
@@ -29,7 +29,7 @@ def layout_of_numbers(count: int) -> LatentLayout:
     return regressed_layout(count - regressed_layout(0).size)
 
 
-def latents_of(numbers: np.ndarray, azimuth: np.ndarray) -> Latents:
+def latents_of(numbers: Array, azimuth: Array) -> Latents:
     """Latents of regressed numbers (B, M) and azimuths (B,) radians, clipped to the bounds."""
     layout = layout_of_numbers(numbers.shape[1])
     asarray = namespace(numbers).asarray

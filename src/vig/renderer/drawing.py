@@ -55,7 +55,8 @@ def vertex_irradiance(
         moved = (shape @ transfer[1:].reshape(len(shape), -1)).reshape(transfer.shape[1:])
         lobes = lobes + (moved + transfer[0]).astype(normals.dtype)
     shade: np.ndarray = np.maximum(lobes @ latents.light[0].astype(normals.dtype), 0)
-    return object_class.reflectance.astype(normals.dtype) * shade
+    shade *= object_class.reflectance.astype(normals.dtype)
+    return shade
 
 
 @with_default_settings

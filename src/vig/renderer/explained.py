@@ -31,7 +31,8 @@ def vertex_irradiance(
         transfer = torch.from_numpy(object_class.transfer).to(normals)
         lobes = lobes + torch.einsum("k,kvl->vl", latents.shape[0].to(normals), transfer[1:]) + transfer[0]
     reflectance = torch.from_numpy(object_class.reflectance).to(normals)
-    return reflectance * (lobes @ latents.light[0].to(normals)).clamp_min(0.0)
+    shade: torch.Tensor = reflectance * (lobes @ latents.light[0].to(normals)).clamp_min(0.0)
+    return shade
 
 
 @with_default_settings

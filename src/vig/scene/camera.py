@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
 
-from vig.scene.functions import namespace
-
-Angle = TypeVar("Angle", np.ndarray, float)
+from vig.scene.functions import Array, namespace
 
 
-def angle_difference(a: Angle, b: Angle) -> Angle:
+def angle_difference(a: Array, b: Array) -> Array:
     """Return a - b round the circle, in [-pi, pi) radians; arrays that broadcast."""
-    turn: Angle = (a - b + math.pi) % (2 * math.pi) - math.pi
-    return turn
+    return (a - b + math.pi) % (2 * math.pi) - math.pi
 
 
 FOCAL_OVER_WIDTH = 1.12
@@ -124,7 +120,7 @@ class Camera:
         pose[2, 3] += self.distance
         return pose if self.mount is None else np.array(self.mount) @ pose
 
-    def pose(self, azimuth: np.ndarray, elevation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def pose(self, azimuth: Array, elevation: Array) -> tuple[Array, Array]:
         """camera_from_world rotation (B, 3, 3) and translation (B, 3), metres.
 
         azimuth, elevation: (B,) radians. Azimuth 0 puts the eye on -Y, counter-clockwise about +Z.
@@ -148,7 +144,7 @@ def _real(number: object) -> bool:
     return isinstance(number, int | float | np.number) and math.isfinite(number)
 
 
-def camera_rotation(azimuth: np.ndarray, elevation: np.ndarray) -> np.ndarray:
+def camera_rotation(azimuth: Array, elevation: Array) -> Array:
     """Rotation camera_from_world of an eye that looks at the vertical axis: (...) radians to (..., 3, 3)."""
     functions = namespace(azimuth)
     sin, cos, stack = functions.sin, functions.cos, functions.stack
@@ -156,5 +152,4 @@ def camera_rotation(azimuth: np.ndarray, elevation: np.ndarray) -> np.ndarray:
     right = stack([ca, sa, functions.zeros_like(sa)], axis=-1)
     down = stack([se * sa, -se * ca, -ce], axis=-1)
     forward = stack([-ce * sa, ce * ca, -se], axis=-1)
-    rotation: np.ndarray = stack([right, down, forward], axis=-2)
-    return rotation
+    return stack([right, down, forward], axis=-2)

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import sys
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+
+Array: TypeAlias = Any
+"""An array of numpy or, of a caller who has torch, one of its tensors."""
 
 
 def namespace(array: Any) -> Any:

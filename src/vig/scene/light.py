@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from vig.scene.functions import namespace
+from vig.scene.functions import Array, namespace
 from vig_renderer.harmonics import COSINE_LOBE as COSINE_LOBE
 from vig_renderer.harmonics import L_COUNT as L_COUNT
 from vig_renderer.harmonics import Y00 as Y00
@@ -21,43 +21,41 @@ from vig_renderer.harmonics import Y20 as Y20
 from vig_renderer.harmonics import sh_basis as sh_basis
 
 
-def linear_from_srgb(srgb: np.ndarray) -> np.ndarray:
+def linear_from_srgb(srgb: Array) -> Array:
     """Decode sRGB values in [0, 1] to linear light in [0, 1], elementwise."""
-    linear: np.ndarray = namespace(srgb).where(
+    return namespace(srgb).where(
         srgb <= 0.04045, srgb / 12.92, ((srgb.clip(0.0, None) + 0.055) / 1.055) ** 2.4
     )
-    return linear
 
 
-def srgb_from_linear(linear: np.ndarray) -> np.ndarray:
+def srgb_from_linear(linear: Array) -> Array:
     """Encode linear light in [0, 1] as sRGB in [0, 1], elementwise; values outside are clipped."""
     clipped = linear.clip(0.0, 1.0)
     # Not of 0, where the slope of a root has no end.
     root = clipped.clip(1e-12, None) ** (1 / 2.4)
-    coded: np.ndarray = namespace(linear).where(clipped <= 0.0031308, clipped * 12.92, 1.055 * root - 0.055)
-    return coded
+    return namespace(linear).where(clipped <= 0.0031308, clipped * 12.92, 1.055 * root - 0.055)
 
 
 def srgb8_from_linear(linear: np.ndarray) -> np.ndarray:
     """Encode linear light in [0, 1] as 8-bit sRGB: any shape, uint8."""
-    return np.round(srgb_from_linear(np.asarray(linear)) * 255).astype(np.uint8)
+    coded: np.ndarray = np.round(srgb_from_linear(np.asarray(linear)) * 255).astype(np.uint8)
+    return coded
 
 
 EXPOSURE_L00 = 0.75 * math.pi
 """L00 of every light after exposure: the paper's 0.75 in its units, which lack the 1 / pi."""
 
 
-def irradiance(light: np.ndarray, normals: np.ndarray) -> np.ndarray:
+def irradiance(light: Array, normals: Array) -> Array:
     """What a white Lambertian surface reflects (irradiance / pi, Eq. 1 with SH light).
 
     light: (..., 9); normals: (..., 3) unit, broadcast against light's leading axes. Result >= 0.
     """
     lobe = namespace(light).asarray(COSINE_LOBE, dtype=light.dtype)
-    reflected: np.ndarray = ((light * lobe) * sh_basis(normals)).sum(-1).clip(0.0, None)
-    return reflected
+    return ((light * lobe) * sh_basis(normals)).sum(-1).clip(0.0, None)
 
 
-def rotate_z(light: np.ndarray, angle: np.ndarray | float) -> np.ndarray:
+def rotate_z(light: Array, angle: Array | float) -> Array:
     """Light turned by `angle` radians about +Z, counter-clockwise: (..., 9), angle (...) or a number.
 
     The turned light in direction d is the given light in direction Rz(-angle) d.
@@ -77,11 +75,10 @@ def rotate_z(light: np.ndarray, angle: np.ndarray | float) -> np.ndarray:
         c1 * xz - s1 * yz,
         c2 * x2y2 - s2 * xy,
     ]
-    result: np.ndarray = functions.stack(turned, axis=-1)
-    return result
+    return functions.stack(turned, axis=-1)
 
 
-def rotations_z(angle: np.ndarray) -> np.ndarray:
+def rotations_z(angle: Array) -> Array:
     """Matrices of `rotate_z`: (B,) radians to (B, 9, 9), so that rotations_z(angle) @ light turns it."""
     functions = namespace(angle)
     identity = functions.eye(L_COUNT, dtype=angle.dtype)[None]

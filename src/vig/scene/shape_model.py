@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vig.io.checks import check_arrays, check_indices
-from vig.scene.functions import namespace
+from vig.scene.functions import Array, namespace
 
 MOST_MODES = 64
 """Components of a shape model, so that a damaged file cannot ask for any memory; likewise the next two."""
@@ -70,11 +70,10 @@ class ShapeModel:
         """Whether there is but one shape: its single component is 0."""
         return not self.basis.any()
 
-    def vertices(self, coefficients: np.ndarray) -> np.ndarray:
+    def vertices(self, coefficients: Array) -> Array:
         """Vertices (B, V, 3) of coefficients (B, K), in the coefficients' dtype."""
         if coefficients.ndim != 2 or coefficients.shape[1] != self.modes:
             raise ValueError(f"coefficients must be (B, {self.modes}); got {tuple(coefficients.shape)}")
         asarray, dtype = namespace(coefficients).asarray, coefficients.dtype
         mean, basis = (asarray(each, dtype=dtype) for each in (self.mean, self.basis))
-        moved: np.ndarray = mean + (coefficients @ basis.reshape(self.modes, -1)).reshape(-1, *mean.shape)
-        return moved
+        return mean + (coefficients @ basis.reshape(self.modes, -1)).reshape(-1, *mean.shape)

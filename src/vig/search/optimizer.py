@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 
 class Valued(Protocol):
@@ -33,7 +32,7 @@ class Problem(Protocol):
 
     lower: np.ndarray
     upper: np.ndarray
-    dtype: npt.DTypeLike
+    dtype: Any
 
     def __call__(
         self, points: np.ndarray, photo: np.ndarray, sigma: np.ndarray, derivatives: bool = True
