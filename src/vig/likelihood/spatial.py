@@ -184,7 +184,8 @@ def spatial_posterior(
         if decorated is not None:
             # Of the prior's second component the share d is visible: odds (p + d q) / ((1 - d) q).
             share = decorated[window].astype(log_odds.dtype)
-            log_odds = np.logaddexp(log_odds, np.log(np.maximum(share, 1e-12))) - np.log1p(-share)
+            with np.errstate(divide="ignore"):  # where all of it is, the odds are infinite
+                log_odds = np.logaddexp(log_odds, np.log(np.maximum(share, 1e-12))) - np.log1p(-share)
         log_odds = log_odds.astype(result.dtype)
         weights = links(photo, inside, prior[..., 0] > NEVER / 2, model).astype(result.dtype)
         exact = model.exact_start
