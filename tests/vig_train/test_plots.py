@@ -7,6 +7,7 @@ import math
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
@@ -34,7 +35,7 @@ def test_a_calibration_is_summed_up_and_plotted(tmp_path: Path) -> None:
     azimuth = torch.rand(2000, generator=generator) * 2 * math.pi
     said = azimuth + 0.3 * torch.randn(2000, generator=generator)
     logits = 10 * azimuth_labels(said, 72, spread=0.3).clamp_min(1e-30).log()
-    made = NetworkCalibration(torch.tensor(10.0), torch.tensor(1.5), torch.full((23,), 2.0))
+    made = NetworkCalibration(np.float32(10), np.float32(1.5), np.full(23, 2, np.float32))
     result = CalibrationResult(made, azimuth, logits, 2 * torch.randn(2000, 23, generator=generator))
     line = describe_calibration(result)
     assert (

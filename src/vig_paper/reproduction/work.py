@@ -16,6 +16,7 @@ from vig.io.errors import UserError
 from vig.io.files import atomic_write
 from vig.io.progress import Meter
 from vig.recognition import Recognizer
+from vig.recognition.recognizer import GRAPHS, graph_path
 from vig.recognition.weights import TRUNK_FILE
 from vig.scene import ObjectClass
 from vig_paper.ablation import ablation_markdown, run_ablations, variants
@@ -175,7 +176,12 @@ def take_weights(run: Run) -> None:
     weights = run.settings.weights
     assert weights is not None
     recognizer_of(run.object_class, weights)  # refuses invalid weights
-    for path, copy in ((weights.with_name(FILE), run.folder.calibration), (weights, run.folder.weights)):
+    graphs = [(graph_path(weights, which), graph_path(run.folder.weights, which)) for which in GRAPHS]
+    for path, copy in (
+        *graphs,
+        (weights.with_name(FILE), run.folder.calibration),
+        (weights, run.folder.weights),
+    ):
         if path.exists():
             with atomic_write(copy) as temporary:
                 shutil.copyfile(path, temporary)
