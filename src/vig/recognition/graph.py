@@ -273,7 +273,8 @@ def _read_tensor(data: bytes) -> Tensor:
 
 def _written_node(node: Node) -> bytes:
     parts = [_field(1, name) for name in node.inputs] + [_field(2, name) for name in node.outputs]
-    parts.append(_field(4, node.operator))
+    # Named by what it gives: ONNX Runtime 1.20 gives the same name to parts of two that have none.
+    parts += [_field(3, node.outputs[0]), _field(4, node.operator)]
     for name, value in node.attributes:
         many = value if isinstance(value, tuple) else (value,)
         kind = 1 if isinstance(many[0], float) else 2 if isinstance(many[0], int) else 3
@@ -325,7 +326,8 @@ def _read_attribute(operator: str, data: bytes) -> tuple[str, Value]:
         raise ValueError(f"'{operator}' has an attribute '{name[:40]}' that no network of vig has")
     most = LARGE if operator == "Constant" or name == "group" else SMALL
     for each in values:
-        if not isinstance(each, kind) or (isinstance(each, int) and abs(each) > most):
+        bound = most if kind is int else SMALL
+        if not isinstance(each, kind) or not (isinstance(each, str) or abs(each) <= bound):
             raise ValueError(f"'{name}' of '{operator}' has the value {str(each)[:40]}")
     if code < 6 and len(values) > 1:
         raise ValueError(f"'{name}' of '{operator}' has several values")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import functools
 import hashlib
+import shlex
 import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -48,6 +49,10 @@ AT_ONCE = 8
 INPUT = "image"
 """What a graph's image is called: (N, 3, H, W), sRGB in [0, 1]."""
 
+MOST_MEMORY = 1 << 30
+"""Bytes that all networks of a process may hold, results of their operations included; the maps of a photo
+take a tenth of it. A graph that asks for more is refused."""
+
 _sessions: WeakValueDictionary[bytes, onnxruntime.InferenceSession] = WeakValueDictionary()
 _creating = threading.Lock()
 
@@ -68,6 +73,15 @@ def window_outputs(settings: NetworkSettings) -> dict[str, tuple[int, ...]]:
     }
 
 
+@functools.cache
+def _bounded_memory() -> None:
+    """Bound what ONNX Runtime allocates in this process."""
+    runtime = onnxruntime.OrtAllocatorType, onnxruntime.OrtMemType
+    processor = onnxruntime.OrtMemoryInfo("Cpu", runtime[0].ORT_ARENA_ALLOCATOR, 0, runtime[1].DEFAULT)
+    grow_as_asked = onnxruntime.OrtArenaCfg({"max_mem": MOST_MEMORY, "arena_extend_strategy": 1})
+    onnxruntime.create_and_register_allocator(processor, grow_as_asked)
+
+
 def _session(model: bytes) -> onnxruntime.InferenceSession:
     """A session of a model on one thread; the same for the same model, as long as somebody holds it."""
     digest = hashlib.sha256(model).digest()
@@ -76,6 +90,8 @@ def _session(model: bytes) -> onnxruntime.InferenceSession:
             options = onnxruntime.SessionOptions()
             options.intra_op_num_threads = options.inter_op_num_threads = 1
             options.log_severity_level = 4  # what fails is raised
+            _bounded_memory()
+            options.add_session_config_entry("session.use_env_allocators", "1")
             session = onnxruntime.InferenceSession(model, options, ["CPUExecutionProvider"])
             _sessions[digest] = session
         return session
@@ -134,9 +150,9 @@ class Recognizer:
                 raise ValueError("the scale does not fit the network")
         if not (self.deviation > 0).all():
             raise ValueError("a standard deviation of the scale is not positive")
-        self._graphs = {"window": _read_graph(path, "window")}
+        self._graphs = {"window": _read_graph(path, "window", tuple(window_outputs(self.settings)))}
         if self.has_map:
-            self._graphs["map"] = _read_graph(path, "map")
+            self._graphs["map"] = _read_graph(path, "map", ("numbers",))
         used = {each.name for graph in self._graphs.values() for each in graph.weights}
         if odd := sorted(used ^ self.weights.keys()):
             raise ValueError(f"weights are missing or unknown: {', '.join(odd)[:100]}")
@@ -202,7 +218,7 @@ class Recognizer:
         if (before := self._latest) is not None and before[1] == asked and before[2] is self.calibration:
             if np.array_equal(before[0], photos):
                 return before[3].clone()
-        parts = [photos[start : start + batch] for start in range(0, len(photos), batch)]
+        parts = [photos[start : start + batch] for start in range(0, max(len(photos), 1), batch)]
         predicted = Prediction.joined(list(map_on_threads(predict, parts)))
         kept = photos.copy(), asked, self.calibration, predicted.clone()
         self._latest = kept if len(photos) == 1 else None
@@ -223,7 +239,7 @@ class Recognizer:
         """The same of images as they are."""
         shapes = window_outputs(self.settings)
         parts = []
-        for start in range(0, len(pixels), AT_ONCE):
+        for start in range(0, max(len(pixels), 1), AT_ONCE):
             image = np.ascontiguousarray(pixels[start : start + AT_ONCE], np.float32)
             parts.append(self._run("window", image, {name: (len(image), *shapes[name]) for name in shapes}))
         azimuth, numbers, others, mask = (np.concatenate(each) for each in zip(*parts, strict=True))
@@ -247,6 +263,10 @@ class Recognizer:
                 raise ValueError(f"outputs of shapes {got}, or some that are not finite")
         except Exception as error:  # ONNX Runtime raises what it likes on a graph that does not fit
             told = " ".join(str(error).split())[:200]
+            if not np.isfinite(image).all():
+                raise UserError(
+                    "expected a photo of finite numbers; got NaN or infinity. Mend it."
+                ) from error
             raise UserError(
                 f"expected a recognition network that predicts; got {told}. Copy the class's pack again."
             ) from error
@@ -266,10 +286,12 @@ class Recognizer:
         return Prediction(*(torch.from_numpy(np.array(each, np.float32)) for each in predicted))
 
 
-def _read_graph(weights: Path, which: str) -> Graph:
+def _read_graph(weights: Path, which: str, outputs: tuple[str, ...]) -> Graph:
     """A graph beside weights; UserError when it is missing or none of vig's."""
     path = graph_path(weights, which)
-    command = f"vig class convert {weights.parent if weights.name == WEIGHTS_FILE else weights}"
+    command = (
+        f"vig class convert {shlex.quote(str(weights.parent if weights.name == WEIGHTS_FILE else weights))}"
+    )
     if not path.exists():
         raise UserError(
             f"expected the network's graph at '{path}'; got nothing of that name, as in packs of an older"
@@ -279,4 +301,6 @@ def _read_graph(weights: Path, which: str) -> Graph:
         graph = Graph.from_bytes(read_bytes(path, MOST_BYTES))
         if graph.inputs[0].name != INPUT or len(graph.inputs[0].shape) != 4:
             raise ValueError(f"its first input is '{graph.inputs[0].name[:40]}', not '{INPUT}' (N, 3, H, W)")
+        if (names := tuple(each.name for each in graph.outputs)) != outputs:
+            raise ValueError(f"its outputs are {', '.join(names)[:100]}, not {', '.join(outputs)}")
         return graph

@@ -324,8 +324,8 @@ class ClassTraining:
         """Put weights, calibration and card into the pack."""
         # Killed in between it leaves weights without a calibration, not with that of others.
         (self.pack / CALIBRATION_FILE).unlink(missing_ok=True)
-        graphs = [graph_path(self._weights, which).name for which in GRAPHS]
-        for name in (WEIGHTS_FILE, *graphs, RELIABILITY_FILE, CALIBRATION_FILE):
+        graphs = [path.name for which in GRAPHS if (path := graph_path(self._weights, which)).exists()]
+        for name in (*graphs, WEIGHTS_FILE, RELIABILITY_FILE, CALIBRATION_FILE):
             with atomic_write(self.pack / name) as temporary:
                 shutil.copyfile(self.run_folder / name, temporary)
         (self.pack / BUILD_COMMAND).unlink(missing_ok=True)
