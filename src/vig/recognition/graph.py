@@ -327,7 +327,7 @@ def _read_attribute(operator: str, data: bytes) -> tuple[str, Value]:
     most = LARGE if operator == "Constant" or name == "group" else SMALL
     for each in values:
         bound = most if kind is int else SMALL
-        if not isinstance(each, kind) or not (isinstance(each, str) or abs(each) <= bound):
+        if not isinstance(each, kind) or (isinstance(each, int | float) and not abs(each) <= bound):
             raise ValueError(f"'{name}' of '{operator}' has the value {str(each)[:40]}")
     if code < 6 and len(values) > 1:
         raise ValueError(f"'{name}' of '{operator}' has several values")
