@@ -14,17 +14,17 @@ from typing import Any
 import numpy as np
 
 OPSET, IR_VERSION = 17, 8
-"""Of ONNX's operators, and of its format."""
+"""Versions of ONNX's operators and of its format."""
 MOST_BYTES, MOST_NODES = 1 << 20, 4000
-"""Of a file."""
+"""Limits of a file: bytes and operations."""
 MOST_RESIZES, MOST_JOINS = 8, 40
-"""Nodes that make maps larger."""
+"""Limits of a graph: operations that enlarge maps, `Resize` and `Concat`."""
 SMALL, LARGE = 16, 1 << 16
-"""Bounds of a node's numbers: of paddings, strides and the like, and of sizes."""
+"""Bounds of a node's numbers: paddings, strides and factors; sizes."""
 
 Value = float | int | str | tuple[float, ...] | tuple[int, ...]
 Size = int | str
-"""Of a dimension: a number, or a letter for one that varies."""
+"""The length of a dimension: a number, or a letter for one that varies."""
 
 _OPERATORS: dict[str, dict[str, type]] = {
     "Add": {},
@@ -52,7 +52,7 @@ _OPERATORS: dict[str, dict[str, type]] = {
 
 @dataclass(frozen=True)
 class Tensor:
-    """What comes into a graph or out of it: float32 of some shape."""
+    """Name and shape of a float32 array that enters or leaves a graph."""
 
     name: str
     shape: tuple[Size, ...]
@@ -74,8 +74,8 @@ class Graph:
 
     Attributes:
         inputs: The image first, then the weights, by the names of a weights file.
-        outputs: What it gives.
-        nodes: Of it.
+        outputs: The results.
+        nodes: The operations.
     """
 
     inputs: tuple[Tensor, ...]
@@ -84,15 +84,15 @@ class Graph:
 
     @property
     def weights(self) -> tuple[Tensor, ...]:
-        """What of the inputs a weights file gives."""
+        """The inputs that a weights file holds."""
         return self.inputs[1:]
 
     def to_bytes(self) -> bytes:
-        """As an ONNX file, without weights."""
+        """Write an ONNX file without weights."""
         return _model(self.inputs, self.outputs, self.nodes, ())
 
     def with_weights(self, weights: Mapping[str, np.ndarray]) -> bytes:
-        """As a whole ONNX model. ValueError where weights are missing, or have other shapes or types."""
+        """Write a whole ONNX model. ValueError where weights are missing, or have other shapes or types."""
         for wanted in self.weights:
             if wanted.name not in weights:
                 raise ValueError(f"weights are missing: '{wanted.name[:100]}'")
@@ -137,7 +137,7 @@ class Graph:
         return read
 
     def _check(self) -> None:
-        """ValueError unless each node's inputs come before it, and nothing grows beyond bounds."""
+        """ValueError unless each node's inputs come before it. Memory is bounded in `recognizer`."""
         if not self.inputs or not self.outputs or len(self.nodes) > MOST_NODES:
             raise ValueError(f"it has {len(self.inputs)} inputs and {len(self.nodes)} operations")
         known: set[str] = set()
@@ -273,7 +273,7 @@ def _read_tensor(data: bytes) -> Tensor:
 
 def _written_node(node: Node) -> bytes:
     parts = [_field(1, name) for name in node.inputs] + [_field(2, name) for name in node.outputs]
-    # Named by what it gives: ONNX Runtime 1.20 gives the same name to parts of two that have none.
+    # Named after its first output: ONNX Runtime 1.20 fails on graphs whose nodes have no names.
     parts += [_field(3, node.outputs[0]), _field(4, node.operator)]
     for name, value in node.attributes:
         many = value if isinstance(value, tuple) else (value,)

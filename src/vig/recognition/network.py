@@ -19,7 +19,11 @@ MASK_CLASSES = ("visible", "hidden", "background")
 MASK_STRIDE = 2
 """Pixels a side of the mask head's cells."""
 ATTENTION_HEADS = 4
-"""Of self-attention in a decoder that sees the whole image."""
+"""Heads of self-attention in a decoder that sees the whole image."""
+ATTENTION_LAYERS = 2
+"""Layers of it, over the cells of the coarsest map."""
+CELLS = 10
+"""Side of the coarsest map of a window: the image's at a sixteenth of its size."""
 LOG_VARIANCE = -8.0, 4.0
 """Least and greatest that the network states."""
 

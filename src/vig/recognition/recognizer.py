@@ -39,31 +39,30 @@ from vig.scene import IMAGE_SIZE, ObjectClass, Symmetry, regressed_layout, srgb_
 BOTH_SIDES = False, True
 """A photo and its mirror image."""
 WEIGHTS_FILE = "recognition.safetensors"
-"""Of a class pack, or of a training run."""
+"""The file's name in a class pack or a training run."""
 GRAPHS = {"window": ".onnx", "map": "_map.onnx"}
-"""What names of the graphs end with that lie beside a weights file: of the network for windows, and of the
-map of objects of whole photos.
-"""
+"""Ends of the names of the graphs beside a weights file: the network for windows, the map of whole photos."""
 AT_ONCE = 8
 """Images that pass the network in one call; more need more memory and no less time."""
 INPUT = "image"
-"""What a graph's image is called: (N, 3, H, W), sRGB in [0, 1]."""
+"""Name of a graph's image: (N, 3, H, W), sRGB in [0, 1]."""
 
 MOST_MEMORY = 1 << 30
-"""Bytes that all networks of a process may hold, results of their operations included; the maps of a photo
-take a tenth of it. A graph that asks for more is refused."""
+"""Bytes that all networks of a process may hold, results of their operations included; a graph that asks for
+more is refused.
+"""
 
 _sessions: WeakValueDictionary[bytes, onnxruntime.InferenceSession] = WeakValueDictionary()
 _creating = threading.Lock()
 
 
 def graph_path(weights: Path, which: str) -> Path:
-    """Of a graph beside a weights file; see `GRAPHS`."""
+    """Return the path of a graph beside a weights file; see `GRAPHS`."""
     return weights.with_name(weights.name.removesuffix(".safetensors") + GRAPHS[which])
 
 
 def window_outputs(settings: NetworkSettings) -> dict[str, tuple[int, ...]]:
-    """Names of what the network for windows says, and its shape for each window."""
+    """Return the outputs of the network for windows, by name, and the shape of each for one window."""
     cells = -(-IMAGE_SIZE // MASK_STRIDE)
     return {
         "azimuth": (settings.azimuth_bins,),
@@ -76,10 +75,10 @@ def window_outputs(settings: NetworkSettings) -> dict[str, tuple[int, ...]]:
 @functools.cache
 def _bounded_memory() -> None:
     """Bound what ONNX Runtime allocates in this process."""
-    runtime = onnxruntime.OrtAllocatorType, onnxruntime.OrtMemType
-    processor = onnxruntime.OrtMemoryInfo("Cpu", runtime[0].ORT_ARENA_ALLOCATOR, 0, runtime[1].DEFAULT)
-    grow_as_asked = onnxruntime.OrtArenaCfg({"max_mem": MOST_MEMORY, "arena_extend_strategy": 1})
-    onnxruntime.create_and_register_allocator(processor, grow_as_asked)
+    kind, use = onnxruntime.OrtAllocatorType.ORT_ARENA_ALLOCATOR, onnxruntime.OrtMemType.DEFAULT
+    bounds = {"max_mem": MOST_MEMORY, "arena_extend_strategy": 1}  # grows by as much as is asked for
+    memory = onnxruntime.OrtMemoryInfo("Cpu", kind, 0, use)
+    onnxruntime.create_and_register_allocator(memory, onnxruntime.OrtArenaCfg(bounds))
 
 
 def _session(model: bytes) -> onnxruntime.InferenceSession:
@@ -236,10 +235,11 @@ class Recognizer:
         return functools.reduce(Heads.mean_with, upright)
 
     def _heads(self, pixels: np.ndarray) -> Heads:
-        """The same of images as they are."""
+        """Return the outputs for images as they are, without mirror images."""
         shapes = window_outputs(self.settings)
-        parts = []
-        for start in range(0, max(len(pixels), 1), AT_ONCE):
+        # Graphs take one image or more; no images have empty outputs.
+        parts = [[np.zeros((0, *shape), np.float32) for shape in shapes.values()]]
+        for start in range(0, len(pixels), AT_ONCE):
             image = np.ascontiguousarray(pixels[start : start + AT_ONCE], np.float32)
             parts.append(self._run("window", image, {name: (len(image), *shapes[name]) for name in shapes}))
         azimuth, numbers, others, mask = (np.concatenate(each) for each in zip(*parts, strict=True))
@@ -255,7 +255,7 @@ class Recognizer:
         return self._run("map", image, {"numbers": (1, NUMBERS, height, width)})[0]
 
     def _run(self, which: str, image: np.ndarray, shapes: Mapping[str, tuple[int, ...]]) -> list[np.ndarray]:
-        """What a graph says of an image, by these names and shapes; UserError where it does not."""
+        """Compute outputs of these names and shapes from an image; UserError where the graph does not fit."""
         try:
             found: list[np.ndarray] = self._session_of(which).run(list(shapes), {INPUT: image})
             got = [each.shape for each in found]

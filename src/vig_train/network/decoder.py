@@ -8,13 +8,8 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from vig.recognition.network import ATTENTION_HEADS
+from vig.recognition.network import ATTENTION_HEADS, ATTENTION_LAYERS, CELLS
 from vig_train.network.layers import convolution
-
-CELLS = 10
-"""Side of the coarsest map: the image's at a sixteenth of its size."""
-ATTENTION_LAYERS = 2
-"""Of self-attention over the cells of the coarsest map."""
 
 
 class ContextDecoder(nn.Module):

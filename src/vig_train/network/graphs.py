@@ -14,6 +14,8 @@ from vig.io.files import atomic_write
 from vig.recognition.graph import Graph, Node, Size, Tensor, Value
 from vig.recognition.network import (
     ATTENTION_HEADS,
+    ATTENTION_LAYERS,
+    CELLS,
     STRIDES,
     NetworkSettings,
 )
@@ -23,11 +25,6 @@ from vig.recognition.weights import FORMAT, network_weights, whole_tensors
 from vig.scene import IMAGE_SIZE
 
 Shapes = Mapping[str, tuple[int, ...]]
-
-CELLS = 10
-"""Side of the coarsest map of a window."""
-ATTENTION_LAYERS = 2
-"""Of self-attention over its cells."""
 
 
 def write_graphs(weights: Path, settings: NetworkSettings, shapes: Shapes) -> None:

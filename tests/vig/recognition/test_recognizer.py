@@ -15,8 +15,9 @@ import torch
 
 from vig.io.errors import UserError
 from vig.recognition import Recognizer
+from vig.recognition.graph import Graph, Node
 from vig.recognition.network import Heads, mirrored
-from vig.recognition.recognizer import AT_ONCE, BOTH_SIDES
+from vig.recognition.recognizer import AT_ONCE, BOTH_SIDES, WEIGHTS_FILE, graph_path
 from vig.scene import ObjectClass, Symmetry
 from vig.scene.object_class import PACKAGED
 
@@ -154,3 +155,59 @@ def test_a_graph_that_is_cut_off_is_refused(pack: Path) -> None:
     path.write_bytes(path.read_bytes()[:-100])
     with pytest.raises(UserError, match="expected the graph of .* cut off.* vig class convert"):
         Recognizer(pack / "recognition.safetensors")
+
+
+def _with_sum_of_all_pairs(pack: Path, pixels: int) -> None:
+    """Put the sums of pairs of `pixels` numbers of the image, (pixels, pixels), into a pack's graph."""
+    path = graph_path(pack / WEIGHTS_FILE, "window")
+    graph = Graph.from_bytes(path.read_bytes())
+
+    def constant(name: str, *value: int) -> Node:
+        return Node("Constant", (), (name,), (("value_ints", value),))
+
+    before = (
+        constant("column", -1, 1), constant("row", 1, -1), constant("zero", 0), constant("count", pixels),
+        constant("first", 0), constant("second", 1), constant("origin", 0, 0), constant("one", 1, 1),
+        constant("both", 0, 1), constant("cell", 1, 1, 1, 1),
+        Node("Reshape", ("image", "column"), ("upright",)), Node("Reshape", ("image", "row"), ("level",)),
+        Node("Slice", ("upright", "zero", "count", "first"), ("some",)),
+        Node("Slice", ("level", "zero", "count", "second"), ("rest",)),
+        Node("Add", ("some", "rest"), ("pairs",)),
+        Node("Slice", ("pairs", "origin", "one", "both"), ("pair",)),
+        Node("Reshape", ("pair", "cell"), ("added",)), Node("Add", ("image", "added"), ("changed",)),
+    )  # fmt: skip
+    after = [
+        replace(node, inputs=tuple("changed" if name == "image" else name for name in node.inputs))
+        for node in graph.nodes
+    ]
+    path.write_bytes(replace(graph, nodes=(*before, *after)).to_bytes())
+
+
+def test_a_graph_that_asks_for_gigabytes_is_refused(pack: Path) -> None:
+    photo = np.full((1, 150, 150, 3), 0.5, np.float32)
+    _with_sum_of_all_pairs(pack, 10)
+    Recognizer(pack / WEIGHTS_FILE)(photo)
+    path = graph_path(pack / WEIGHTS_FILE, "window")
+    shutil.copy(PACKAGED / pack.name / path.name, path)
+    _with_sum_of_all_pairs(pack, 30_000)
+    with pytest.raises(UserError, match="expected a recognition network that predicts"):
+        Recognizer(pack / WEIGHTS_FILE)(photo)
+
+
+def test_a_factor_beyond_that_of_any_network_is_refused(pack: Path) -> None:
+    path = graph_path(pack / WEIGHTS_FILE, "window")
+    graph = Graph.from_bytes(path.read_bytes())
+    scale = Node("Constant", (), ("scale",), (("value_floats", (1.0, 1.0, 60.0, 60.0)),))
+    path.write_bytes(replace(graph, nodes=(scale, *graph.nodes)).to_bytes())
+    with pytest.raises(UserError, match="has the value 60"):
+        Recognizer(pack / WEIGHTS_FILE)
+
+
+def test_no_photos_give_no_predictions() -> None:
+    predicted = Recognizer.of_class(ObjectClass.load("teapot"))(np.zeros((0, 150, 150, 3), np.float32))
+    assert len(predicted.numbers) == 0
+
+
+def test_pixels_that_are_no_numbers_are_named() -> None:
+    with pytest.raises(UserError, match="expected a photo of finite numbers"):
+        Recognizer.of_class(ObjectClass.load("teapot"))(np.full((1, 150, 150, 3), np.nan, np.float32))
