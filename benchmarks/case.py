@@ -12,6 +12,7 @@ import torch
 
 from vig.likelihood import ROBUST, Evaluation, Likelihood, Photos
 from vig.likelihood.geometry import Geometry
+from vig.parallel import set_thread_count
 from vig.renderer import MeshObject, Pinhole, Scene, Topology, render, render_latents
 from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass, ShapeModel, latent_layout
 from vig_world.raster.rasterize import rasterize
@@ -49,9 +50,11 @@ class Case:
         """Vertices (V, 3) of each guess in the camera's frame, metres, float64, as peers get them."""
         placed = []
         for guess in self.guesses:
-            rotation, translation = self.camera.pose(guess.azimuth.double(), guess.elevation.double())
-            vertices = self.model.vertices(guess.shape.double())
-            placed.append((vertices[0] @ rotation[0].T + translation[0]).numpy())
+            rotation, translation = self.camera.pose(
+                guess.azimuth.astype(np.float64), guess.elevation.astype(np.float64)
+            )
+            vertices = self.model.vertices(guess.shape.astype(np.float64))
+            placed.append(vertices[0] @ rotation[0].T + translation[0])
         return placed
 
     def covered(self) -> int:
@@ -80,16 +83,16 @@ def make_case(size: int, subdivisions: int = 0, seed: int = 0) -> Case:
     shape = rng.normal(0, 0.5, model.modes)
     layout = latent_layout(model.modes)
     values = {"shape": shape, "azimuth": [AZIMUTH], "elevation": [ELEVATION], "albedo": [0.6, 0.4, 0.3]}
-    parts = {name: torch.tensor(np.array(each)) for name, each in (values | {"light": light}).items()}
+    parts = {name: np.array(each, np.float64) for name, each in (values | {"light": light}).items()}
     truth = layout.join(parts)[None]
     spread = np.full(layout.size, 0.02)
     spread[layout["shape"]], spread[layout["light"]] = 0.2, 0.05
-    guesses = truth + torch.from_numpy(rng.normal(size=(GUESSES, truth.shape[1])) * spread)
+    guesses = truth + rng.normal(size=(GUESSES, truth.shape[1])) * spread
     return Case(
         model,
         camera,
         Latents.from_vector(truth),
-        tuple(Latents.from_vector(guess[None].float()) for guess in guesses),
+        tuple(Latents.from_vector(guess[None].astype(np.float32)) for guess in guesses),
         _photo(
             replace(teapot, shape_model=model, transfer=None, families=()),
             camera,
@@ -134,7 +137,7 @@ def subdivided(model: ShapeModel) -> ShapeModel:
 
 def set_threads(count: int) -> None:
     """Set the number of threads that we use."""
-    torch.set_num_threads(count)
+    set_thread_count(count)
 
 
 class Ours:
@@ -142,9 +145,9 @@ class Ours:
 
     def __init__(self, case: Case):
         height, width = case.photo.shape[:2]
-        photos = Photos(torch.from_numpy(case.photo)[None], ROBUST.log_prior(height, width)[None])
+        photos = Photos(case.photo[None], ROBUST.log_prior(height, width)[None])
         self.case, self.likelihood = case, Likelihood(Geometry(case.model), case.camera, photos)
-        self._rest = (torch.zeros(1, 4), torch.zeros(1, dtype=torch.int32), torch.tensor([ROBUST.sigma]))
+        self._rest = (np.zeros((1, 4)), np.zeros(1, np.int32), np.array([ROBUST.sigma]))
 
     def forward(self, index: int) -> Evaluation:
         """The objective at a guess."""

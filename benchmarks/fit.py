@@ -16,12 +16,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import torch
+import numpy as np
 
 from benchmarks import inputs
 from benchmarks.measuring import Time, metric, report, timed, write
 from benchmarks.throughput import BATCHES, QUICK_BATCHES, Fits, descent_budget, table, throughput
 from vig.inference import ExplainSettings, explain_one, objective_of, resolve
+from vig.parallel import set_thread_count
 from vig.scene import ObjectClass
 
 BAR_MS, AIM_MS = 50.0, 25.0
@@ -44,11 +45,11 @@ class Samples:
 
 def measure(fits: Fits, repeats: int) -> Samples:
     """Fit every photo `repeats` times on one thread."""
-    torch.set_num_threads(1)
+    set_thread_count(1)
     settings, found = fits.settings, Samples([], [], [], [], [], [], [], [])
     of_photographs = resolve(ExplainSettings(), fits.object_class, photo=True)
-    zero, sigma = torch.zeros(1, dtype=torch.int32), settings.likelihood.sigma
-    fits.whole(torch.arange(1))  # first uses
+    zero, sigma = np.zeros(1, np.int32), settings.likelihood.sigma
+    fits.whole(np.arange(1))  # first uses
     for index in list(range(len(fits.photos))) * repeats:
         photo, prediction = fits.photos[index], fits.prediction[index : index + 1]
         explanation, time = timed(lambda: explain_one(photo, prediction, fits.object_class, settings))  # noqa: B023
@@ -62,9 +63,9 @@ def measure(fits: Fits, repeats: int) -> Samples:
         budget = descent_budget(settings)
         descent, time = timed(lambda: settings.optimizer(objective, start, zero, sigma, budget))  # noqa: B023
         found.one_start.append(time)
-        found.one_start_evaluations.append(int(descent.evaluations))
-        found.converged.append(bool(descent.converged))
-        noise = torch.tensor([sigma])
+        found.one_start_evaluations.append(int(descent.evaluations[0]))
+        found.converged.append(bool(descent.converged[0]))
+        noise = np.array([sigma])
         objective(start, zero, noise)  # recorded launches are bound to the photo
         found.valuation.append(timed(lambda: objective(start, zero, noise))[1])  # noqa: B023
     return found

@@ -6,7 +6,6 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-import torch
 
 from vig.scene import ObjectClass, linear_from_srgb
 from vig_world.composition.sampling import sample
@@ -23,25 +22,25 @@ def add_arguments(parser: argparse.ArgumentParser, count: int) -> None:
     parser.add_argument("--split", default="test")
 
 
-def chosen(arguments: argparse.Namespace, object_class: ObjectClass) -> tuple[torch.Tensor, torch.Tensor]:
+def chosen(arguments: argparse.Namespace, object_class: ObjectClass) -> tuple[np.ndarray, np.ndarray]:
     """Linear RGB photos (N, H, W, 3) float32 and their true latents (N, P)."""
     if arguments.dataset is None:
         images, truth = made(object_class, arguments.count, arguments.seed)
     else:
         images, truth = read(arguments.dataset, arguments.split, arguments.count)
-    return torch.from_numpy(linear_from_srgb(images.astype(np.float32) / 255)).float(), truth
+    return linear_from_srgb(images.astype(np.float32) / 255), truth
 
 
-def made(object_class: ObjectClass, count: int, seed: int) -> tuple[np.ndarray, torch.Tensor]:
+def made(object_class: ObjectClass, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Photos (N, H, W, 3) uint8 and latents (N, P) of the test split's scenes."""
     library = Library("test")
     specs = [sample(library, object_class, seed, index, "paper") for index in range(count)]
     images = np.stack([render(library, spec, object_class).image for spec in specs])
-    return images, torch.tensor(np.stack([spec.latents() for spec in specs]), dtype=torch.float32)
+    return images, np.stack([spec.latents() for spec in specs]).astype(np.float32)
 
 
-def read(folder: Path, split: str, count: int) -> tuple[np.ndarray, torch.Tensor]:
+def read(folder: Path, split: str, count: int) -> tuple[np.ndarray, np.ndarray]:
     """The last `count` photos and latents of a dataset; the last thousand of a training set validate."""
     dataset = read_dataset(folder, split)
     wanted = range(max(0, len(dataset) - count), len(dataset))
-    return dataset.read("rgb", wanted), torch.from_numpy(dataset.latents[wanted.start :])
+    return dataset.read("rgb", wanted), dataset.latents[wanted.start :]

@@ -20,11 +20,12 @@ import tempfile
 from importlib.util import find_spec
 from pathlib import Path
 
-import torch
+import numpy as np
 
 from benchmarks import inputs
 from benchmarks.measuring import metric, report, write
 from vig.inference import ExplainSettings, explain_one, resolve
+from vig.parallel import set_thread_count
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass, latent_layout
 from vig_native.processor import instruction_sets
@@ -44,17 +45,17 @@ LEAST_AGREEMENT = 0.99
 """Share of photos below which the program exits with 1."""
 
 
-def explain(photos: torch.Tensor, rounding: float) -> list[tuple[float, float, str, int]]:
+def explain(photos: np.ndarray, rounding: float) -> list[tuple[float, float, str, int]]:
     """Azimuth and its deviation, radians, verdict and evaluations of each photo, fitted as a photograph."""
-    noise = torch.Generator().manual_seed(0)
-    torch.set_num_threads(1)
+    noise = np.random.default_rng(0)
+    set_thread_count(1)
     teapot = ObjectClass.load("teapot")
     settings, recognizer = resolve(ExplainSettings(), teapot, photo=True), Recognizer.of_class(teapot)
     place, rows = latent_layout(teapot.shape_model.modes).at("azimuth"), []
     for photo in photos:
-        seen = photo * (1 + rounding * torch.randn(photo.shape, generator=noise))
+        seen = photo * (1 + rounding * noise.standard_normal(photo.shape, np.float32))
         fit = explain_one(photo, recognizer(seen[None]), teapot, settings)
-        turn, deviation = float(fit.latents.azimuth), float(fit.deviation[place])
+        turn, deviation = float(fit.latents.azimuth[0]), float(fit.deviation[place])
         rows.append((turn, deviation, str(fit.verdict), fit.evaluations))
     return rows
 

@@ -17,7 +17,6 @@ from contextlib import redirect_stdout, suppress
 from pathlib import Path
 
 import numpy as np
-import torch
 
 import vig
 from vig.photo.masks import box_of
@@ -60,7 +59,7 @@ def main() -> None:
 
 def _errors(explainer: vig.Explainer, dataset: Dataset, mask: bool) -> Iterator[tuple[float, float, float]]:
     """Of each sample the errors of azimuth and elevation, degrees, and the nats by which its view leads."""
-    truth = Latents.from_vector(torch.from_numpy(dataset.latents))
+    truth = Latents.from_vector(dataset.latents)
     every = np.arange(len(dataset))
     photos, whole, seen = (dataset.read(name, every) for name in ("rgb", "mask", "mask_visib"))
     for index, photo in enumerate(photos):
@@ -68,9 +67,9 @@ def _errors(explainer: vig.Explainer, dataset: Dataset, mask: bool) -> Iterator[
             continue
         hints = vig.Hints(mask=seen[index]) if mask else None
         found = explainer.explain(photo, box=box, hints=hints)
-        off = found.object_class.symmetry.difference(found.latents.azimuth, truth.azimuth[index])
-        elevation = found.latents.elevation - truth.elevation[index]
-        yield math.degrees(float(off)), math.degrees(float(elevation)), _lead(found)
+        off = found.object_class.symmetry.difference(found.latents.azimuth, truth.azimuth[index : index + 1])
+        elevation = found.latents.elevation - truth.elevation[index : index + 1]
+        yield math.degrees(off[0]), math.degrees(elevation[0]), _lead(found)
 
 
 def _lead(found: vig.Explanation) -> float:

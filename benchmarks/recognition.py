@@ -9,25 +9,26 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-import torch
+import numpy as np
 
 from benchmarks import inputs
 from benchmarks.measuring import metric, report, timed, write
+from vig.parallel import set_thread_count, thread_count
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass
 
 THREADS = (1, 2)
 
 
-def rates(recognizer: Recognizer, linear: torch.Tensor, threads: int, repeats: int) -> list[float]:
+def rates(recognizer: Recognizer, linear: np.ndarray, threads: int, repeats: int) -> list[float]:
     """Photos (N, H, W, 3) per second of `repeats` runs over all, after one that does not count."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(threads)
+    before = thread_count()
+    set_thread_count(threads)
     try:
         recognizer(linear)
         return [1000 * len(linear) / timed(lambda: recognizer(linear))[1].wall_ms for _ in range(repeats)]
     finally:
-        torch.set_num_threads(before)
+        set_thread_count(before)
 
 
 def main() -> None:

@@ -20,10 +20,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 from benchmarks.measuring import metric, report, write
 from vig.inference import Verdict, explain
+from vig.parallel import thread_count
 from vig.photo import Window
 from vig.photo.images import coded_photo
 from vig.recognition import Recognizer
@@ -56,13 +56,13 @@ def main() -> None:
         dataset = read_dataset(arguments.dataset, arguments.split).first(arguments.count)
         metrics = wrong_views(dataset, object_class, recognizer)
     if arguments.json:
-        write(report(metrics, threads=torch.get_num_threads()), arguments.json)
+        write(report(metrics, threads=thread_count()), arguments.json)
 
 
 def wrong_views(dataset: Dataset, object_class: ObjectClass, recognizer: Recognizer) -> list[dict[str, Any]]:
     """Fit, and print a line for each angle."""
     chosen = low_views(dataset)
-    truth = torch.from_numpy(dataset.latents[chosen, layout_of_width(dataset.latents.shape[1]).at("azimuth")])
+    truth = dataset.latents[chosen, layout_of_width(dataset.latents.shape[1]).at("azimuth")]
     print(
         f"{len(chosen)} photos\n roll  trusted  within {NEAR_DEG:.0f} degrees of azimuth: all, of the trusted"
     )
@@ -70,10 +70,10 @@ def wrong_views(dataset: Dataset, object_class: ObjectClass, recognizer: Recogni
     for angle in ANGLES:
         images = roll_photos(dataset.images[chosen], np.full(len(chosen), angle))
         cut = [turned(linear_from_srgb(image.astype(np.float32) / 255), recognizer) for image in images]
-        photos, known = (torch.from_numpy(np.stack(column)) for column in zip(*cut, strict=True))
+        photos, known = (np.stack(column) for column in zip(*cut, strict=True))
         fits = list(explain(photos, object_class, recognizer, valid=known))
-        azimuth = torch.cat([fit.latents.azimuth for fit in fits])
-        near = angle_error_deg(azimuth, truth.to(azimuth)) < NEAR_DEG
+        azimuth = np.concatenate([fit.latents.azimuth for fit in fits])
+        near = angle_error_deg(azimuth, truth) < NEAR_DEG
         trusted = np.array([fit.verdict is Verdict.TRUSTED for fit in fits])
         of_trusted = f"{near[trusted].mean():.1%}" if trusted.any() else "-"
         print(f"{angle:5d}  {trusted.mean():7.1%}  {near.mean():.1%}, {of_trusted}", flush=True)

@@ -7,12 +7,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
-import torch
+import numpy as np
 
 from benchmarks.measuring import metric, timed
 from vig.inference import ExplainSettings, Fit, FitSettings, Objective, explain, geometry_of, resolve
 from vig.inference.posterior import pixel_prior
 from vig.likelihood import Likelihood, Photos
+from vig.parallel import set_thread_count, thread_count
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass
 from vig.search.optimizer import Budget
@@ -34,7 +35,7 @@ def descent_budget(settings: FitSettings) -> Budget:
 class Fits:
     """Photos (N, H, W, 3) linear RGB, their predictions, and the default settings."""
 
-    def __init__(self, object_class: ObjectClass, photos: torch.Tensor):
+    def __init__(self, object_class: ObjectClass, photos: np.ndarray):
         self.object_class, self.photos, self.settings = (
             object_class,
             photos,
@@ -43,14 +44,14 @@ class Fits:
         self.recognizer = Recognizer.of_class(object_class)
         self.prediction = self.recognizer(photos)
         self.guesses = self.prediction.best()
-        self.log_prior = torch.stack(
+        self.log_prior = np.stack(
             [
                 pixel_prior(photo, mask, self.settings)[0]
                 for photo, mask in zip(photos, self.prediction.mask, strict=True)
             ]
         )
 
-    def together(self, which: torch.Tensor) -> tuple[Objective, torch.Tensor]:
+    def together(self, which: np.ndarray) -> tuple[Objective, np.ndarray]:
         """One objective of photos `which` (B,), may repeat, and a start for each: points (B, P').
 
         Its prior is the class's alone: the recognition model's prediction is of one photo.
@@ -62,7 +63,7 @@ class Fits:
         objective = Objective(likelihood, self.object_class, prior_weight=self.settings.prior_weight)
         return objective, objective.point(self.guesses[which])
 
-    def whole(self, which: torch.Tensor) -> list[Fit]:
+    def whole(self, which: np.ndarray) -> list[Fit]:
         """Explain photos `which` (B,), from the recognition model on."""
         return list(explain(self.photos[which], self.object_class, self.recognizer, self.settings))
 
@@ -86,9 +87,9 @@ class Rate:
         return metric(name, self.per_second, "fits/s", "higher")
 
 
-def members(run: int, batch: int, count: int) -> torch.Tensor:
+def members(run: int, batch: int, count: int) -> np.ndarray:
     """Which of `count` photos are in the `run`th batch: each goes on where the last one ended, cyclically."""
-    return (torch.arange(batch) + run * batch) % count
+    return (np.arange(batch) + run * batch) % count
 
 
 def runs(batch: int, count: int) -> int:
@@ -98,7 +99,7 @@ def runs(batch: int, count: int) -> int:
 
 def throughput(fits: Fits, batches: Iterable[int]) -> list[Rate]:
     """Time all kinds of batches; their order rotates so that slow periods of the machine affect all."""
-    before, rates = torch.get_num_threads(), []
+    before, rates = thread_count(), []
     try:
         for batch in batches:
             here = [Rate(kind, threads, batch) for kind in ("one_start", "whole") for threads in THREADS]
@@ -109,17 +110,17 @@ def throughput(fits: Fits, batches: Iterable[int]) -> list[Rate]:
                     _add(rate, fits, which)
             rates += here
     finally:
-        torch.set_num_threads(before)
+        set_thread_count(before)
     return rates
 
 
-def _add(rate: Rate, fits: Fits, which: torch.Tensor) -> None:
-    torch.set_num_threads(rate.threads)
+def _add(rate: Rate, fits: Fits, which: np.ndarray) -> None:
+    set_thread_count(rate.threads)
     if rate.kind == "whole":
         _, time = timed(lambda: fits.whole(which))
     else:
         objective, starts = fits.together(which)
-        photo, sigma = torch.arange(len(which), dtype=torch.int32), fits.settings.likelihood.sigma
+        photo, sigma = np.arange(len(which), dtype=np.int32), fits.settings.likelihood.sigma
         budget = descent_budget(fits.settings)
         _, time = timed(lambda: fits.settings.optimizer(objective, starts, photo, sigma, budget))
     rate.per_second.append(1000 * len(which) / time.wall_ms)

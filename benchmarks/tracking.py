@@ -18,12 +18,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from benchmarks.measuring import metric, report, write
 from vig import Explainer, Explanation, TrackedPose, Tracker, track
+from vig.parallel import thread_count
 from vig.photo.images import write_png
 from vig.photo.masks import box_of
 from vig_world.composition.turning import Turning, draw_turning
@@ -230,7 +230,7 @@ def main() -> None:
         print(f"video {number}, median azimuth error in degrees: {words}", flush=True)
     metrics = table(found)
     if arguments.json:
-        write(report(metrics, threads=torch.get_num_threads()), arguments.json)
+        write(report(metrics, threads=thread_count()), arguments.json)
 
 
 if __name__ == "__main__":

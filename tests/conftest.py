@@ -42,59 +42,61 @@ class Studio:
             rng.uniform(0.2, 0.8, (count, 3)),
             light,
         )
-        return Latents(*(torch.from_numpy(array) for array in numbers))
+        return Latents(*numbers)
 
     def near(self, rng: np.random.Generator, latents: Latents) -> Latents:
         """A guess off the latents by about 3 degrees, 0.3 sd of shape, 0.05 of albedo, 0.1 of light."""
         modes = self.geometry.model.modes
         spread = np.array([0.3] * modes + [0.05] * 2 + [0.05] * 3 + [0.1] * 9)
         vector = latents.to_vector()
-        return Latents.from_vector(vector + torch.from_numpy(rng.normal(size=vector.shape) * spread))
+        return Latents.from_vector(vector + rng.normal(size=vector.shape) * spread)
 
     def likelihood(
-        self, photos: torch.Tensor, silhouette: str = "exact", stride: int | None = None
+        self, photos: np.ndarray, silhouette: str = "exact", stride: int | None = None
     ) -> Likelihood:
         """The paper's robust likelihood of photos (N, H, W, 3)."""
-        log_prior = self.pixels.log_prior(self.camera.height, self.camera.width).expand(photos.shape)
+        log_prior = np.broadcast_to(
+            self.pixels.log_prior(self.camera.height, self.camera.width), photos.shape
+        )
         return Likelihood(self.geometry, self.camera, Photos(photos, log_prior), silhouette, stride)
 
     def render(
-        self, latents: Latents, framing: torch.Tensor | None = None
-    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        self, latents: Latents, framing: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Irradiance (B, H, W), coverage (B, H, W) and colour (B, H, W, 3) in front of nothing."""
         count = len(latents)
-        blank = torch.zeros(1, self.camera.height, self.camera.width, 3, dtype=torch.float64)
-        framing = torch.zeros(count, 4, dtype=torch.float64) if framing is None else framing
+        blank = np.zeros((1, self.camera.height, self.camera.width, 3))
+        framing = np.zeros((count, 4)) if framing is None else framing
         seen = self.likelihood(blank)(latents, framing, *self.whose(count), derivatives=False)
         colour = seen.irradiance[..., None] * latents.albedo[:, None, None, :]
         return seen.irradiance, seen.coverage, colour
 
     @staticmethod
-    def whose(count: int, sigma: float = pixels.sigma) -> tuple[torch.Tensor, torch.Tensor]:
+    def whose(count: int, sigma: float = pixels.sigma) -> tuple[np.ndarray, np.ndarray]:
         """The arguments `photo` and `sigma` of `count` guesses at the first photo."""
-        return torch.zeros(count, dtype=torch.int32), torch.full((count,), sigma, dtype=torch.float64)
+        return np.zeros(count, np.int32), np.full(count, sigma)
 
-    def blocks(self, rng: np.random.Generator) -> torch.Tensor:
+    def blocks(self, rng: np.random.Generator) -> np.ndarray:
         """A backdrop of flat coloured blocks, 10 pixels wide: (H, W, 3)."""
         cells = rng.uniform(0.1, 0.9, (self.camera.height // 10, self.camera.width // 10, 3))
-        return torch.from_numpy(np.kron(cells, np.ones((10, 10, 1))))
+        return np.kron(cells, np.ones((10, 10, 1)))
 
     def photo(
         self,
         rng: np.random.Generator,
         latents: Latents,
-        framing: torch.Tensor | None = None,
+        framing: np.ndarray | None = None,
         occluded: bool = True,
         noise: float = 0.0,
-    ) -> torch.Tensor:
+    ) -> np.ndarray:
         """A photo (1, H, W, 3) in front of blocks, a tall block of other colours in front when occluded."""
         _, coverage, colour = self.render(latents, framing)
         backdrop = self.blocks(rng)
-        photo = torch.where(coverage[..., None] > 0.5, colour, backdrop)
+        photo = np.where(coverage[..., None] > 0.5, colour, backdrop)
         if occluded:
             left = int(rng.integers(20, 80))
             photo[:, 40:110, left : left + 40] = self.blocks(rng)[40:110, left : left + 40]
-        return (photo + torch.from_numpy(rng.normal(0, noise, photo.shape))).clamp(0, 1)
+        return (photo + rng.normal(0, noise, photo.shape)).clip(0, 1)
 
 
 @pytest.fixture(scope="session")
@@ -111,7 +113,7 @@ def packaged() -> ObjectClass:
 def studio(teapot: ObjectClass) -> Studio:
     """The teapot before the paper's camera, in float64."""
     return Studio(
-        Geometry(teapot.shape_model, torch.float64), Camera.standard(target_height=teapot.target_height)
+        Geometry(teapot.shape_model, np.float64), Camera.standard(target_height=teapot.target_height)
     )
 
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-import torch
+import numpy as np
 
 from vig.recognition import NetworkSettings
 from vig.scene import Latents, latent_layout, point_layout
@@ -16,9 +16,9 @@ LATENT_PLACES = POINT.indices(*(block.name for block in latent_layout(10).blocks
 """Where a point has its latents."""
 
 
-def points_of(latents: Latents, framing: torch.Tensor | None = None) -> torch.Tensor:
+def points_of(latents: Latents, framing: np.ndarray | None = None) -> np.ndarray:
     """Points (B, P') of latents and framing (B, 4); further blocks are 0."""
-    points = latents.to_vector().new_zeros(len(latents), POINT.size)
+    points = np.zeros((len(latents), POINT.size))
     points[:, LATENT_PLACES] = latents.to_vector()
     if framing is not None:
         points[:, POINT["framing"]] = framing

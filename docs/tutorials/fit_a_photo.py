@@ -97,7 +97,7 @@ photo = example_photos()[0].photo
 found = explainer.explain(photo)
 latents, drawn_at = found.latents, 4
 large = found.camera.scaled(drawn_at)
-camera = Pinhole.on_sphere(large, latents.azimuth[0], latents.elevation[0])
+camera = Pinhole.on_sphere(large, torch.tensor(latents.azimuth[0]), torch.tensor(latents.elevation[0]))
 
 
 def drawn(mesh, albedo):
@@ -106,7 +106,7 @@ def drawn(mesh, albedo):
         torch.tensor(mesh.vertices, dtype=torch.float32),
         Topology.of(mesh.faces, mesh.vertices),
         albedo=torch.tensor(albedo),
-        light=latents.light[0],
+        light=torch.tensor(latents.light[0]),
     )
     return render(Scene([item], camera), samples=2)
 
@@ -114,7 +114,7 @@ def drawn(mesh, albedo):
 radius = 0.025  # metres; the object stands on z = 0
 eye, right = (
     np.array([np.sin(a), -np.cos(a)])
-    for a in float(latents.azimuth) + np.array([0.0, np.pi / 2])
+    for a in float(latents.azimuth[0]) + np.array([0.0, np.pi / 2])
 )
 beside = 0.11 * eye + 0.10 * right  # before the pot, on its right
 ball = trimesh.creation.icosphere(subdivisions=4, radius=radius)

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from PIL import Image
 
 from vig.explanation import Explanation
@@ -40,7 +39,7 @@ from vig.recognition import WEIGHTS_FILE, Recognizer, UninformedRecognizer, find
 from vig.scene import Latents, ObjectClass
 from vig_renderer.defaults import with_default_settings
 
-Photo = str | Path | Image.Image | np.ndarray | torch.Tensor
+Photo = str | Path | Image.Image | np.ndarray
 Box = tuple[float, float, float, float]
 Lens = tuple[Any, str]
 """A photo's intrinsics, as `Intrinsics.of` takes them, and `Explanation.focal_from`."""
@@ -192,7 +191,7 @@ class Explainer:
             settings = replace(settings, camera_distance_ratio=window.camera_distance_ratio(pixels))
             too_wide = window.ratio(pixels) < DISTANCE_RATIO_BOUNDS[0]
         cut, inside = window.crop(pyramid)
-        photos, valid = torch.from_numpy(cut)[None], torch.from_numpy(inside)[None]
+        photos, valid = cut[None], inside[None]
         # A network sees for itself where in a box the object is.
         held_box = None if self.recognizer.informed or box is None else checked_box(box)
         window_hints = None
@@ -296,8 +295,8 @@ def _lowered_by_presence(fit: Fit, present: float, name: str) -> Fit:
     """A fit of what was found, not given, and is an object of the class with this probability."""
     if present < LEAST_PRESENT:
         reason = f"no {name} was found in the photo; give a box if there is one"
-        nothing = torch.zeros_like(fit.visible)
-        hidden = torch.zeros_like(fit.mask)
+        nothing = np.zeros_like(fit.visible)
+        hidden = np.zeros_like(fit.mask)
         absent = replace(fit, verdict=Verdict.ABSENT, reason=reason, confidence=0.0, alternatives=())
         absent = replace(absent, present=present, mask_confidence=0.0, mask_trusted=False)
         return replace(absent, visible=nothing, coverage=nothing, mask=hidden, mask_by_pixel=hidden)
@@ -403,22 +402,15 @@ def _prepare(shared: tuple[Path, ExplainSettings]) -> Callable[[Any], Any]:
 def _packed(fit: Fit) -> dict[str, Any]:
     """A fit's fields as arrays and plain values, to go to another process."""
     views = [
-        (view.latents.to_vector().numpy(), view.framing.numpy(), view.probability, view.behind)
-        for view in fit.alternatives
+        (view.latents.to_vector(), view.framing, view.probability, view.behind) for view in fit.alternatives
     ]
-    fields = vars(fit) | {"latents": fit.latents.to_vector(), "alternatives": views}
-    return {name: each.numpy() if isinstance(each, torch.Tensor) else each for name, each in fields.items()}
+    return vars(fit) | {"latents": fit.latents.to_vector(), "alternatives": views}
 
 
 def _unpacked(fields: dict[str, Any]) -> Fit:
     """The inverse of `_packed`."""
-    values: dict[str, Any] = dict(fields)
-    for name, each in fields.items():
-        if isinstance(each, np.ndarray):
-            tensor = torch.from_numpy(each)
-            values[name] = Latents.from_vector(tensor) if name == "latents" else tensor
-    values["alternatives"] = tuple(
-        OtherView(Latents.from_vector(torch.from_numpy(latents)), torch.from_numpy(framing), *others)
-        for latents, framing, *others in fields["alternatives"]
+    alternatives = tuple(
+        OtherView(Latents.from_vector(latents), *others) for latents, *others in fields["alternatives"]
     )
-    return Fit(**values)
+    latents = Latents.from_vector(fields["latents"])
+    return Fit(**{**fields, "latents": latents, "alternatives": alternatives})

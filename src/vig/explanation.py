@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from PIL import Image
 
 from vig.hints import Hints
@@ -26,7 +25,7 @@ from vig.photo.images import coded, linear_photo
 from vig.photo.masks import box_of
 from vig.photo.outline import REACH
 from vig.photo.pinhole import sight_axes
-from vig.renderer import render_latents
+from vig.renderer.drawing import draw_latents
 from vig.scene import Camera, Latents, ObjectClass, latent_layout
 from vig.scene.camera import FOCAL_OVER_WIDTH
 from vig_renderer.defaults import with_default_settings
@@ -52,17 +51,17 @@ class Alternative:
     @property
     def azimuth_deg(self) -> float:
         """As `Explanation.azimuth_deg`."""
-        return math.degrees(float(self.latents.azimuth)) % 360
+        return math.degrees(float(self.latents.azimuth[0])) % 360
 
     @property
     def elevation_deg(self) -> float:
         """As `Explanation.elevation_deg`."""
-        return math.degrees(float(self.latents.elevation))
+        return math.degrees(float(self.latents.elevation[0]))
 
     @property
     def camera_from_object(self) -> np.ndarray:
         """As `Explanation.camera_from_object`."""
-        return self.camera.camera_from_world(float(self.latents.azimuth), float(self.latents.elevation))
+        return self.camera.camera_from_world(float(self.latents.azimuth[0]), float(self.latents.elevation[0]))
 
 
 @with_default_settings
@@ -152,12 +151,12 @@ class Explanation:
 
         Of views that look the same the first: in [0, 180) where half a turn shows the same, 0 where any does.
         """
-        return math.degrees(float(self.latents.azimuth)) % 360
+        return math.degrees(float(self.latents.azimuth[0])) % 360
 
     @property
     def elevation_deg(self) -> float:
         """The eye's elevation above the object's horizon, degrees."""
-        return math.degrees(float(self.latents.elevation))
+        return math.degrees(float(self.latents.elevation[0]))
 
     @property
     def roll_deg(self) -> float:
@@ -180,12 +179,12 @@ class Explanation:
         height, width = self.picture.shape[:2]
         return FitGeometry(self.object_class, self.window, self.camera_distance_ratio, (width, height))
 
-    def _camera(self, latents: Latents, framing: torch.Tensor) -> Camera:
+    def _camera(self, latents: Latents, framing: np.ndarray) -> Camera:
         height, width = self.picture.shape[:2]
         window, lens = self._geometry.window_camera(framing), self.window.lens
         if lens is None:
             return self.window.camera(window, width, height)
-        angles = float(latents.azimuth), float(latents.elevation)
+        angles = float(latents.azimuth[0]), float(latents.elevation[0])
         looks_at_it = window.camera_from_world(*angles)
         pose = self._geometry.pose_before(lens.K, latents, framing)
         return replace(
@@ -203,7 +202,7 @@ class Explanation:
     @cached_property
     def camera_from_object(self) -> np.ndarray:
         """Pose (4, 4) float64, metres: OpenCV camera axes from the object's frame (Z up, +X `front`)."""
-        return self.camera.camera_from_world(float(self.latents.azimuth), float(self.latents.elevation))
+        return self.camera.camera_from_world(float(self.latents.azimuth[0]), float(self.latents.elevation[0]))
 
     @property
     def amodal(self) -> np.ndarray:
@@ -238,8 +237,8 @@ class Explanation:
             min(REACH, pixel * number + 0.5) for number in (line_reach(scale * height, scale * width), 1.0)
         )
         return (
-            outline_distance(self.fit.coverage.numpy(), outside, inside),
-            outline_distance(self.fit.visible.numpy(), inside, inside),
+            outline_distance(self.fit.coverage, outside, inside),
+            outline_distance(self.fit.visible, inside, inside),
         )
 
     @cached_property
@@ -260,7 +259,8 @@ class Explanation:
 
     @cached_property
     def _vertices(self) -> np.ndarray:
-        return self.object_class.shape_model.vertices(self.latents.shape)[0].numpy()
+        vertices: np.ndarray = self.object_class.shape_model.vertices(self.latents.shape)[0]
+        return vertices
 
     def render(
         self,
@@ -287,16 +287,16 @@ class Explanation:
         """
         if camera is not None and not isinstance(camera, Camera):
             raise UserError(f"camera must be a vig.Camera; got a {type(camera).__name__}. Pass a Camera.")
-        changed: dict[str, torch.Tensor] = {}
+        changed: dict[str, np.ndarray] = {}
         for name, size, numbers in (("light", 9, light), ("albedo", 3, albedo)):
             if numbers is not None:
                 changed[name] = _numbers(name, size, numbers, 1.0 if name == "albedo" else math.inf)
         for name, angle in (("azimuth", azimuth_deg), ("elevation", elevation_deg)):
             if angle is not None:
-                changed[name] = torch.deg2rad(_numbers(f"{name}_deg", 1, [angle], math.inf)[0])
+                changed[name] = np.deg2rad(_numbers(f"{name}_deg", 1, [angle], math.inf)[0])
         latents, seen_by = replace(self.latents, **changed), camera or self.camera
-        drawn = on_one_core(partial(render_latents, latents, self.object_class, seen_by, samples=2))
-        return torch.cat([drawn.rgb[0], drawn.coverage[0, :, :, None]], dim=-1).numpy()
+        drawn = on_one_core(partial(draw_latents, latents, self.object_class, seen_by, samples=2))
+        return np.concatenate([drawn.rgb, drawn.coverage[:, :, None]], axis=-1)
 
     def overlay(self) -> np.ndarray:
         """The photo (H, W, 3) uint8 with the object's outline in yellow, its hidden pixels tinted pink."""
@@ -314,26 +314,26 @@ class Explanation:
     def part_albedo(self) -> np.ndarray:
         """Linear RGB (parts, 3) of the surface of each part, see `vig.output.part_colours`."""
         reflectance = self.object_class.reflectance_of_parts
-        return part_colours(self.close_up, self.latents.albedo[0].numpy(), reflectance)
+        return part_colours(self.close_up, self.latents.albedo[0], reflectance)
 
     @cached_property
     def close_up(self) -> CloseUp:
         """The window beside its re-rendering."""
         camera = self._geometry.window_camera(self.fit.framing)
         camera = camera.scaled(PANEL / camera.width)
-        drawn = on_one_core(partial(render_latents, self.latents, self.object_class, camera))
-        pose = camera.camera_from_world(float(self.latents.azimuth), float(self.latents.elevation))
-        model, triangle = self.object_class.shape_model, drawn.triangle_id[0].numpy()
+        drawn = on_one_core(partial(draw_latents, self.latents, self.object_class, camera))
+        pose = camera.camera_from_world(float(self.latents.azimuth[0]), float(self.latents.elevation[0]))
+        model, triangle = self.object_class.shape_model, drawn.triangle_id
         part = np.where(triangle < 0, -1, model.parts[model.faces[triangle, 0]])
         upright = Window(0, 0, PANEL)
         everything = slice(0, PANEL), slice(0, PANEL)
         return CloseUp(
             photo=self._photo_of_window(PANEL),
-            rendering=drawn.rgb[0].numpy(),
-            coverage=drawn.coverage[0].numpy(),
-            normals=drawn.normals[0].numpy() @ pose[:3, :3].T.astype(np.float32),
+            rendering=drawn.rgb,
+            coverage=drawn.coverage,
+            normals=drawn.normals @ pose[:3, :3].T.astype(np.float32),
             part=part,
-            depth=drawn.depth[0].numpy(),
+            depth=drawn.depth,
             visible=upright.paste(self.outlines[1], *everything) < 0,
             camera=camera,
         )
@@ -431,10 +431,10 @@ class Explanation:
     def _pinhole_covariance(self) -> np.ndarray:
         matrix, pose = self._pinhole
         layout = latent_layout(self.object_class.shape_model.modes).split(self.fit.deviation)
-        deviation = torch.cat([layout["azimuth"], layout["elevation"], self.fit.framing_deviation])
+        deviation = np.concatenate([layout["azimuth"], layout["elevation"], self.fit.framing_deviation])
         covariance = self._geometry.covariance(matrix, self.latents, self.fit.framing, deviation)
         axes = sight_axes(pose)
-        deviations = self.fit.position_deviation.double().numpy().copy()
+        deviations = self.fit.position_deviation.astype(np.float64)
         deviations[2] = deviations[2] if self.distance_known else UNKNOWN_DISTANCE
         covariance[:3, :3] += (axes * (deviations * self.position_units) ** 2) @ axes.T
         return covariance
@@ -480,7 +480,7 @@ class Explanation:
         return data.getvalue()
 
 
-def _numbers(name: str, size: int, value: Any, most: float) -> torch.Tensor:
+def _numbers(name: str, size: int, value: Any, most: float) -> np.ndarray:
     """(1, size) float32 from an argument of `Explanation.render`."""
     try:
         array: np.ndarray = np.asarray(value, np.float32)
@@ -496,4 +496,4 @@ def _numbers(name: str, size: int, value: Any, most: float) -> torch.Tensor:
         remedy = "Are these 8-bit values? Divide by 255." if array.max() > most else "Clip it."
         received = f"{array.min():g} to {array.max():g}"
         raise UserError(f"{name} must be linear RGB in [0, 1]; got {received}. {remedy}")
-    return torch.from_numpy(array)[None]
+    return array[None]

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
-import torch
 
 from vig.inference import PixelLabel, WindowHints
 from vig.io.checks import number_of
@@ -62,7 +61,7 @@ class Hints:
         changed: dict[str, Any] = {}
         for name, kind in (("mask", bool), ("marks", np.uint8)):
             if (value := getattr(self, name)) is not None:
-                array = np.asarray(value.cpu() if isinstance(value, torch.Tensor) else value)
+                array = np.asarray(value.cpu() if hasattr(value, "cpu") else value)
                 if array.ndim == 3 and 1 in (array.shape[0], array.shape[2]):
                     array = array[..., 0] if array.shape[2] == 1 else array[0]
                 if name == "mask" and array.dtype.kind in "iuf" and array.size:
@@ -143,7 +142,7 @@ class Hints:
         self, window: Window, object_class: ObjectClass, box: tuple[float, float, float, float] | None = None
     ) -> WindowHints:
         """The hints as the window shows them, with a box of the photo round the whole object."""
-        labels = torch.zeros(IMAGE_SIZE, IMAGE_SIZE, dtype=torch.uint8)
+        labels = np.zeros((IMAGE_SIZE, IMAGE_SIZE), np.uint8)
         if self.mask is not None:
             visible_share = _share(self.mask, window)
             labels[visible_share > 0.9] = PixelLabel.SEEN
@@ -165,8 +164,8 @@ class Hints:
         return WindowHints(
             labels,
             self.visible,
-            torch.tensor([object_class.points[name] for name in self.points], dtype=torch.long),
-            torch.tensor(places, dtype=torch.float32).view(-1, 2),
+            np.array([object_class.points[name] for name in self.points], np.int64),
+            np.array(places, np.float32).reshape(-1, 2),
             azimuth,
             elevation,
             held,
@@ -225,20 +224,22 @@ def view_of(pose: np.ndarray) -> tuple[float, float, float]:
     return azimuth, elevation, math.atan2(up[0], -up[1])
 
 
-def _share(mask: np.ndarray, window: Window) -> torch.Tensor:
+def _share(mask: np.ndarray, window: Window) -> np.ndarray:
     """Share (S, S) of each of the window's pixels that a mask (H, W) bool covers; 0 beyond the photo."""
     grey = np.repeat(mask[:, :, None].astype(np.float32), 3, axis=2)
     cut, inside = window.crop(grey)
-    return torch.from_numpy(cut[..., 0] * inside)
+    share: np.ndarray = cut[..., 0] * inside
+    return share
 
 
-def _beyond(box: tuple[float, float, float, float], window: Window) -> torch.Tensor:
+def _beyond(box: tuple[float, float, float, float], window: Window) -> np.ndarray:
     """The window's pixels (S, S) bool clearly outside a box of the photo."""
     middle = ((np.arange(IMAGE_SIZE) + 0.5) / IMAGE_SIZE - 0.5) * window.side
     x, y = window.to_photo(*np.meshgrid(middle, middle))
     margin = BOX_MARGIN * max(box[2:])
     off_x, off_y = abs(x - box[0] - box[2] / 2) - box[2] / 2, abs(y - box[1] - box[3] / 2) - box[3] / 2
-    return torch.from_numpy(np.maximum(off_x, off_y) > margin)
+    beyond: np.ndarray = np.maximum(off_x, off_y) > margin
+    return beyond
 
 
 def _in_window(box: tuple[float, float, float, float], window: Window) -> tuple[float, float, float, float]:

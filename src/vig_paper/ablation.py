@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 from vig.inference import ExplainSettings, Stage, explain_one
 from vig.inference.settings import PICTURE
@@ -193,7 +192,7 @@ def time_variants(
     that a slow period of the machine affects all.
     """
     images = dataset.images[:count].astype(np.float32) / 255
-    photos = torch.from_numpy(linear_from_srgb(images)).float()
+    photos = linear_from_srgb(images)
     prediction = recognizer(photos)
     spent = dict.fromkeys(chosen, 0.0)
     with one_thread():

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import inspect
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from functools import cached_property, wraps
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-import torch
+
+if TYPE_CHECKING:
+    import torch
 
 _here, _counting = threading.local(), threading.Lock()
-_inside, _dtype_outside = 0, torch.float32
+_inside = 0
+_dtype_outside: torch.dtype | None = None
 Public = TypeVar("Public", bound=Callable[..., Any])
 
 
@@ -22,36 +26,47 @@ def default_settings(inference: bool | None = None) -> Iterator[None]:
     """Inside, torch makes float32 tensors on the CPU without autocast, and numpy's arithmetic raises nothing.
 
     The default dtype is the whole process's: it is restored when the last thread leaves. inference: whether
-    torch's inference mode is on; None leaves it. Within another such block nothing changes.
+    torch's inference mode is on; None leaves it. Within another such block nothing changes. A torch that
+    nobody has loaded is left alone.
     """
-    global _inside, _dtype_outside
     if getattr(_here, "inside", False):
         yield
         return
     with ExitStack() as stack:
         _here.inside = True
-        with _counting:
-            if not _inside:
-                _dtype_outside = torch.get_default_dtype()
-            _inside += 1
         stack.callback(_leave)
-        torch.set_default_dtype(torch.float32)
-        if torch.empty(0).device.type != "cpu":
-            stack.enter_context(torch.device("cpu"))
-        for kind in ("cpu", "cuda"):
-            if torch.is_autocast_enabled(kind):
-                stack.enter_context(torch.autocast(kind, enabled=False))
-        if inference not in (None, torch.is_inference_mode_enabled()):
-            grad = torch.is_grad_enabled()
-            stack.enter_context(torch.inference_mode(inference))
-            stack.enter_context(torch.set_grad_enabled(grad))
+        if (torch := sys.modules.get("torch")) is not None and hasattr(torch, "get_default_dtype"):
+            _enter_torch(torch, stack, inference)
         stack.enter_context(np.errstate(divide="warn", over="warn", under="ignore", invalid="warn"))
         yield
 
 
+def _enter_torch(torch: Any, stack: ExitStack, inference: bool | None) -> None:
+    """The part of `default_settings` that is torch's."""
+    global _inside, _dtype_outside
+    with _counting:
+        if not _inside:
+            _dtype_outside = torch.get_default_dtype()
+        _inside += 1
+    stack.callback(_leave_torch, torch)
+    torch.set_default_dtype(torch.float32)
+    if torch.empty(0).device.type != "cpu":
+        stack.enter_context(torch.device("cpu"))
+    for kind in ("cpu", "cuda"):
+        if torch.is_autocast_enabled(kind):
+            stack.enter_context(torch.autocast(kind, enabled=False))
+    if inference not in (None, torch.is_inference_mode_enabled()):
+        grad = torch.is_grad_enabled()
+        stack.enter_context(torch.inference_mode(inference))
+        stack.enter_context(torch.set_grad_enabled(grad))
+
+
 def _leave() -> None:
-    global _inside
     _here.inside = False
+
+
+def _leave_torch(torch: Any) -> None:
+    global _inside
     with _counting:
         _inside -= 1
         if not _inside:

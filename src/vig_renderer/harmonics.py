@@ -7,8 +7,9 @@ cosine's coefficients (pi, 2 pi / 3, pi / 4) over pi (Ramamoorthi and Hanrahan, 
 from __future__ import annotations
 
 import math
+from typing import Any
 
-import torch
+import numpy as np
 
 L_COUNT = 9
 COSINE_LOBE = (1.0, *([2.0 / 3.0] * 3), *([0.25] * 5))
@@ -20,20 +21,21 @@ Y2 = 0.5 * math.sqrt(15 / math.pi)
 Y20 = 0.25 * math.sqrt(5 / math.pi)
 
 
-def sh_basis(directions: torch.Tensor) -> torch.Tensor:
-    """Real orthonormal SH up to degree 2 of unit directions: (..., 3) to (..., 9)."""
-    x, y, z = directions.unbind(-1)
-    return torch.stack(
-        [
-            torch.full_like(x, Y00),
-            Y1 * y,
-            Y1 * z,
-            Y1 * x,
-            Y2 * x * y,
-            Y2 * y * z,
-            Y20 * (3 * z * z - 1),
-            Y2 * x * z,
-            0.5 * Y2 * (x * x - y * y),
-        ],
-        dim=-1,
-    )
+def sh_basis(directions: Any) -> Any:
+    """Real orthonormal SH up to degree 2 of unit directions: an array or tensor (..., 3) to (..., 9)."""
+    functions: Any = np
+    if not isinstance(directions, np.ndarray):
+        import torch as functions
+    x, y, z = directions[..., 0], directions[..., 1], directions[..., 2]
+    basis = [
+        functions.full_like(x, Y00),
+        Y1 * y,
+        Y1 * z,
+        Y1 * x,
+        Y2 * x * y,
+        Y2 * y * z,
+        Y20 * (3 * z * z - 1),
+        Y2 * x * z,
+        0.5 * Y2 * (x * x - y * y),
+    ]
+    return functions.stack(basis, -1)

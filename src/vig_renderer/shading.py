@@ -31,7 +31,8 @@ def shade(
         diffuse = torch.einsum("nl,nlc->nc", basis, light[owner])
         cosine = (normals * direction[owner]).sum(1)
         radiance = radiance[owner]
-    return diffuse.clamp_min(0.0) + cosine.clamp_min(0.0)[:, None] * radiance
+    reflected: torch.Tensor = diffuse.clamp_min(0.0) + cosine.clamp_min(0.0)[:, None] * radiance
+    return reflected
 
 
 def smooth_normals(vertices: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:

@@ -10,6 +10,7 @@ import torch
 
 from vig_native import engine
 from vig_renderer.checks import check_table
+from vig_renderer.edges import edges_of, welded
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ class Topology:
         texture_faces = _rows("texture_faces", texture_faces)
         if texture_faces.shape != faces.shape:
             raise ValueError(f"texture_faces must be {faces.shape}, like faces; got {texture_faces.shape}")
-        edges = _edges(_welded(vertices)[faces] if len(faces) else faces)
+        edges = edges_of(welded(vertices)[faces] if len(faces) else faces)
         return Topology(
             torch.from_numpy(faces.astype(np.int32, order="C")),
             torch.from_numpy(texture_faces.astype(np.int32, order="C")),
@@ -102,28 +103,3 @@ def _rows(name: str, rows: np.ndarray) -> np.ndarray:
             f"{name} must be triangles, (F, 3) whole numbers; got {found.shape} {found.dtype}.{quads}"
         )
     return found.astype(np.int64)
-
-
-def _welded(vertices: np.ndarray) -> np.ndarray:
-    """For each vertex the first one at the same place: (V,)."""
-    _, first, inverse = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
-    return first[inverse.reshape(-1)].astype(np.int32)
-
-
-def _edges(faces: np.ndarray) -> np.ndarray:
-    """The rows of `Topology.edges`, in the order of their vertices."""
-    whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
-    which = np.flatnonzero(whole).astype(np.int32)
-    sides = np.concatenate([faces[which][:, [i, (i + 1) % 3, (i + 2) % 3]] for i in range(3)])
-    face = np.concatenate([which] * 3)
-    low, high = sides[:, :2].min(axis=1), sides[:, :2].max(axis=1)
-    order = np.lexsort((face, high, low))
-    low, high, apex, face = low[order], high[order], sides[order, 2], face[order]
-    starts = np.flatnonzero(np.r_[True, (low[1:] != low[:-1]) | (high[1:] != high[:-1])][: len(low)])
-    counts = np.diff(np.r_[starts, len(low)])
-    paired = starts[counts == 2]
-    pairs = [low[paired], high[paired], apex[paired], apex[paired + 1], face[paired], face[paired + 1]]
-    single = np.flatnonzero(np.repeat(counts != 2, counts))
-    nothing = np.full(len(single), -1, np.int32)
-    borders = [low[single], high[single], apex[single], nothing, face[single], nothing]
-    return np.concatenate([np.stack(pairs, axis=1), np.stack(borders, axis=1)]).astype(np.int32)

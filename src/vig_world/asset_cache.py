@@ -87,7 +87,7 @@ def _version() -> str:
         for path in sorted(path for path in root.rglob("*") if path.suffix in (".py", ".json")):
             digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
     digest.update(Path(str(engine.__file__)).read_bytes())
-    for name in ("numpy", "scipy", "torch"):
+    for name in ("numpy", "scipy"):
         digest.update(metadata.version(name).encode())
     return digest.hexdigest()[:16]
 

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 from PIL import Image, ImageDraw
 from scipy.ndimage import distance_transform_edt
 
@@ -29,9 +28,15 @@ def explainer() -> Explainer:
 
 
 def latents() -> Latents:
-    light = torch.tensor([[2.356, *[0.1] * 8]])
-    albedo = torch.tensor([[0.8, 0.4, 0.1]])
-    return Latents(torch.full((1, 10), 0.5), torch.tensor([-1.0]), torch.tensor([0.5]), albedo, light)
+    light = np.array([[2.356, *[0.1] * 8]], np.float32)
+    albedo = np.array([[0.8, 0.4, 0.1]], np.float32)
+    return Latents(
+        np.full((1, 10), 0.5, np.float32),
+        np.array([-1.0], np.float32),
+        np.array([0.5], np.float32),
+        albedo,
+        light,
+    )
 
 
 def written(
@@ -46,30 +51,30 @@ def written(
 @pytest.fixture
 def fit() -> Fit:
     """An object over rows 50-99, columns 50-99 of the window; its right half is hidden."""
-    amodal = torch.zeros(150, 150, dtype=torch.bool)
+    amodal = np.zeros((150, 150), bool)
     amodal[50:100, 50:100] = True
-    mask = amodal.clone()
+    mask = amodal.copy()
     mask[:, 75:] = False
     return Fit(
         latents=latents(),
-        framing=torch.tensor([0.01, 0.02, 0.1, 0.03]),
-        deviation=torch.arange(1, 25) / 100,
-        framing_deviation=torch.tensor([0.01, 0.01, 0.02, 0.03]),
-        visible=mask.float(),
+        framing=np.array([0.01, 0.02, 0.1, 0.03], np.float32),
+        deviation=np.arange(1, 25) / 100,
+        framing_deviation=np.array([0.01, 0.01, 0.02, 0.03], np.float32),
+        visible=mask.astype(np.float32),
         mask=mask,
         mask_by_pixel=mask,
-        coverage=amodal.float(),
+        coverage=amodal.astype(np.float32),
         verdict=Verdict.TRUSTED,
         reason=Verdict.TRUSTED.value,
         confidence=0.9,
         mask_confidence=0.7,
         mask_trusted=False,
-        confidence_features=torch.zeros(len(CONFIDENCE_FEATURES)),
+        confidence_features=np.zeros(len(CONFIDENCE_FEATURES)),
         evidence=123.456789,
         start_evidence=-1.0,
         evaluations=77,
         alternatives=(),
-        descent=torch.cat([latents().to_vector(), torch.tensor([[0.01, 0.02, 0.1, 0.03]])], dim=1),
+        descent=np.concatenate([latents().to_vector(), np.array([[0.01, 0.02, 0.1, 0.03]])], axis=1),
     )
 
 
@@ -161,8 +166,8 @@ def test_the_json_speaks_degrees_and_names_every_latent(
 
 
 def test_the_other_explanation_is_told(fit: Fit, teapot: ObjectClass, tmp_path: Path) -> None:
-    other = replace(latents(), azimuth=torch.tensor([2.0]))
-    view = OtherView(other, torch.zeros(4), 0.3)
+    other = replace(latents(), azimuth=np.array([2.0], np.float32))
+    view = OtherView(other, np.zeros(4, np.float32), 0.3)
     ambiguous = replace(fit, verdict=Verdict.AMBIGUOUS, reason="two", alternatives=(view,))
     photo = np.full((150, 150, 3), 0.2, np.float32)
     said = written(tmp_path, photo, Window.of(150, 150), ambiguous, teapot)
@@ -199,8 +204,10 @@ def test_what_lies_beyond_the_photo_is_not_called_hidden(
 
 
 def test_nothing_covered_is_not_a_fraction(fit: Fit, teapot: ObjectClass, tmp_path: Path) -> None:
-    nothing = torch.zeros(150, 150, dtype=torch.bool)
-    empty = replace(fit, coverage=nothing.float(), mask=nothing, visible=nothing.float())
+    nothing = np.zeros((150, 150), bool)
+    empty = replace(
+        fit, coverage=nothing.astype(np.float32), mask=nothing, visible=nothing.astype(np.float32)
+    )
     said = written(tmp_path, np.full((150, 150, 3), 0.2, np.float32), Window.of(150, 150), empty, teapot)
     assert said["hidden_fraction"] is None
     assert not np.asarray(Image.open(tmp_path / "mask.png")).any()
@@ -284,7 +291,7 @@ def test_a_verdict_prints_as_the_json_has_it() -> None:
 def test_an_ambiguous_fit_has_its_other_explanation(fit: Fit, teapot: ObjectClass) -> None:
     photo, window = np.full((150, 150, 3), 0.2, np.float32), Window.of(150, 150)
     assert Explanation(photo, window, fit, teapot).alternatives == ()
-    other = OtherView(replace(latents(), azimuth=torch.tensor([2.0])), torch.zeros(4), 0.25)
+    other = OtherView(replace(latents(), azimuth=np.array([2.0], np.float32)), np.zeros(4, np.float32), 0.25)
     found = Explanation(photo, window, replace(fit, alternatives=(other,)), teapot)
     (told,) = found.alternatives
     assert told.latents is other.latents and told.probability == 0.25

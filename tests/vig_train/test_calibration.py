@@ -10,7 +10,6 @@ from typing import cast
 
 import numpy as np
 import pytest
-import torch
 
 import vig
 from tests.support import TEAPOT
@@ -83,7 +82,7 @@ def test_the_clue_that_matters_is_found_and_confidence_is_a_probability(samples:
     assert learned.view_weights[1:].abs().max() < 0.2
     assert learned.mask_weights[MASK_CLUE] == pytest.approx(2, rel=0.15)
     assert learned.mask_bias == pytest.approx(1, abs=0.2)
-    confidence = np.array([learned.confidence(row) for row in torch.from_numpy(samples.features)])
+    confidence = np.array([learned.confidence(row) for row in samples.features])
     for low, high in ((0.1, 0.3), (0.4, 0.6), (0.8, 0.95)):
         here = (confidence > low) & (confidence < high)
         assert samples.right[here].mean() == pytest.approx(confidence[here].mean(), abs=0.06)
@@ -96,19 +95,19 @@ def test_photos_of_another_kind_are_not_trusted(samples: CalibrationSamples) -> 
     assert learned.in_distribution_weights[CONFIDENCE_FEATURES.index("evidence_gap")] == 0, (
         "says nothing of the kind of photo"
     )
-    known = np.array([learned.in_distribution(row) for row in torch.from_numpy(given.features)])
-    other = np.array([learned.in_distribution(row) for row in torch.from_numpy(given.out_of_distribution)])
+    known = np.array([learned.in_distribution(row) for row in given.features])
+    other = np.array([learned.in_distribution(row) for row in given.out_of_distribution])
     assert (known > 0.5).mean() > 0.99 and (other < 0.5).mean() > 0.99
-    confidence = [learned.confidence(row) for row in torch.from_numpy(given.out_of_distribution)]
+    confidence = [learned.confidence(row) for row in given.out_of_distribution]
     assert np.mean(np.array(confidence) >= learned.threshold) < 0.01
     assert "fits of photos rolled or without the object, of which 0" in describe(learned, given)[2]
-    masks = [learned.mask_confidence(row) for row in torch.from_numpy(given.out_of_distribution)]
+    masks = [learned.mask_confidence(row) for row in given.out_of_distribution]
     assert np.mean(np.array(masks) >= learned.mask_threshold) < 0.01
 
 
 def test_without_photos_of_another_kind_all_are_of_the_known_one(samples: CalibrationSamples) -> None:
     learned = learn(samples)
-    assert all(learned.in_distribution(row) > 0.999 for row in torch.from_numpy(samples.features[:50]))
+    assert all(learned.in_distribution(row) > 0.999 for row in samples.features[:50])
 
 
 def test_a_worse_fit_is_never_trusted_more() -> None:
@@ -121,7 +120,7 @@ def test_a_worse_fit_is_never_trusted_more() -> None:
 
 def test_what_is_trusted_is_as_often_right_as_was_asked(samples: CalibrationSamples) -> None:
     learned = learn(samples)
-    confidence = np.array([learned.confidence(row) for row in torch.from_numpy(samples.features)])
+    confidence = np.array([learned.confidence(row) for row in samples.features])
     trusted = confidence >= learned.threshold
     assert 0.3 < trusted.mean() < 0.8
     assert samples.right[trusted].mean() == pytest.approx(PRECISION, abs=0.01)
@@ -130,12 +129,12 @@ def test_what_is_trusted_is_as_often_right_as_was_asked(samples: CalibrationSamp
 
 def test_nine_in_ten_intervals_hold_in_either_group(samples: CalibrationSamples) -> None:
     learned = learn(samples)
-    confidence = np.array([learned.confidence(row) for row in torch.from_numpy(samples.features)])
+    confidence = np.array([learned.confidence(row) for row in samples.features])
     for trusted in (True, False):
         group = (confidence >= learned.threshold) == trusted
         pairs = zip(samples.deviation[group], samples.features[group], strict=True)
-        wide = torch.stack([learned.widened(*map(torch.from_numpy, pair), trusted) for pair in pairs])
-        held = np.abs(samples.error[group]) <= 1.6449 * wide.numpy()
+        wide = np.stack([learned.widened(*pair, trusted) for pair in pairs])
+        held = np.abs(samples.error[group]) <= 1.6449 * wide
         assert held.mean(0) == pytest.approx(0.9, abs=0.02)
 
 
@@ -218,7 +217,7 @@ def test_positions_are_calibrated_so_that_nine_in_ten_lie_within(
     photo = example_photos()[1].photo
     explanation = vig.Explainer("teapot").explain(photo, focal=400.0)
     certain = {
-        name: torch.zeros_like(getattr(explanation.fit, name)) for name in ("deviation", "framing_deviation")
+        name: np.zeros_like(getattr(explanation.fit, name)) for name in ("deviation", "framing_deviation")
     }
     explanation = replace(explanation, fit=replace(explanation.fit, **certain))
     pose, drawn = explanation.pinhole_pose()[1], np.array([[0.02, 0.04, 0.06], [0.05, 0.03, 0.2]])
@@ -233,16 +232,18 @@ def test_positions_are_calibrated_so_that_nine_in_ten_lie_within(
     photographs = SimpleNamespace(world="photo", first=lambda count: None)
     monkeypatch.setattr("vig_train.calibration.positions.Dataset", SimpleNamespace)
     calibration = calibrate_positions(learn(samples), [photographs], explanation.object_class, object())
-    np.testing.assert_allclose(calibration.position.numpy(), drawn, rtol=0.2)
-    assert torch.equal(calibrate_positions(learn(samples), [], None, None).position, learn(samples).position)
+    np.testing.assert_allclose(calibration.position, drawn, rtol=0.2)
+    assert np.array_equal(
+        calibrate_positions(learn(samples), [], None, None).position, learn(samples).position
+    )
 
 
 def test_a_calibration_is_read_as_it_was_written(samples: CalibrationSamples, tmp_path: Path) -> None:
     learned = learn(samples)
     learned.save(tmp_path / "calibration.json")
     read = FitCalibration.load(tmp_path / "calibration.json")
-    assert read.threshold == learned.threshold and torch.equal(read.scale, learned.scale)
-    assert torch.equal(read.view_weights, learned.view_weights) and read.to_json() == learned.to_json()
+    assert read.threshold == learned.threshold and np.array_equal(read.scale, learned.scale)
+    assert np.array_equal(read.view_weights, learned.view_weights) and read.to_json() == learned.to_json()
 
 
 def test_a_calibration_of_an_older_format_is_told(samples: CalibrationSamples, tmp_path: Path) -> None:
@@ -395,7 +396,7 @@ def test_the_threshold_is_learned_out_of_sample(samples: CalibrationSamples) -> 
         **some | {"features": features, "right": rng.random(200) < 0.9, "out_of_distribution": features[:0]}
     )
     learned = learn(none)
-    in_sample = np.array([learned.confidence(row) for row in torch.from_numpy(features)])
+    in_sample = np.array([learned.confidence(row) for row in features])
     assert learned.threshold == lowest_threshold(out_of_fold(none)[0], none.right, none.weight)
     assert learned.threshold != lowest_threshold(in_sample, none.right, none.weight)
 
@@ -403,10 +404,10 @@ def test_the_threshold_is_learned_out_of_sample(samples: CalibrationSamples) -> 
 @pytest.fixture(scope="module")
 def boastful() -> FitCalibration:
     """What says of each fit that it is surely right, and widens all deviations to 7 times the residual."""
-    nothing = torch.zeros(len(CONFIDENCE_FEATURES)).double()
-    scale = torch.zeros(2, 24).double()
+    nothing = np.zeros(len(CONFIDENCE_FEATURES))
+    scale = np.zeros((2, 24))
     surely = (nothing, 9.0) * 3
-    return FitCalibration(*surely, 0.0, 0.0, scale, torch.full_like(scale, 7.0))
+    return FitCalibration(*surely, 0.0, 0.0, scale, np.full_like(scale, 7.0))
 
 
 def test_fits_are_calibrated_from_what_they_say_uncalibrated(
@@ -421,14 +422,14 @@ def test_fits_are_calibrated_from_what_they_say_uncalibrated(
 
     learned, found = made()
     assert sum(told) == sum(map(fit_count, two)) and fit_count(dataset) == 4 + len(photos_to_roll(dataset))
-    photos = torch.from_numpy(linear_from_srgb(dataset.images.astype(np.float32) / 255)).float()
+    photos = linear_from_srgb(dataset.images.astype(np.float32) / 255)
     said = recognizer(photos)
     evidence = replace(quick, calibrated=False, widened=False)
     plain = [explain_one(photos[i], said[i : i + 1], teapot, evidence) for i in range(4)]
     twice = [*plain, *plain[:2]]  # both datasets, one after the other
     np.testing.assert_allclose(found.deviation, np.stack([fit.deviation for fit in twice]), rtol=1e-5)
     # These are what a calibration widens: one that does nothing leaves them, in units of the residual.
-    idle = replace(learned, scale=torch.ones_like(learned.scale), floor=torch.zeros_like(learned.floor))
+    idle = replace(learned, scale=np.ones_like(learned.scale), floor=np.zeros_like(learned.floor))
     fit = explain_one(photos[0], said[:1], teapot, replace(quick, calibration=idle))
     others = np.arange(found.deviation.shape[1]) != 10  # azimuth's is of all views
     expected = float(residual(fit.confidence_features)) * found.deviation[0]
@@ -448,7 +449,7 @@ def test_fits_are_calibrated_from_what_they_say_uncalibrated(
     np.testing.assert_array_equal(found.out_of_distribution_fold, origin % FOLDS)
     first = photos_to_roll(dataset)[:1]
     turned = roll_photos(dataset.images[first], roll_angles(len(photos_to_roll(dataset)))[:1])
-    turned_photo = torch.from_numpy(linear_from_srgb(turned.astype(np.float32) / 255)).float()
+    turned_photo = linear_from_srgb(turned.astype(np.float32) / 255)
     fit = explain_one(turned_photo[0], recognizer(turned_photo), teapot, replace(quick, calibrated=False))
     np.testing.assert_allclose(found.out_of_distribution[0], fit.confidence_features, rtol=1e-4, atol=1e-6)
     again, _ = made()  # from the fits that were kept
@@ -483,7 +484,7 @@ def test_the_command_calibrates_weights_in_place_and_writes_what_was_learned_of_
     assert not np.array_equal(before.calibration.deviation, after.calibration.deviation)
     assert np.array_equal(before.weights["azimuth.weight"], after.weights["azimuth.weight"])
     learned = FitCalibration.load(tmp_path / "calibration.json")
-    assert learned.scale.shape == (2, 24) and torch.isfinite(learned.scale).all()
+    assert learned.scale.shape == (2, 24) and np.isfinite(learned.scale).all()
     assert {path.name for path in tmp_path.iterdir()} == {
         "recognition.onnx",
         "recognition.safetensors",

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import torch
+import numpy as np
 
 from vig.io.checks import check_number, decode, read_json, reading
 from vig.io.errors import UserError
@@ -56,9 +56,10 @@ LEAST_DEVIATION = 1e-3
 """Of any latent: even one that never varied, such as L00 at a set exposure, is not certain."""
 
 
-def residual(features: torch.Tensor) -> torch.Tensor:
+def residual(features: np.ndarray) -> np.ndarray:
     """Root mean square (...) of the residual where the object is visible, from features (..., C)."""
-    return features[..., CONFIDENCE_FEATURES.index("log_residual")].exp()
+    root: np.ndarray = np.exp(features[..., CONFIDENCE_FEATURES.index("log_residual")])
+    return root
 
 
 @dataclass(frozen=True)
@@ -84,47 +85,46 @@ class FitCalibration:
             it is of the default's.
     """
 
-    view_weights: torch.Tensor
+    view_weights: np.ndarray
     view_bias: float
-    in_distribution_weights: torch.Tensor
+    in_distribution_weights: np.ndarray
     in_distribution_bias: float
-    mask_weights: torch.Tensor
+    mask_weights: np.ndarray
     mask_bias: float
     threshold: float
     mask_threshold: float
-    scale: torch.Tensor
-    floor: torch.Tensor
-    position: torch.Tensor = field(
-        default_factory=lambda: torch.tensor([UNCALIBRATED_POSITION] * 2, dtype=torch.float64)
-    )
+    scale: np.ndarray
+    floor: np.ndarray
+    position: np.ndarray = field(default_factory=lambda: np.array([UNCALIBRATED_POSITION] * 2))
     density: str = DEFAULT_DENSITY
 
-    def confidence(self, features: torch.Tensor) -> float:
+    def confidence(self, features: np.ndarray) -> float:
         """Probability that the view of a fit is right; it fades to 0 for photos out of distribution."""
         view = _logistic(self.view_weights, self.view_bias, features)
         return float(faded(view, self._in_distribution(features)))
 
-    def mask_confidence(self, features: torch.Tensor) -> float:
+    def mask_confidence(self, features: np.ndarray) -> float:
         """Probability that the mask of a fit is right, see `Fit.mask_confidence`; it fades likewise."""
         mask = _logistic(self.mask_weights, self.mask_bias, features)
         return float(faded(mask, self._in_distribution(features)))
 
-    def in_distribution(self, features: torch.Tensor) -> float:
+    def in_distribution(self, features: np.ndarray) -> float:
         """Probability that a photo is of the distribution this was learned on, 1 / 2 a priori."""
         return float(self._in_distribution(features))
 
-    def _in_distribution(self, features: torch.Tensor) -> torch.Tensor:
+    def _in_distribution(self, features: np.ndarray) -> np.ndarray:
         return _logistic(self.in_distribution_weights, self.in_distribution_bias, features)
 
-    def widened(self, deviation: torch.Tensor, features: torch.Tensor, trusted: bool) -> torch.Tensor:
+    def widened(self, deviation: np.ndarray, features: np.ndarray, trusted: bool) -> np.ndarray:
         """Standard deviations (P,) from those of the curvature."""
         row = 0 if trusted else 1
-        wide = torch.sqrt((self.scale[row] * deviation) ** 2 + self.floor[row] ** 2)
-        return (residual(features) * wide).clamp_min(LEAST_DEVIATION)
+        wide = np.sqrt((self.scale[row] * deviation) ** 2 + self.floor[row] ** 2)
+        widened: np.ndarray = np.maximum(residual(features) * wide, LEAST_DEVIATION)
+        return widened
 
     def to_json(self) -> str:
         """The text of the file."""
-        values = {k: v.tolist() if isinstance(v, torch.Tensor) else v for k, v in vars(self).items()}
+        values = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in vars(self).items()}
         return json.dumps({"format": FORMAT, "features": CONFIDENCE_FEATURES} | values, indent=1) + "\n"
 
     def save(self, path: Path) -> None:
@@ -144,16 +144,13 @@ class FitCalibration:
             row, rows = tuple[float, ...], tuple[tuple[float, ...], ...]
             weights = dict.fromkeys(("view_weights", "in_distribution_weights", "mask_weights"), row)
             kinds = {**weights, "scale": rows, "floor": rows, "position": rows}
-            tensors = {
-                name: torch.tensor(decode(kind, values[name]), dtype=torch.float64)
-                for name, kind in kinds.items()
-            }
-            shapes = {tuple(tensors[name].shape) for name in weights}
+            tensors = {name: np.array(decode(kind, values[name]), np.float64) for name, kind in kinds.items()}
+            shapes = {tensors[name].shape for name in weights}
             size = tensors["scale"].shape
             if shapes != {(len(CONFIDENCE_FEATURES),)} or size != tensors["floor"].shape or size[0] != 2:
                 raise ValueError("its sizes do not fit")
             if tensors["position"].shape != (2, 3):
-                raise ValueError(f"position must be (2, 3); it is {tuple(tensors['position'].shape)}")
+                raise ValueError(f"position must be (2, 3); it is {tensors['position'].shape}")
             if any((tensors[name] < 0).any() for name in ("scale", "floor", "position")):
                 raise ValueError("scale, floor and position must not be negative")
             limits = dict.fromkeys(("view_bias", "in_distribution_bias", "mask_bias"), 1e6)
@@ -164,13 +161,15 @@ class FitCalibration:
             return FitCalibration(**checked)
 
 
-def faded(view: torch.Tensor, in_distribution: torch.Tensor) -> torch.Tensor:
+def faded(view: np.ndarray, in_distribution: np.ndarray) -> np.ndarray:
     """Confidence from the probabilities that a view or mask is right, and the photo in distribution."""
-    return view * (2 * in_distribution).clamp_max(1)
+    faded_view: np.ndarray = view * np.minimum(2 * in_distribution, 1)
+    return faded_view
 
 
-def _logistic(weights: torch.Tensor, bias: float, features: torch.Tensor) -> torch.Tensor:
-    return torch.sigmoid(features.double() @ weights + bias)
+def _logistic(weights: np.ndarray, bias: float, features: np.ndarray) -> np.ndarray:
+    probability: np.ndarray = 1 / (1 + np.exp(-(features.astype(np.float64) @ weights + bias)))
+    return probability
 
 
 @functools.lru_cache(maxsize=8)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
+from statistics import NormalDist
 
-import torch
+import numpy as np
 
 from vig.inference.calibration import (
     CONFIDENCE_FEATURES,
@@ -35,7 +37,7 @@ UNTRUSTED_FACTOR = 0.99
 """A verdict below trusted has at most this share of the threshold as its confidence."""
 UNINFORMED = "no network knows such objects; of the views all round this one has the most evidence"
 """Reason for doubt where views are compared by the objective alone."""
-QUANTILES = (torch.arange(40, dtype=torch.float64) + 0.5) / 40
+QUANTILES = 40
 """Of a Gaussian, by which it enters a mixture."""
 MOST_GAP = 3000.0
 """Nats at which the evidence gap is clipped."""
@@ -61,7 +63,7 @@ def assess(
     if evidence is None or normal is None:
         at_fit = objective.of_one(selection.point, settings.likelihood.sigma)
         assert at_fit.normal is not None
-        evidence, normal = float(at_fit.value), at_fit.normal[0]
+        evidence, normal = float(at_fit.value[0]), at_fit.normal[0]
     symmetry = objective.object_class.symmetry
     latents = symmetry.canonical(objective.latents(selection.point))
     shown = _show(objective, selection.point, latents, settings.likelihood)
@@ -79,11 +81,11 @@ def assess(
     deviations = _deviation(objective, normal)
     path = symmetry.canonical(objective.latents(selection.path))
     place, uniform = latent_layout(latents.shape.shape[1]).at("azimuth"), UNIFORM_TURN / max(symmetry.fold, 1)
-    position = torch.tensor(UNCALIBRATED_POSITION)
+    position = np.array(UNCALIBRATED_POSITION, np.float32)
     rough = calibration is None and settings.widened
     if rough:  # no number's above a uniform's within its bounds
-        within_bounds = ((objective.upper - objective.lower) / math.sqrt(12)).double()
-        deviations = torch.minimum(UNCALIBRATED_WIDENING * deviations, within_bounds)
+        within_bounds = (objective.upper - objective.lower).astype(np.float64) / math.sqrt(12)
+        deviations = np.minimum(UNCALIBRATED_WIDENING * deviations, within_bounds)
     deviation = objective.latents(deviations).to_vector()[0]
     if rough:
         # How probable other views are was not learned: unless it is trusted or told, any is possible.
@@ -116,28 +118,36 @@ def assess(
         start_evidence=selection.start_evidence,
         evaluations=selection.evaluations,
         alternatives=_views(objective, selection, judge or prediction, latents, confidence),
-        descent=torch.cat([path.to_vector(), objective.framing(selection.path)], dim=1),
+        descent=np.concatenate([path.to_vector(), objective.framing(selection.path)], axis=1),
         view_threshold=math.nan if calibration is None else calibration.threshold,
         mask_threshold=math.nan if calibration is None else calibration.mask_threshold,
         position_deviation=position,
     )
 
 
-def _among_views(deviation: float, confidence: float, prediction: Prediction, azimuth: torch.Tensor) -> float:
+def _among_views(deviation: float, confidence: float, prediction: Prediction, azimuth: np.ndarray) -> float:
     """Standard deviation, radians, of a Gaussian that has the 90 % interval of the azimuth's posterior.
 
     The posterior is a mixture: with the confidence the fit's azimuth (1,) is right, up to a Gaussian of
     `deviation`; else views are as probable as the recognition model says, that one taken out.
     """
-    off = prediction.azimuth_offsets(azimuth).abs()
-    other = prediction.azimuth[0].double() * (off > DISTINCT_AZIMUTH)
-    about = deviation * torch.special.ndtri(0.5 + 0.5 * QUANTILES)
-    mass = torch.cat([torch.full_like(about, confidence / len(about)), other / other.sum().clamp_min(1e-12)])
+    off = np.abs(prediction.azimuth_offsets(azimuth))
+    other = prediction.azimuth[0].astype(np.float64) * (off > DISTINCT_AZIMUTH)
+    about = deviation * np.array(_half_gaussian())
+    mass = np.concatenate([np.full_like(about, confidence / len(about)), other / max(other.sum(), 1e-12)])
     mass[len(about) :] *= 1 - confidence
-    order = (reach := torch.cat([about, off.double()])).argsort()
-    within = mass[order].cumsum(0) / mass.sum().clamp_min(1e-12)
-    place = min(int(torch.searchsorted(within, 0.9)), len(order) - 1)
+    reach = np.concatenate([about, off.astype(np.float64)])
+    order = reach.argsort(kind="stable")
+    within = mass[order].cumsum() / max(mass.sum(), 1e-12)
+    place = min(int(np.searchsorted(within, 0.9)), len(order) - 1)
     return float(reach[order][place]) / WITHIN_90
+
+
+@functools.cache
+def _half_gaussian() -> tuple[float, ...]:
+    """Quantiles of the absolute value of a standard normal number, in the middle of equal shares."""
+    normal = NormalDist()
+    return tuple(normal.inv_cdf(0.5 + 0.5 * (number + 0.5) / QUANTILES) for number in range(QUANTILES))
 
 
 def _views(
@@ -152,9 +162,9 @@ def _views(
         return ()
     canonical = objective.object_class.symmetry.canonical(objective.latents(selection.others))
     framings = objective.framing(selection.others)
-    mass = prediction.log_mass(torch.cat([latents.azimuth, canonical.azimuth])).exp()
+    mass = np.exp(prediction.log_mass(np.concatenate([latents.azimuth, canonical.azimuth])))
     # Where views overlap their masses may add up to more than what the fit's leaves.
-    rest = mass[1:] / (1 - mass[0]).clamp_min(mass[1:].sum())
+    rest = mass[1:] / max(1 - mass[0], mass[1:].sum())
     vectors = canonical.to_vector()
     return tuple(
         OtherView(
@@ -168,22 +178,22 @@ def _views(
 class _Shown:
     """Images (H, W) of a fit; `visible` is the pixel model's posterior, `by_pixel` that of single pixels."""
 
-    observed: torch.Tensor
-    rendered: torch.Tensor
-    coverage: torch.Tensor
-    by_pixel: torch.Tensor
-    visible: torch.Tensor
+    observed: np.ndarray
+    rendered: np.ndarray
+    coverage: np.ndarray
+    by_pixel: np.ndarray
+    visible: np.ndarray
 
     @property
-    def amodal(self) -> torch.Tensor:
+    def amodal(self) -> np.ndarray:
         return self.coverage >= 0.5
 
     @property
-    def mask(self) -> torch.Tensor:
+    def mask(self) -> np.ndarray:
         return self.visible > 0.5
 
 
-def _show(objective: Objective, point: torch.Tensor, latents: Latents, model: PixelModel) -> _Shown:
+def _show(objective: Objective, point: np.ndarray, latents: Latents, model: PixelModel) -> _Shown:
     """Evaluate one point (1, P') under the masks' noise."""
     evaluation = objective.of_one(point, MASK_SIGMA, derivatives=False).evaluation
     assert (
@@ -194,15 +204,17 @@ def _show(objective: Objective, point: torch.Tensor, latents: Latents, model: Pi
     coverage, posterior = evaluation.coverage, evaluation.posterior
     likelihood = objective.likelihood
     observed, log_prior = (
-        image.view(*coverage.shape, 3) for image in (likelihood.observed, likelihood.log_prior)
+        image.reshape(*coverage.shape, 3) for image in (likelihood.observed, likelihood.log_prior)
     )
     # A Lambertian surface of one albedo: colour = albedo x irradiance.
     rendered = evaluation.irradiance[..., None] * latents.albedo[:, None, None]
     amodal = coverage >= 0.5
-    decorated = torch.zeros(amodal.shape[1:]) if objective.decorated is None else objective.decorated
+    decorated = (
+        np.zeros(amodal.shape[1:], coverage.dtype) if objective.decorated is None else objective.decorated
+    )
     # What shows another of the object's own colours is visible, too.
-    posterior = posterior + (1 - posterior) * decorated.to(posterior)
-    by_pixel = visible = torch.where(amodal, posterior, 0.0)
+    posterior = posterior + (1 - posterior) * decorated.astype(posterior.dtype)
+    by_pixel = visible = np.where(amodal, posterior, posterior.dtype.type(0))
     if model.mask is not None:
         visible = spatial_posterior(observed, rendered, log_prior, amodal, model.mask, decorated)
     images = (observed, rendered, coverage, by_pixel, visible)
@@ -210,8 +222,8 @@ def _show(objective: Objective, point: torch.Tensor, latents: Latents, model: Pi
 
 
 def _joined(
-    shown: _Shown, predicted: torch.Tensor, labels: torch.Tensor | None, share: float
-) -> tuple[torch.Tensor, torch.Tensor]:
+    shown: _Shown, predicted: np.ndarray, labels: np.ndarray | None, share: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Coverage and visible (H, W) of a fit, joined with the network's `MASK_CLASSES` (H, W, 3).
 
     Means of probabilities: where the network is sure it decides, elsewhere the model does. What is visible is
@@ -219,19 +231,20 @@ def _joined(
     """
     if not share:
         return shown.coverage, shown.visible
-    coverage = torch.lerp(shown.coverage, 1 - predicted[..., 2], share)
+    coverage = (1 - share) * shown.coverage + share * (1 - predicted[..., 2])
     if labels is not None:
-        coverage = torch.where(labels == PixelLabel.IN_FRONT, shown.coverage, coverage)
-    return coverage, torch.minimum(torch.lerp(shown.visible, predicted[..., 0], share), coverage)
+        coverage = np.where(labels == PixelLabel.IN_FRONT, shown.coverage, coverage)
+    visible = (1 - share) * shown.visible + share * predicted[..., 0]
+    return coverage, np.minimum(visible, coverage)
 
 
-def _features(latents: Latents, shown: _Shown, prediction: Prediction, selection: Selection) -> torch.Tensor:
+def _features(latents: Latents, shown: _Shown, prediction: Prediction, selection: Selection) -> np.ndarray:
     """The confidence features (C,) float64 of a fit."""
     pixels = int(shown.mask.sum())
     residual = (shown.rendered - shown.observed)[shown.mask]
     network_off = prediction.symmetry.difference(prediction.best().azimuth, latents.azimuth)[0]
-    probability = prediction.azimuth[0].double()
-    entropy = float(-(probability * probability.clamp_min(1e-12).log()).sum())
+    probability = prediction.azimuth[0].astype(np.float64)
+    entropy = float(-(probability * np.log(np.maximum(probability, 1e-12))).sum())
     stated = prediction.layout.split(prediction.deviation[0])
     predicted = 1 - prediction.mask[0, :, :, 2] > 0.5
     union = int((shown.amodal | predicted).sum())
@@ -241,35 +254,41 @@ def _features(latents: Latents, shown: _Shown, prediction: Prediction, selection
         "network_agrees": float(abs(float(network_off)) < DISTINCT_AZIMUTH),
         "hidden_fraction": 1 - pixels / max(1, int(shown.amodal.sum())),
         "log_visible_pixels": math.log1p(pixels),
-        "log_residual": math.log(max(1e-4, float(residual.square().mean().sqrt()) if pixels else 1.0)),
+        "log_residual": math.log(max(1e-4, math.sqrt(np.square(residual).mean()) if pixels else 1.0)),
         "sine_elevation": math.sin(float(latents.elevation[0])),
         "mask_log_probability": _mask_log_probability(prediction.mask[0], shown.mask, shown.amodal),
         "log_azimuth_entropy": math.log(max(entropy, 1e-3)),
-        "log_elevation_deviation": math.log(max(float(stated["elevation"]), 1e-4)),
+        "log_elevation_deviation": math.log(max(float(stated["elevation"][0]), 1e-4)),
         "shape_deviation": float(stated["shape"].mean()),
-        "presence_log_odds": float(prediction.presence[0].double().logit(eps=LEAST_PROBABILITY)),
+        "presence_log_odds": _log_odds(float(prediction.presence[0])),
         "predicted_roll": abs(float(prediction.roll[0])),
         "outline_agreement": int((shown.amodal & predicted).sum()) / max(union, 1),
     }
-    return torch.tensor([features[name] for name in CONFIDENCE_FEATURES], dtype=torch.float64)
+    return np.array([features[name] for name in CONFIDENCE_FEATURES], np.float64)
 
 
-def _mask_log_probability(predicted: torch.Tensor, mask: torch.Tensor, amodal: torch.Tensor) -> float:
+def _log_odds(probability: float) -> float:
+    """Of a probability, but of one not nearer to 0 or 1 than `LEAST_PROBABILITY`."""
+    bounded = min(max(probability, LEAST_PROBABILITY), 1 - LEAST_PROBABILITY)
+    return math.log(bounded / (1 - bounded))
+
+
+def _mask_log_probability(predicted: np.ndarray, mask: np.ndarray, amodal: np.ndarray) -> float:
     """Mean log probability, as predicted (H, W, 3), of a fit's classes of the object's pixels.
 
     The object's pixels are those that the fit covers, and those that may well show it as predicted.
     """
-    visible, hidden, _ = predicted.unbind(-1)
-    same = torch.where(mask, visible, torch.where(amodal, hidden, 1 - visible))
+    visible, hidden = predicted[..., 0], predicted[..., 1]
+    same = np.where(mask, visible, np.where(amodal, hidden, 1 - visible))
     about = amodal | (visible > LEAST_VISIBLE)
     if not about.any():
         return math.log(LEAST_PROBABILITY)
-    return float(same.clamp_min(LEAST_PROBABILITY).log()[about].mean())
+    return float(np.log(np.maximum(same, LEAST_PROBABILITY))[about].mean())
 
 
 def _verdict(
     selection: Selection,
-    features: torch.Tensor,
+    features: np.ndarray,
     calibration: FitCalibration | None,
     anything: bool,
     settings: FitSettings,
@@ -319,12 +338,12 @@ def unsure(confidence: float, threshold: float) -> str:
     return f"its view is right with a probability of {confidence:.0%} only{never}"
 
 
-def _deviation(objective: Objective, normal: torch.Tensor) -> torch.Tensor:
+def _deviation(objective: Objective, normal: np.ndarray) -> np.ndarray:
     """Standard deviations (1, P') from the inverse normal matrix (P', P') of the numbers that are free."""
     # Held numbers have no deviation, and would make the matrix singular.
     free = objective.lower < objective.upper
-    matrix = normal[free][:, free].double()
-    matrix = matrix + 1e-9 * matrix.diagonal().max() * torch.eye(len(matrix), dtype=torch.float64)
-    deviation = torch.zeros(1, len(normal), dtype=torch.float64)
-    deviation[0, free] = torch.linalg.inv(matrix).diagonal().clamp_min(0.0).sqrt()
+    matrix = normal[free][:, free].astype(np.float64)
+    matrix = matrix + 1e-9 * matrix.diagonal().max() * np.eye(len(matrix))
+    deviation = np.zeros((1, len(normal)))
+    deviation[0, free] = np.sqrt(np.maximum(np.linalg.inv(matrix).diagonal(), 0.0))
     return deviation

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import torch
+import numpy as np
 
 from vig.inference.confidence import assess
 from vig.inference.hints import WindowHints
@@ -18,15 +18,15 @@ from vig.scene import ObjectClass
 
 
 def explain(
-    photos: torch.Tensor,
+    photos: np.ndarray,
     object_class: ObjectClass,
     recognizer: Recognizer,
     settings: ExplainSettings | FitSettings | None = None,
-    valid: torch.Tensor | None = None,
+    valid: np.ndarray | None = None,
     hints: WindowHints | None = None,
     expected: ExpectedStart | None = None,
 ) -> Iterator[Fit]:
-    """Explain photos (N, 150, 150, 3), linear RGB, in their order, as many at once as torch has threads.
+    """Explain photos (N, 150, 150, 3), linear RGB, in their order, as many at once as there are threads.
 
     Pixels outside `valid` (N, 150, 150) bool are padding and do not count; hints are of all photos. A start
     that is `expected` is of one photo.
@@ -43,11 +43,11 @@ def explain(
 
 
 def explain_one(
-    photo: torch.Tensor,
+    photo: np.ndarray,
     prediction: Prediction,
     object_class: ObjectClass,
     settings: ExplainSettings | FitSettings,
-    valid: torch.Tensor | None = None,
+    valid: np.ndarray | None = None,
     hints: WindowHints | None = None,
     judge: Prediction | None = None,
     expected: ExpectedStart | None = None,

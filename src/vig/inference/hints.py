@@ -10,9 +10,9 @@ from enum import IntEnum
 
 import numpy as np
 import scipy  # which loads `spatial` where that is first used
-import torch
 
 from vig.recognition import Prediction, box_in_window
+from vig.recognition.prediction import bin_centres
 from vig.scene import Camera, LatentLayout, ObjectClass, ShapeModel
 
 POINT_NOISE = 0.02
@@ -32,6 +32,10 @@ ELEVATION_SPREAD = math.radians(4.0)
 
 SURE = 8.0
 """Nats against what a user excludes of a pixel: hands slip."""
+
+
+COMPLEX_STEP = 1e-30
+"""Of derivatives of places, see `PlaceTerm`."""
 
 
 class PixelLabel(IntEnum):
@@ -61,10 +65,10 @@ class WindowHints:
         box: x, y, w, h of the whole object, in sides of the window; None where it is not known, or turned.
     """
 
-    labels: torch.Tensor
+    labels: np.ndarray
     visible: bool
-    vertices: torch.Tensor
-    places: torch.Tensor
+    vertices: np.ndarray
+    places: np.ndarray
     azimuth: float | None
     elevation: float | None
     held: Mapping[str, float]
@@ -86,18 +90,18 @@ class WindowHints:
         Pixels of which something is said have that class; elevation and azimuth are about those given; each
         bin of azimuth is weighted by how well it puts the points where they are, framed by the mask's box.
         """
-        numbers, deviation = prediction.numbers.clone(), prediction.deviation.clone()
+        numbers, deviation = prediction.numbers.copy(), prediction.deviation.copy()
         azimuth = prediction.azimuth
-        visible, hidden, beside = prediction.mask[0].unbind(-1)
+        visible, hidden, beside = np.moveaxis(prediction.mask[0], -1, 0)
         if self.visible:
-            visible, hidden = visible + hidden, torch.zeros_like(hidden)
+            visible, hidden = visible + hidden, np.zeros_like(hidden)
         # A pixel that does not show the object is hidden or beside it, in the ratio that was predicted.
-        behind = hidden / (hidden + beside).clamp_min(1e-6)
-        away = torch.stack([torch.zeros_like(visible), behind, 1 - behind], dim=-1)
-        classes = torch.stack([visible, hidden, beside], dim=-1)
-        for kind, share in ((PixelLabel.SEEN, torch.Tensor([1, 0, 0])), (PixelLabel.IN_FRONT, away),
-                            (PixelLabel.NOTHING, torch.Tensor([0, 0, 1]))):  # fmt: skip
-            classes = torch.where((self.labels == kind)[..., None], share, classes)
+        behind = hidden / np.maximum(hidden + beside, 1e-6)
+        away = np.stack([np.zeros_like(visible), behind, 1 - behind], axis=-1)
+        classes = np.stack([visible, hidden, beside], axis=-1)
+        for kind, share in ((PixelLabel.SEEN, np.array([1, 0, 0], np.float32)), (PixelLabel.IN_FRONT, away),
+                            (PixelLabel.NOTHING, np.array([0, 0, 1], np.float32))):  # fmt: skip
+            classes = np.where((self.labels == kind)[..., None], share, classes)
         if self.elevation is not None:
             place = prediction.layout["elevation"]
             numbers[:, place], deviation[:, place] = self.elevation, ELEVATION_SPREAD
@@ -105,17 +109,17 @@ class WindowHints:
         if prediction.symmetry.fold and (self.azimuth is not None or len(self.vertices)):
             bins = azimuth.shape[1]
             # Bins of a symmetric class share the circle's 1 / fold part.
-            centres = (torch.arange(bins) + 0.5) * (2 * math.pi / (bins * prediction.symmetry.fold))
-            weight = azimuth[0].double() + LEAST_VIEW
+            centres = bin_centres(bins, prediction.symmetry.fold)
+            weight = azimuth[0].astype(np.float64) + LEAST_VIEW
             if self.azimuth is not None:
-                off = prediction.symmetry.difference(centres, torch.tensor(self.azimuth))
-                weight = torch.exp(-0.5 * (off.double() / VIEW_SPREAD) ** 2)
+                off = prediction.symmetry.difference(centres, np.float32(self.azimuth))
+                weight = np.exp(-0.5 * (off.astype(np.float64) / VIEW_SPREAD) ** 2)
             if len(self.vertices):
                 weight = weight * self._agreement(changed, centres, object_class, camera)
-            changed = replace(changed, azimuth=(weight / weight.sum()).to(azimuth)[None])
+            changed = replace(changed, azimuth=(weight / weight.sum()).astype(azimuth.dtype)[None])
         return changed
 
-    def exclude(self, log_prior: torch.Tensor) -> None:
+    def exclude(self, log_prior: np.ndarray) -> None:
         """Take `SURE` nats from what is excluded: log prior (S, S, 3) of visible, hidden, background."""
         log_prior[self.labels == PixelLabel.SEEN, 1:] -= SURE
         log_prior[self.labels == PixelLabel.IN_FRONT, 0] -= SURE
@@ -124,29 +128,30 @@ class WindowHints:
             log_prior[..., 1] -= SURE
 
     def _agreement(
-        self, prediction: Prediction, azimuths: torch.Tensor, object_class: ObjectClass, camera: Camera
-    ) -> torch.Tensor:
+        self, prediction: Prediction, azimuths: np.ndarray, object_class: ObjectClass, camera: Camera
+    ) -> np.ndarray:
         """How well each azimuth (A,) puts the points, as exp(-r^2 / 2): (A,) float64, at most 1."""
         best = prediction.best()
         count = len(azimuths)
         vertices = object_class.shape_model.vertices(best.shape)
-        rotation, translation = camera.pose(azimuths.float(), best.elevation.expand(count).float())
-        x, y, z = (vertices @ rotation.mT + translation[:, None]).unbind(2)
-        places_in_window = camera.focal / camera.width * torch.stack([x / z, y / z], 2)
-        least, most = places_in_window.amin(1), places_in_window.amax(1)
+        rotation, translation = camera.pose(azimuths, np.repeat(best.elevation, count))
+        seen = vertices @ rotation.swapaxes(1, 2) + translation[:, None]
+        places_in_window = camera.focal / camera.width * seen[..., :2] / seen[..., 2:]
+        least, most = places_in_window.min(1), places_in_window.max(1)
         box = box_in_window(prediction)
         shown = places_in_window[:, self.vertices]
         if box is None:
-            scale, shift = places_in_window.new_ones(count, 1), places_in_window.new_full((count, 2), 0.5)
+            scale, shift = np.ones((count, 1), np.float32), np.full((count, 2), 0.5, np.float32)
         else:
-            there = torch.tensor(box)
+            there = np.array(box, np.float32)
             # A guess of the framing: the projected box has the size and place of the predicted one.
-            scale = (0.5 * (there[2:].log() - (most - least).log()).sum(1, keepdim=True)).exp()
+            scale = np.exp(0.5 * (np.log(there[2:]) - np.log(most - least)).sum(1, keepdims=True))
             shift = there[:2] + there[2:] / 2 - scale * (least + most) / 2
-        off = (scale[:, None] * shown + shift[:, None] - self.places).square().sum((1, 2)).double()
+        off = np.square(scale[:, None] * shown + shift[:, None] - self.places).sum((1, 2)).astype(np.float64)
         # Relative to the best azimuth: only differences weigh the bins.
         off = off / COARSE_NOISE**2
-        return torch.exp(-0.5 * (off - off.min()))
+        agreement: np.ndarray = np.exp(-0.5 * (off - off.min()))
+        return agreement
 
 
 @dataclass(frozen=True)
@@ -157,23 +162,26 @@ class Projection:
     camera: Camera
     layout: LatentLayout
 
-    def of(self, chosen: np.ndarray) -> Callable[[torch.Tensor], torch.Tensor]:
-        """Places (N, 2) of the chosen vertices (N,), in sides of the window, from one point (P') float64."""
-        mean = torch.from_numpy(self.model.mean[chosen]).double()
-        basis = torch.from_numpy(self.model.basis[:, chosen]).double()
+    def of(self, chosen: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+        """Places (B, N, 2) of the chosen vertices (N,), in sides of the window, from points (B, P').
+
+        An analytic function of points, real or complex.
+        """
+        mean = self.model.mean[chosen].astype(np.float64)
+        basis = self.model.basis[:, chosen].astype(np.float64)
         at, camera = self.layout, self.camera
 
-        def places(point: torch.Tensor) -> torch.Tensor:
-            vertices = mean + torch.einsum("k,kjc->jc", point[at["shape"]], basis)
+        def places(points: np.ndarray) -> np.ndarray:
+            vertices = mean + np.einsum("bk,kjc->bjc", points[:, at["shape"]], basis)
             # As `eye_of` and `project` in vig_native/likelihood.cc.
-            rotation, translation = camera.pose(point[at["azimuth"]], point[at["elevation"]])
-            x, y, z = (vertices @ rotation[0].T + translation[0]).unbind(1)
-            framing = point[at["framing"]] if "framing" in at else point.new_zeros(4)
-            shift_x, shift_y, log_scale, roll = framing.unbind(0)
-            cos, sin = torch.cos(roll), torch.sin(roll)
-            scale = camera.focal / camera.width * torch.exp(log_scale)
+            rotation, translation = camera.pose(points[:, at.at("azimuth")], points[:, at.at("elevation")])
+            x, y, z = np.moveaxis(vertices @ rotation.swapaxes(1, 2) + translation[:, None], 2, 0)
+            framing = points[:, at["framing"]] if "framing" in at else np.zeros((len(points), 4))
+            shift_x, shift_y, log_scale, roll = (number[:, None] for number in framing.T)
+            cos, sin = np.cos(roll), np.sin(roll)
+            scale = camera.focal / camera.width * np.exp(log_scale)
             across, down = scale * (cos * x - sin * y) / z, scale * (sin * x + cos * y) / z
-            return torch.stack([across + 0.5 + shift_x, down + 0.5 + shift_y], 1)
+            return np.stack([across + 0.5 + shift_x, down + 0.5 + shift_y], 2)
 
         return places
 
@@ -184,35 +192,39 @@ class PlaceTerm(ABC):
     """
 
     @abstractmethod
-    def residuals(self, point: torch.Tensor) -> torch.Tensor:
-        """(R,) in deviations, of one point (P') of the objective, float64."""
+    def residuals(self, points: np.ndarray) -> np.ndarray:
+        """(B, R) in deviations, of points (B, P') of the objective: an analytic function, real or complex."""
 
-    def value(self, points: torch.Tensor) -> torch.Tensor:
+    def value(self, points: np.ndarray) -> np.ndarray:
         """log p of points (B, P') up to a constant: (B,) float64."""
-        residuals_of_points = torch.func.vmap(self.residuals)(points.double())
-        return -0.5 * residuals_of_points.square().sum(1)
+        log_p: np.ndarray = -0.5 * np.square(self.residuals(points.astype(np.float64))).sum(1)
+        return log_p
 
-    def add_to(
-        self, points: torch.Tensor, value: torch.Tensor, gradient: torch.Tensor, normal: torch.Tensor
-    ) -> None:
+    def add_to(self, points: np.ndarray, value: np.ndarray, gradient: np.ndarray, normal: np.ndarray) -> None:
         """Add log p to values (B,), its gradient to (B, P'), -log p's matrix to (B, P', P')."""
-        host = points.double()
-        off = torch.func.vmap(self.residuals)(host)
-        slopes = torch.func.vmap(torch.func.jacfwd(self.residuals))(host)
-        value += (-0.5 * off.square().sum(1)).to(value)
-        gradient -= torch.einsum("bj,bjp->bp", off, slopes).to(gradient)
-        normal += torch.einsum("bjp,bjq->bpq", slopes, slopes).to(normal)
+        off, slopes = self._linearised(points.astype(np.float64))
+        value += -0.5 * np.square(off).sum(1)
+        gradient -= np.einsum("bj,bjp->bp", off, slopes)
+        normal += np.einsum("bjp,bjq->bpq", slopes, slopes)
+
+    def _linearised(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals (B, R) and their derivatives (B, R, P'), exact: the imaginary part of a tiny step."""
+        count, size = points.shape
+        moved = points[:, None] + 1j * COMPLEX_STEP * np.eye(size)
+        found = self.residuals(moved.reshape(-1, size)).reshape(count, size, -1)
+        return found[:, 0].real, found.imag.swapaxes(1, 2) / COMPLEX_STEP
 
 
 class PointTerm(PlaceTerm):
     """Of named points: vertices (J,) are at places (J, 2)."""
 
-    def __init__(self, vertices: torch.Tensor, places: torch.Tensor, projection: Projection):
-        self.given, self.places = places.double(), projection.of(vertices.numpy())
+    def __init__(self, vertices: np.ndarray, places: np.ndarray, projection: Projection):
+        self.given, self.places = places.astype(np.float64), projection.of(vertices)
 
-    def residuals(self, point: torch.Tensor) -> torch.Tensor:
-        """Both coordinates of each point, (2 J,)."""
-        return ((self.places(point) - self.given) / POINT_NOISE).flatten() * math.sqrt(POINT_WEIGHT)
+    def residuals(self, points: np.ndarray) -> np.ndarray:
+        """Both coordinates of each point, (B, 2 J)."""
+        off = (self.places(points) - self.given) / POINT_NOISE * math.sqrt(POINT_WEIGHT)
+        return off.reshape(len(points), -1)
 
 
 class BoxTerm(PlaceTerm):
@@ -220,11 +232,12 @@ class BoxTerm(PlaceTerm):
 
     def __init__(self, box: tuple[float, float, float, float], projection: Projection):
         x, y, w, h = box
-        self.given = torch.tensor([x, y, x + w, y + h], dtype=torch.float64)
+        self.given = np.array([x, y, x + w, y + h], np.float64)
         self.places = projection.of(scipy.spatial.ConvexHull(projection.model.mean).vertices)
 
-    def residuals(self, point: torch.Tensor) -> torch.Tensor:
-        """Left, top, right and bottom, (4,)."""
-        places = self.places(point)
-        sides = torch.cat([places.amin(0), places.amax(0)])
+    def residuals(self, points: np.ndarray) -> np.ndarray:
+        """Left, top, right and bottom, (B, 4)."""
+        places = self.places(points)
+        ends = [places.real.argmin(1), places.real.argmax(1)]
+        sides = np.concatenate([np.take_along_axis(places, end[:, None], 1)[:, 0] for end in ends], axis=1)
         return (sides - self.given) / BOX_NOISE * math.sqrt(POINT_WEIGHT)

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
-import torch
+import numpy as np
+import numpy.typing as npt
 
 from vig.inference.hints import PlaceTerm
 from vig.likelihood import Evaluation, Likelihood
@@ -29,9 +30,9 @@ class RecognitionPrior:
         azimuth_precision: Of each of these, its power included.
     """
 
-    mean: torch.Tensor
-    precision: torch.Tensor
-    azimuths: torch.Tensor
+    mean: np.ndarray
+    precision: np.ndarray
+    azimuths: np.ndarray
     azimuth_precision: float
 
 
@@ -47,20 +48,18 @@ class Prior:
         layout: LatentLayout,
         object_class: ObjectClass,
         recognition: RecognitionPrior | None,
-        dtype: torch.dtype,
+        dtype: npt.DTypeLike,
         weight: float = 1.0,
     ):
-        mean = torch.zeros(layout.size, dtype=torch.float64)
-        precision = torch.zeros(layout.size, layout.size, dtype=torch.float64)
+        mean, precision = np.zeros(layout.size), np.zeros((layout.size, layout.size))
         for name, (deviation, weighted) in layout.prior_deviations().items():
             factor = weight if weighted else 1.0
             numbers = layout.indices(name)
-            precision[numbers, numbers] = factor * torch.tensor(deviation, dtype=torch.float64) ** -2
+            precision[numbers, numbers] = factor * np.array(deviation, np.float64) ** -2.0
         light = layout["light"]
-        mean[light] = torch.from_numpy(object_class.light_prior_mean)
-        covariance = torch.from_numpy(object_class.light_prior_covariance)
+        mean[light] = object_class.light_prior_mean
         # In the world; the network's Gaussian of the light is in the frame of the heading.
-        precision[light, light] = weight * torch.linalg.inv(covariance)
+        precision[light, light] = weight * np.linalg.inv(object_class.light_prior_covariance)
         azimuth_precision = 0.0 if recognition is None else recognition.azimuth_precision
         heading_mean = heading_precision = azimuths = mean[:0]
         if recognition is not None:
@@ -68,9 +67,9 @@ class Prior:
             names = [block.name for block in whole.blocks if block.name != "light" and block.name in layout]
             here, there = layout.indices(*names), whole.indices(*names)
             # A product of Gaussians: precisions add up, means are weighted by them.
-            added = weight * recognition.precision[there].double()
-            total = precision.diagonal()[here] + added
-            mean[here] = added * recognition.mean[there].double() / total.clamp_min(1e-12)
+            added = weight * recognition.precision[there].astype(np.float64)
+            total = precision[here, here] + added
+            mean[here] = added * recognition.mean[there] / np.maximum(total, 1e-12)
             precision[here, here] = total
             heading_mean = recognition.mean[whole["light"]]
             heading_precision = weight * recognition.precision[whole["light"]]
@@ -78,7 +77,7 @@ class Prior:
         self.dtype = dtype
         gaussians = mean, precision, heading_mean, heading_precision, azimuths
         self.native = engine.prior(
-            *(each.to(dtype).contiguous().numpy() for each in gaussians),
+            *(np.ascontiguousarray(each, dtype) for each in gaussians),
             azimuth_precision,
             float(object_class.symmetry.fold),
             layout.at("azimuth"),
@@ -86,31 +85,30 @@ class Prior:
         )
         """The same prior for the native library."""
 
-    def value(self, points: torch.Tensor) -> torch.Tensor:
+    def value(self, points: np.ndarray) -> np.ndarray:
         """log p(z) of points (B, P'): (B,) float64."""
-        value = torch.zeros(len(points), dtype=torch.float64)
+        value = np.zeros(len(points))
         self.add_to(points, value)
         return value
 
     def add_to(
         self,
-        points: torch.Tensor,
-        value: torch.Tensor,
-        gradient: torch.Tensor | None = None,
-        normal: torch.Tensor | None = None,
+        points: np.ndarray,
+        value: np.ndarray,
+        gradient: np.ndarray | None = None,
+        normal: np.ndarray | None = None,
     ) -> None:
         """Add log p(z) to values (B,) float64, its gradient to (B, P'), -log p's matrix to (B, P', P')."""
-        derivatives = (None if each is None else each.numpy() for each in (gradient, normal))
-        self.native.add_to(points.to(self.dtype).contiguous().numpy(), value.numpy(), *derivatives)
+        self.native.add_to(np.ascontiguousarray(points, self.dtype), value, gradient, normal)
 
 
 @dataclass(frozen=True)
 class ObjectiveValue:
     """The objective at B points: value (B,) float64, gradient (B, P'), normal (B, P', P') or None."""
 
-    value: torch.Tensor
-    gradient: torch.Tensor | None
-    normal: torch.Tensor | None
+    value: np.ndarray
+    gradient: np.ndarray | None
+    normal: np.ndarray | None
     evaluation: Evaluation
 
 
@@ -130,7 +128,7 @@ class Objective:
         free_framing: bool = False,
         recognition: RecognitionPrior | None = None,
         prior_weight: float = 1.0,
-        decorated: torch.Tensor | None = None,
+        decorated: np.ndarray | None = None,
         terms: Sequence[PlaceTerm] = (),
         held: Mapping[str, float] = MappingProxyType({}),
     ):
@@ -147,7 +145,7 @@ class Objective:
         geometry = likelihood.geometry
         self.dtype = geometry.dtype
         self.prior = Prior(layout, object_class, recognition, self.dtype, prior_weight)
-        self.lower, self.upper = (torch.tensor(bound, dtype=self.dtype) for bound in layout.bounds())
+        self.lower, self.upper = (np.array(bound, self.dtype) for bound in layout.bounds())
         for name, number in held.items():
             in_framing = layout["framing"].start + FRAMING.labels.index(name) if name == "roll" else None
             index = layout.at(name) if in_framing is None else in_framing
@@ -160,40 +158,39 @@ class Objective:
         other.likelihood, other.terms = likelihood, terms
         return other
 
-    def point(self, latents: Latents, framing: torch.Tensor | None = None) -> torch.Tensor:
+    def point(self, latents: Latents, framing: np.ndarray | None = None) -> np.ndarray:
         """Points (B, P') within the bounds from latents and framing (B, 4); all else is 0."""
-        vector = latents.to_vector().to(self.dtype)
-        if not torch.isfinite(vector).all():
+        vector = latents.to_vector().astype(self.dtype)
+        if not np.isfinite(vector).all():
             raise ValueError("latents must be finite; got NaN or infinity")
         if vector.shape[1] != len(self._latents):
             raise ValueError(f"latents must be (B, {len(self._latents)}); got {tuple(vector.shape)}")
-        points = vector.new_zeros(len(vector), self.layout.size)
+        points = np.zeros((len(vector), self.layout.size), self.dtype)
         points[:, self._latents] = vector
         if framing is not None:
-            points[:, self.layout["framing"]] = framing.to(vector)
-        return points.clamp(self.lower, self.upper)
+            points[:, self.layout["framing"]] = framing
+        return points.clip(self.lower, self.upper)
 
-    def latents(self, points: torch.Tensor) -> Latents:
+    def latents(self, points: np.ndarray) -> Latents:
         """The latents of points (B, P')."""
         return Latents.from_vector(points[:, self._latents])
 
-    def azimuth(self, points: torch.Tensor) -> torch.Tensor:
+    def azimuth(self, points: np.ndarray) -> np.ndarray:
         """The azimuths (B,) of points (B, P'), radians."""
         return points[:, self.layout.at("azimuth")]
 
-    def framing(self, points: torch.Tensor) -> torch.Tensor:
+    def framing(self, points: np.ndarray) -> np.ndarray:
         """The framing (B, 4) of points (B, P'), 0 where the layout has none."""
         if "framing" not in self.layout:
-            return torch.zeros(len(points), FRAMING.size, dtype=points.dtype)
+            return np.zeros((len(points), FRAMING.size), points.dtype)
         return points[:, self.layout["framing"]]
 
-    def of_one(self, point: torch.Tensor, sigma: float, derivatives: bool = True) -> ObjectiveValue:
+    def of_one(self, point: np.ndarray, sigma: float, derivatives: bool = True) -> ObjectiveValue:
         """Value one point (1, P') of the first photo."""
-        photo = torch.zeros(1, dtype=torch.int32)
-        return self(point, photo, torch.tensor([sigma]), derivatives)
+        return self(point, np.zeros(1, np.int32), np.array([sigma]), derivatives)
 
     def search(
-        self, starts: torch.Tensor, sigma: float, budget: Budget, damping: float, give_up: float
+        self, starts: np.ndarray, sigma: float, budget: Budget, damping: float, give_up: float
     ) -> Descent | None:
         """Search the first photo's maximum by native code, see `LevenbergMarquardt`.
 
@@ -208,7 +205,7 @@ class Objective:
             self.prior.native,
             0,
             sigma,
-            *(each.contiguous().numpy() for each in (starts, self.lower, self.upper)),
+            *(np.ascontiguousarray(each, self.dtype) for each in (starts, self.lower, self.upper)),
             budget.iterations,
             budget.tolerance,
             damping,
@@ -216,18 +213,13 @@ class Objective:
             budget.curvature,
             thread_count(),
         )
-        steps = torch.from_numpy(path[: int(evaluations.max(initial=1))])
+        steps = path[: int(evaluations.max(initial=1))]
         return Descent(
-            steps[-1].clone(),
-            torch.from_numpy(value),
-            torch.from_numpy(evaluations),
-            torch.from_numpy(converged),
-            steps,
-            torch.from_numpy(normal) if len(normal) else None,
+            steps[-1].copy(), value, evaluations, converged, steps, normal if len(normal) else None
         )
 
     def __call__(
-        self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: bool = True
+        self, points: np.ndarray, photo: np.ndarray, sigma: np.ndarray, derivatives: bool = True
     ) -> ObjectiveValue:
         """Value points (B, P') of photos (B,) under noise sigma (B,); images come where no derivatives do."""
         evaluation = self.likelihood.at(points, photo, sigma, derivatives, images=not derivatives)
@@ -235,7 +227,7 @@ class Objective:
         self.prior.add_to(points, value, gradient, normal)
         for term in self.terms:
             if gradient is None or normal is None:
-                value += term.value(points).to(value)
+                value += term.value(points)
             else:
                 term.add_to(points, value, gradient, normal)
         return ObjectiveValue(value, gradient, normal, evaluation)

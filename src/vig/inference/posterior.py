@@ -6,7 +6,7 @@ import functools
 import math
 from collections.abc import Iterable
 
-import torch
+import numpy as np
 
 from vig.inference.families import shape_deviation
 from vig.inference.hints import WindowHints
@@ -27,27 +27,27 @@ def geometry_of(object_class: ObjectClass, self_shadow: bool = False) -> Geometr
     """
     transfer = object_class.transfer if self_shadow else None
     model, reflectance = object_class.at_unit_scale.shape_model, object_class.reflectance
-    return Geometry(model, torch.float32, transfer, reflectance)
+    return Geometry(model, np.float32, transfer, reflectance)
 
 
 def objective_of(
-    photo: torch.Tensor,
+    photo: np.ndarray,
     prediction: Prediction,
     object_class: ObjectClass,
     settings: ExplainSettings | FitSettings,
-    valid: torch.Tensor | None = None,
+    valid: np.ndarray | None = None,
 ) -> Objective:
     """The log posterior of one photo (150, 150, 3); `valid` as in `explain`."""
     return objectives_of(photo, prediction, object_class, settings, (1.0,), valid)[1.0]
 
 
 def objectives_of(
-    photo: torch.Tensor,
+    photo: np.ndarray,
     prediction: Prediction,
     object_class: ObjectClass,
     settings: ExplainSettings | FitSettings,
     scales: Iterable[float],
-    valid: torch.Tensor | None = None,
+    valid: np.ndarray | None = None,
     hints: WindowHints | None = None,
 ) -> dict[float, Objective]:
     """The log posterior of one photo averaged over cells of 1 / scale pixels, for each scale.
@@ -60,8 +60,8 @@ def objectives_of(
     log_prior, decorated = pixel_prior(photo, prediction.mask[0], settings, valid, hints)
     if valid is not None:
         # Padding is hidden or background, never the object, and neither is likelier.
-        unknown = torch.tensor([NEVER, 0.0, 0.0], dtype=log_prior.dtype)
-        log_prior = torch.where(valid[:, :, None], log_prior, unknown)
+        unknown = np.array([NEVER, 0.0, 0.0], log_prior.dtype)
+        log_prior = np.where(valid[:, :, None], log_prior, unknown)
         decorated = decorated * valid
     geometry = geometry_of(object_class, settings.self_shadow)
     predicted = prior_of(prediction, settings, object_class)
@@ -100,9 +100,9 @@ def prior_of(
         return None
     layout, regressed = latent_layout(prediction.layout.count("shape")), prediction.numbers[0]
     places = layout.indices(*(block.name for block in prediction.layout.blocks))
-    mean, precision = regressed.new_zeros(2, layout.size)
+    mean, precision = np.zeros((2, layout.size), regressed.dtype)
     mean[places] = regressed
-    deviation = prediction.deviation[0].clone()
+    deviation = prediction.deviation[0].copy()
     deviation[prediction.layout["shape"]] = shape_deviation(prediction, object_class)
     # A Gaussian to the power w has w times the precision.
     precision[places] = settings.recognition_weight / deviation**2
@@ -112,21 +112,24 @@ def prior_of(
     return RecognitionPrior(mean, precision, azimuths, settings.azimuth_weight / AZIMUTH_SPREAD**2)
 
 
-def _pooled(image: torch.Tensor, scale: float) -> torch.Tensor:
+def _pooled(image: np.ndarray, scale: float) -> np.ndarray:
     """The mean over square cells of an image (H, W, C)."""
     if scale == 1:
         return image
     cell = round(1 / scale)
-    return torch.nn.functional.avg_pool2d(image.permute(2, 0, 1)[None], cell)[0].permute(1, 2, 0)
+    height, width = (size // cell for size in image.shape[:2])
+    cells = image[: height * cell, : width * cell].reshape(height, cell, width, cell, -1)
+    pooled: np.ndarray = cells.mean((1, 3))
+    return pooled
 
 
 def pixel_prior(
-    photo: torch.Tensor,
-    mask: torch.Tensor,
+    photo: np.ndarray,
+    mask: np.ndarray,
     settings: FitSettings,
-    valid: torch.Tensor | None = None,
+    valid: np.ndarray | None = None,
     hints: WindowHints | None = None,
-) -> tuple[torch.Tensor, torch.Tensor]:
+) -> tuple[np.ndarray, np.ndarray]:
     """The pixel model's prior, made the photo's own, and how much of the second component is decoration.
 
     mask (H, W, 3): predicted probabilities of visible, hidden, background, each at least 2 % so that no pixel
@@ -141,21 +144,21 @@ def pixel_prior(
         share (H, W) of the second that is decorated, hence visible.
     """
     base = settings.likelihood.log_prior(*mask.shape[:2])
-    decorated = torch.zeros(mask.shape[:2], dtype=base.dtype)
+    decorated = np.zeros(mask.shape[:2], base.dtype)
     if settings.likelihood.alpha == 1:
         return base, decorated
     # Product of experts: alpha's prior times the predicted probabilities to the power `mask_weight`.
-    prior = base + settings.mask_weight * mask.double().clamp_min(0.02).log()
-    inside_photo = torch.ones_like(decorated) if valid is None else valid.double()
-    outside, inside = log_colour_density(photo, torch.stack([1 - mask[..., 0], mask[..., 0]]) * inside_photo)
+    prior = base + settings.mask_weight * np.log(np.maximum(mask.astype(np.float64), 0.02))
+    inside_photo = np.ones_like(decorated) if valid is None else valid.astype(np.float64)
+    outside, inside = log_colour_density(photo, np.stack([1 - mask[..., 0], mask[..., 0]]) * inside_photo)
     prior[..., 1:] += settings.surroundings * outside[..., None]
     if hints is not None:
         hints.exclude(prior)
     if share := settings.decoration:
         # p(visible) d x density of the object's own colours.
         own = prior[..., 0] + math.log(share) + inside
-        both = torch.logaddexp(prior[..., 1], own)
-        decorated = (own - both).exp()
+        both = np.logaddexp(prior[..., 1], own)
+        decorated = np.exp(own - both)
         prior[..., 0] += math.log1p(-share)
         prior[..., 1] = both
     return prior, decorated

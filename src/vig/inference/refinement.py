@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
 
 from vig.inference.families import LEAST_SHARE, family_shapes
 from vig.inference.objective import Objective
@@ -45,18 +44,18 @@ class Selection:
         normal: (P', P') negative Gauss-Newton Hessian there; None likewise.
     """
 
-    point: torch.Tensor
-    path: torch.Tensor
+    point: np.ndarray
+    path: np.ndarray
     reverted: bool
     start_evidence: float
     evaluations: int
     gap: float
     close: bool
     turned_deg: float
-    others: torch.Tensor
+    others: np.ndarray
     behind: tuple[float, ...]
     evidence: float | None = None
-    normal: torch.Tensor | None = None
+    normal: np.ndarray | None = None
 
     @property
     def rival_is_other_view(self) -> bool:
@@ -73,33 +72,33 @@ def select(
     """
     best = int(ends.scores.argmax())
     start = start_point(objective, guess)
-    start_evidence = float(objective.of_one(start, sigma, derivatives=False).value)
+    start_evidence = float(objective.of_one(start, sigma, derivatives=False).value[0])
     # By evidence alone: the view probability of the guess is the highest by its nature.
     reverted = informed and float(ends.evidence[best]) <= start_evidence + LEAST_GAIN_NATS
     point = start if reverted else ends.points[best : best + 1]
     azimuth, symmetry = objective.azimuth(ends.points), objective.object_class.symmetry
-    other_view = symmetry.difference(azimuth, azimuth[best]).abs() > DISTINCT_AZIMUTH
+    other_view = np.abs(symmetry.difference(azimuth, azimuth[best])) > DISTINCT_AZIMUTH
     # Ends of the chosen view are no rivals, however good.
-    gaps = torch.where(other_view, ends.scores[best] - ends.scores, math.inf)
+    gaps = np.where(other_view, ends.scores[best] - ends.scores, math.inf)
     gap, rival = float(gaps.min()), int(gaps.argmin())
     close = gap < AMBIGUOUS_NATS
     nearest = ends.points[rival : rival + 1]
     # The ends by score, then the points that were given up; the guess comes second, or first where no end is
     # near.
-    order = ends.scores.argsort(descending=True, stable=True)
-    candidates = torch.cat([nearest, start, ends.points[order], ends.given_up])
-    unknown = ends.scores.new_full((1 + len(ends.given_up),), math.nan)
-    gaps_behind = (ends.scores[best] - ends.scores[order]).clamp_min(0.0)
-    behind = torch.cat([gaps[rival : rival + 1], unknown[:1], gaps_behind, unknown[1:]])
+    order = by_score(ends.scores)
+    candidates = np.concatenate([nearest, start, ends.points[order], ends.given_up])
+    unknown = np.full(1 + len(ends.given_up), math.nan)
+    gaps_behind = np.maximum(ends.scores[best] - ends.scores[order], 0.0)
+    behind = np.concatenate([gaps[rival : rival + 1], unknown[:1], gaps_behind, unknown[1:]])
     if not informed:
-        kept = torch.isfinite(behind)
+        kept = np.isfinite(behind)
         candidates, behind = candidates[kept], behind[kept]
     elif not close:
         swapped = [1, 0, *range(2, len(candidates))]
         candidates, behind = candidates[swapped], behind[swapped]
     most = OTHER_VIEWS if informed else UNINFORMED_VIEWS
-    azimuths = objective.azimuth(torch.cat([candidates, point]))  # the chosen one's is the last
-    off = symmetry.difference(azimuths, azimuths[:, None]).abs()
+    azimuths = objective.azimuth(np.concatenate([candidates, point]))  # the chosen one's is the last
+    off = np.abs(symmetry.difference(azimuths, azimuths[:, None]))
     turned, distinct, others = float(off[-1, 0]), (off > DISTINCT_AZIMUTH).tolist(), list[int]()
     for index in range(len(candidates)):
         if len(others) < most and all(distinct[index][other] for other in (-1, *others)):
@@ -151,13 +150,13 @@ class RefinedStarts:
         normal: (S, P', P') negative Gauss-Newton Hessians at the points; None where the optimiser has none.
     """
 
-    points: torch.Tensor
-    evidence: torch.Tensor
-    scores: torch.Tensor
+    points: np.ndarray
+    evidence: np.ndarray
+    scores: np.ndarray
     evaluations: int
-    given_up: torch.Tensor
-    paths: torch.Tensor
-    normal: torch.Tensor | None = None
+    given_up: np.ndarray
+    paths: np.ndarray
+    normal: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -172,7 +171,7 @@ class ExpectedStart:
 
     latents: Latents
     box: tuple[float, float, float, float]
-    predict: Callable[[torch.Tensor], Prediction]
+    predict: Callable[[np.ndarray], Prediction]
 
 
 def refine(
@@ -188,28 +187,28 @@ def refine(
     framing = framings(begin, prediction, objective) if settings.free_framing else None
     points = start_point(objective, begin, framing)
     if expected is not None:
-        elsewhere = symmetry.difference(begin.azimuth, expected.latents.azimuth).abs() > AZIMUTH_SPREAD
+        elsewhere = np.abs(symmetry.difference(begin.azimuth, expected.latents.azimuth)) > AZIMUTH_SPREAD
         framing = framing_of_box(expected.latents, expected.box, objective) if settings.free_framing else None
-        points = torch.cat([start_point(objective, expected.latents, framing), points[elsewhere]])
-    evidence = scores = torch.zeros(len(points), dtype=torch.float64)
+        points = np.concatenate([start_point(objective, expected.latents, framing), points[elsewhere]])
+    evidence = scores = np.zeros(len(points))
     evaluations, given_up, paths = 0, points[:0], points[None]
     for stage in settings.stages:
         # The first stage takes all starts, as their scores are 0 alike.
         azimuth = objective.azimuth(points)
         entering = survivors(azimuth, scores, stage.starts, symmetry, stage.one_per_view)
-        order = scores.argsort(descending=True, stable=True)
-        left = order[~torch.isin(order, entering)]
-        given_up = torch.cat([points[left], given_up])
+        order = by_score(scores)
+        left = order[~np.isin(order, entering)]
+        given_up = np.concatenate([points[left], given_up])
         points, paths = points[entering], paths[:, entering]
         descent = settings.optimizer(
             objectives[stage.scale],
             points,
-            torch.zeros(len(points), dtype=torch.int32),
+            np.zeros(len(points), np.int32),
             settings.likelihood.sigma * stage.sigma,
             replace(stage.budget, curvature=stage is settings.stages[-1]),
         )
         points, evidence = descent.points, descent.value
-        paths = torch.cat([paths, points[None] if descent.path is None else descent.path[1:]])
+        paths = np.concatenate([paths, points[None] if descent.path is None else descent.path[1:]])
         view_log_probability = prediction.log_mass(objective.azimuth(points))
         # A photo pooled to scale s has s^2 of the pixels, hence of the evidence's nats.
         scores = evidence + settings.view_weight * stage.scale**2 * view_log_probability
@@ -217,22 +216,27 @@ def refine(
     return RefinedStarts(points, evidence, scores, evaluations, given_up, paths, descent.normal)
 
 
-def start_point(objective: Objective, latents: Latents, framing: torch.Tensor | None = None) -> torch.Tensor:
+def by_score(scores: np.ndarray) -> np.ndarray:
+    """Indices from the highest score to the lowest; of equal ones the first first."""
+    return np.argsort(-scores, kind="stable")
+
+
+def start_point(objective: Objective, latents: Latents, framing: np.ndarray | None = None) -> np.ndarray:
     """`Objective.point` in steps of `START_STEP`, as last digits differ between processors.
 
     See `Prediction.round_for_search`.
     """
     point = round_to_grid(objective.point(latents, framing), START_STEP)
-    return point.clamp(objective.lower, objective.upper)
+    return point.clip(objective.lower, objective.upper)
 
 
 def survivors(
-    azimuth: torch.Tensor,
-    scores: torch.Tensor,
+    azimuth: np.ndarray,
+    scores: np.ndarray,
     count: int,
     symmetry: Symmetry = Symmetry.NONE,
     one_per_view: bool = False,
-) -> torch.Tensor:
+) -> np.ndarray:
     """Indices of the `count` points that enter a stage: half by score alone, half the best of other views.
 
     A view is `DISTINCT_AZIMUTH` away from the others; where there are no more views, score alone decides. So
@@ -245,15 +249,15 @@ def survivors(
         symmetry: Views that look the same are one.
         one_per_view: Only the best of each view, fewer than `count` where there are no more.
     """
-    order = scores.argsort(descending=True, stable=True).tolist()
+    order = by_score(scores).tolist()
     chosen = order[: 1 if one_per_view else (count + 1) // 2]
-    distinct = (symmetry.difference(azimuth, azimuth[:, None]).abs() > DISTINCT_AZIMUTH).tolist()
+    distinct = (np.abs(symmetry.difference(azimuth, azimuth[:, None])) > DISTINCT_AZIMUTH).tolist()
     for index in order:
         if len(chosen) < count and all(distinct[index][other] for other in chosen):
             chosen.append(index)
     if not one_per_view:
         chosen += [index for index in order if index not in chosen][: count - len(chosen)]
-    return torch.tensor(chosen)
+    return np.array(chosen)
 
 
 def starts(
@@ -273,16 +277,16 @@ def starts(
     the same starts.
     """
     weights, angles = prediction.modes(most_peaks, broad)
-    peaks = _allot(weights[0].exp().numpy(), LEAST_PEAK, count)
-    numbers, layout = prediction.numbers.expand(count, -1).clone(), prediction.layout
+    peaks = _allot(np.exp(weights[0]), LEAST_PEAK, count)
+    numbers, layout = np.repeat(prediction.numbers, count, axis=0), prediction.layout
     rng = np.random.default_rng(np.random.SeedSequence([seed, count]))
     # A peak's first start is the peak itself, those after it are perturbed.
     repeated = np.array([peaks[i] in peaks[:i] for i in range(count)], np.float32)[:, None]
     normal = rng.standard_normal((count, 2 + layout.count("shape"))).astype(np.float32)
-    noise = torch.from_numpy(normal * repeated)
+    noise = normal * repeated
     if object_class is not None:
         probability, shapes = family_shapes(prediction, object_class)
-        families = _allot(probability.numpy(), LEAST_SHARE, count)
+        families = _allot(probability, LEAST_SHARE, count)
         if len(set(families)) > 1:
             # The last starts first, so that a second family is tried at each peak's repetitions.
             numbers[1:, layout["shape"]] = shapes[families[::-1][:-1]]
@@ -292,33 +296,35 @@ def starts(
     return prediction.symmetry.canonical(perturbed)
 
 
-def framings(starts: Latents, prediction: Prediction, objective: Objective, seed: int = 0) -> torch.Tensor:
+def framings(starts: Latents, prediction: Prediction, objective: Objective, seed: int = 0) -> np.ndarray:
     """Framings (B, 4), level, in which each start has the box of the object in the predicted mask (N = 1).
 
     All but the first are perturbed at random. Where the mask shows nothing they begin at 0.
     """
     count, box = len(starts.azimuth), box_in_window(prediction)
-    framing = torch.zeros(count, FRAMING.size) if box is None else framing_of_box(starts, box, objective)
+    framing = (
+        np.zeros((count, FRAMING.size), np.float32) if box is None else framing_of_box(starts, box, objective)
+    )
     rng = np.random.default_rng(np.random.SeedSequence([seed, count, 1]))
-    noise = torch.from_numpy(rng.standard_normal((count, FRAMING.size)).astype(np.float32))
+    noise = rng.standard_normal((count, FRAMING.size)).astype(np.float32)
     noise[0] = 0.0
-    return framing + framing.new_tensor(FRAMING_SPREAD) * noise
+    return framing + np.array(FRAMING_SPREAD, np.float32) * noise
 
 
 def framing_of_box(
     starts: Latents, box: tuple[float, float, float, float], objective: Objective
-) -> torch.Tensor:
+) -> np.ndarray:
     """Framings (B, 4), level, in which each start has a box x, y, width, height, in sides of the window."""
-    camera, there = objective.likelihood.camera, torch.tensor(box)
+    camera, there = objective.likelihood.camera, np.array(box, np.float32)
     vertices = objective.object_class.shape_model.vertices(starts.shape)
     rotation, translation = camera.pose(starts.azimuth, starts.elevation)
-    x, y, z = (vertices @ rotation.mT + translation[:, None]).unbind(2)
-    in_window = camera.focal / camera.width * torch.stack([x / z, y / z], 2)
-    least, most = in_window.amin(1), in_window.amax(1)
-    framing = torch.zeros(len(starts), FRAMING.size)
+    seen = vertices @ rotation.swapaxes(1, 2) + translation[:, None]
+    in_window = camera.focal / camera.width * seen[..., :2] / seen[..., 2:]
+    least, most = in_window.min(1), in_window.max(1)
+    framing = np.zeros((len(starts), FRAMING.size), np.float32)
     # Magnification by the geometric mean of the boxes' widths and heights, then shift of their centres.
-    framing[:, 2] = 0.5 * (there[2:].log().sum() - (most - least).log().sum(1))
-    framing[:, :2] = there[:2] + there[2:] / 2 - 0.5 - framing[:, 2:3].exp() * (least + most) / 2
+    framing[:, 2] = 0.5 * (np.log(there[2:]).sum() - np.log(most - least).sum(1))
+    framing[:, :2] = there[:2] + there[2:] / 2 - 0.5 - np.exp(framing[:, 2:3]) * (least + most) / 2
     return framing
 
 

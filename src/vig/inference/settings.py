@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 from enum import Enum
 from typing import Any
 
-import torch
+import numpy as np
 
 from vig.inference.calibration import UNCALIBRATED_POSITION, FitCalibration, calibration_of
 from vig.io.errors import UserError
@@ -49,7 +49,7 @@ class OtherView:
     """
 
     latents: Latents
-    framing: torch.Tensor
+    framing: np.ndarray
     probability: float
     behind: float = math.nan
 
@@ -90,31 +90,33 @@ class Fit:
     """
 
     latents: Latents
-    framing: torch.Tensor
-    deviation: torch.Tensor
-    framing_deviation: torch.Tensor
-    visible: torch.Tensor
-    mask: torch.Tensor
-    mask_by_pixel: torch.Tensor
-    coverage: torch.Tensor
+    framing: np.ndarray
+    deviation: np.ndarray
+    framing_deviation: np.ndarray
+    visible: np.ndarray
+    mask: np.ndarray
+    mask_by_pixel: np.ndarray
+    coverage: np.ndarray
     verdict: Verdict
     reason: str
     confidence: float
     mask_confidence: float
     mask_trusted: bool
-    confidence_features: torch.Tensor
+    confidence_features: np.ndarray
     evidence: float
     start_evidence: float
     evaluations: int
     alternatives: tuple[OtherView, ...]
-    descent: torch.Tensor
+    descent: np.ndarray
     present: float = math.nan
     view_threshold: float = math.nan
     mask_threshold: float = math.nan
-    position_deviation: torch.Tensor = field(default_factory=lambda: torch.tensor(UNCALIBRATED_POSITION))
+    position_deviation: np.ndarray = field(
+        default_factory=lambda: np.array(UNCALIBRATED_POSITION, np.float32)
+    )
 
     @property
-    def amodal(self) -> torch.Tensor:
+    def amodal(self) -> np.ndarray:
         """(H, W) bool, all pixels that the object covers."""
         return self.coverage >= 0.5
 

@@ -10,9 +10,10 @@ pixel model's own.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
-import torch
+import numpy as np
 
 from vig.inference.objective import Objective
 from vig.inference.refinement import Selection
@@ -50,7 +51,7 @@ def with_shading_gain(
     pixel_sigma = settings.likelihood.sigma
     noise, precision = FIRST_NOISE * pixel_sigma, settings.prior_weight / settings.gain_deviation**2
     point, path, evaluations, divided = selection.point, [selection.path], selection.evaluations, objective
-    of_photo, penalty = torch.zeros(1, dtype=torch.int32), 0.0
+    of_photo, penalty = np.zeros(1, np.int32), 0.0
     for _ in range(ROUNDS):
         gain = _gain(objective, divided, point, noise, precision)
         if gain is None:
@@ -58,9 +59,9 @@ def with_shading_gain(
         divided, penalty = _divided(objective, gain.factor), gain.penalty
         noise = min(max(WIDENING * gain.residual, LEAST_NOISE * pixel_sigma), MOST_NOISE * pixel_sigma)
         descent = settings.optimizer(divided, point, of_photo, noise, BUDGET)
-        point, evaluations = descent.points, evaluations + int(descent.evaluations) + 1
+        point, evaluations = descent.points, evaluations + int(descent.evaluations.sum()) + 1
         path.append(point if descent.path is None else descent.path[1:, 0])
-    evidence = float(divided.of_one(point, pixel_sigma, derivatives=False).value) - penalty
+    evidence = float(divided.of_one(point, pixel_sigma, derivatives=False).value[0]) - penalty
     if not evidence > selection.start_evidence:
         return objective, selection
     normal = divided.of_one(point, max(noise, pixel_sigma)).normal
@@ -68,7 +69,7 @@ def with_shading_gain(
     return divided, replace(
         selection,
         point=point,
-        path=torch.cat(path),
+        path=np.concatenate(path),
         evaluations=evaluations + 2,
         evidence=evidence,
         normal=normal[0],
@@ -85,13 +86,13 @@ class _Gain:
         residual: Root mean square of visible pixels, linear RGB.
     """
 
-    factor: torch.Tensor
+    factor: np.ndarray
     penalty: float
     residual: float
 
 
 def _gain(
-    objective: Objective, divided: Objective, point: torch.Tensor, noise: float, precision: float
+    objective: Objective, divided: Objective, point: np.ndarray, noise: float, precision: float
 ) -> _Gain | None:
     """The gain at a point by regularised least squares; None where too little is visible.
 
@@ -102,45 +103,47 @@ def _gain(
     assert evaluation.posterior is not None and evaluation.coverage is not None
     assert evaluation.irradiance is not None
     coverage, observed = evaluation.coverage[0], objective.likelihood.observed[0]
-    visible = (evaluation.posterior[0] * (coverage > COVERED)).flatten().double()
+    visible = (evaluation.posterior[0] * (coverage > COVERED)).ravel().astype(np.float64)
     if float(visible.sum()) < LEAST_PIXELS:
         return None
-    albedo = objective.latents(point).albedo[0].to(coverage)
-    rendered = evaluation.irradiance[0].flatten()[:, None] * albedo
-    bumps = _bumps(coverage > 0.5).flatten(0, 1)
+    albedo = objective.latents(point).albedo[0].astype(coverage.dtype)
+    rendered = evaluation.irradiance[0].reshape(-1, 1) * albedo
+    bumps = _bumps(coverage > 0.5).reshape(-1, GRID**2)
     weight = visible / noise**2
-    weighted = bumps * (weight * rendered.square().sum(1))[:, None]
-    normal = bumps.mT @ weighted + precision * torch.eye(bumps.shape[1]).to(bumps)
+    weighted = bumps * (weight * np.square(rendered).sum(1))[:, None]
+    normal = bumps.T @ weighted + precision * np.eye(bumps.shape[1])
     missing = ((observed - rendered) * rendered).sum(1)
-    heights = torch.linalg.solve(normal, bumps.mT @ (weight * missing))
-    gain = (1 + bumps @ heights).clamp(LEAST, MOST)
-    squares = (observed / gain[:, None] - rendered).square().mean(1)
-    residual = float((visible @ squares / visible.sum()).sqrt())
-    penalty = 0.5 * precision * float(heights.square().sum())
-    return _Gain(gain.view(coverage.shape), penalty, residual)
+    heights = np.linalg.solve(normal, bumps.T @ (weight * missing))
+    gain = (1 + bumps @ heights).clip(LEAST, MOST)
+    squares = np.square(observed / gain[:, None] - rendered).mean(1)
+    residual = math.sqrt(visible @ squares / visible.sum())
+    penalty = 0.5 * precision * float(np.square(heights).sum())
+    return _Gain(gain.reshape(coverage.shape), penalty, residual)
 
 
-def _bumps(silhouette: torch.Tensor) -> torch.Tensor:
+def _bumps(silhouette: np.ndarray) -> np.ndarray:
     """The bumps (H, W, `GRID`^2) over the square about a silhouette (H, W) bool, float64."""
-    down, across = (torch.where(silhouette.any(axis))[0] for axis in (1, 0))
+    down, across = (np.flatnonzero(silhouette.any(axis)) for axis in (1, 0))
     side = float(max(down[-1] - down[0], across[-1] - across[0]) + 1)
-    knots = torch.linspace(-0.5, 0.5, GRID).double()
+    knots = np.linspace(-0.5, 0.5, GRID, dtype=np.float32).astype(np.float64)
 
-    def along(span: torch.Tensor, length: int) -> torch.Tensor:
-        place = torch.arange(length)
-        off = (place - (span[0] + span[-1]) / 2) / side
-        return torch.exp(-0.5 * ((off[:, None] - knots) * (GRID - 1)) ** 2)
+    def along(span: np.ndarray, length: int) -> np.ndarray:
+        off = (np.arange(length) - (span[0] + span[-1]) / 2) / side
+        heights: np.ndarray = np.exp(-0.5 * ((off[:, None] - knots) * (GRID - 1)) ** 2)
+        return heights
 
     rows, columns = along(down, silhouette.shape[0]), along(across, silhouette.shape[1])
-    return (rows[:, None, :, None] * columns[None, :, None, :]).flatten(2)
+    bumps: np.ndarray = rows[:, None, :, None] * columns[None, :, None, :]
+    return bumps.reshape(*silhouette.shape, -1)
 
 
-def _divided(objective: Objective, gain: torch.Tensor) -> Objective:
+def _divided(objective: Objective, gain: np.ndarray) -> Objective:
     """The objective of the photo divided by a gain (H, W); a colour's density changes by the gain's cube."""
     likelihood, shape = objective.likelihood, (1, *gain.shape, 3)
-    log_prior = likelihood.log_prior.view(shape).clone()
-    log_prior[..., 0] -= 3 * gain.log().to(log_prior)
-    photo = (likelihood.observed.view(shape) / gain[..., None].to(log_prior)).clamp_max(BRIGHTEST)
+    log_prior = likelihood.log_prior.reshape(shape).copy()
+    log_prior[..., 0] -= 3 * np.log(gain)
+    divided = likelihood.observed.reshape(shape) / gain[..., None].astype(log_prior.dtype)
+    photo = np.minimum(divided, BRIGHTEST)
     corrected = Likelihood(
         likelihood.geometry,
         likelihood.camera,

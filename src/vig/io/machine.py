@@ -11,7 +11,7 @@ from typing import Any
 import vig
 
 PACKAGES = (
-    *("torch", "numpy", "scipy", "trimesh", "pillow", "safetensors"),
+    *("numpy", "onnxruntime", "torch", "scipy", "trimesh", "pillow", "safetensors"),
     *("pyarrow", "OpenImageIO", "matplotlib"),
 )
 """Packages whose versions are stated."""

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 
 from vig.likelihood.densities import DEFAULT_DENSITY, density_of
 from vig.likelihood.geometry import Geometry
@@ -18,6 +17,10 @@ CURVATURE_LINES = 75
 """Lines of pixels that enter the normal matrix, unless a stride is given."""
 
 
+def _is_floating(array: np.ndarray) -> bool:
+    return np.issubdtype(array.dtype, np.floating)
+
+
 @dataclass(frozen=True)
 class Photos:
     """N photos of one size and the prior of their pixels.
@@ -27,8 +30,8 @@ class Photos:
         log_prior: (N, H, W, 3), see `pixel.PixelModel.log_prior`.
     """
 
-    linear: torch.Tensor
-    log_prior: torch.Tensor
+    linear: np.ndarray
+    log_prior: np.ndarray
 
     def __post_init__(self) -> None:
         if self.linear.ndim != 4 or self.linear.shape[-1] != 3:
@@ -38,17 +41,17 @@ class Photos:
                 f"log_prior must be {tuple(self.linear.shape)} like the photos;"
                 f" got {tuple(self.log_prior.shape)}"
             )
-        if not self.linear.is_floating_point() or not self.log_prior.is_floating_point():
+        if not _is_floating(self.linear) or not _is_floating(self.log_prior):
             raise ValueError(
                 f"photos must be floating-point linear RGB; got {self.linear.dtype} and a log_prior of"
                 f" {self.log_prior.dtype}. Divide 8-bit values by 255 and decode them."
             )
-        if not self.linear.numel():
+        if not self.linear.size:
             return
         # NaN is the least and the most of any numbers that it is among.
-        if not all(math.isfinite(end) for end in self.log_prior.aminmax()):
+        if not all(math.isfinite(end) for end in (self.log_prior.min(), self.log_prior.max())):
             raise ValueError("log_prior must be finite; got NaN or infinity. NEVER stands for log 0")
-        least, most = (float(end) for end in self.linear.aminmax())
+        least, most = float(self.linear.min()), float(self.linear.max())
         if not (math.isfinite(least) and math.isfinite(most)):
             raise ValueError("photos must be finite linear RGB; got NaN or infinity")
         if least < -1:
@@ -73,12 +76,12 @@ class Evaluation:
         irradiance: (B, H, W); the rendered colour is albedo times this.
     """
 
-    value: torch.Tensor
-    gradient: torch.Tensor | None
-    normal: torch.Tensor | None
-    posterior: torch.Tensor | None
-    coverage: torch.Tensor | None
-    irradiance: torch.Tensor | None
+    value: np.ndarray
+    gradient: np.ndarray | None
+    normal: np.ndarray | None
+    posterior: np.ndarray | None
+    coverage: np.ndarray | None
+    irradiance: np.ndarray | None
 
 
 class Likelihood:
@@ -119,15 +122,15 @@ class Likelihood:
         self.geometry, self.camera, self.silhouette, self.stride = geometry, camera, silhouette, stride
         self.layout, self.density = geometry.layout, density
         names = [block.name for block in latent_layout(self.layout.count("shape")).blocks]
-        self._columns = torch.tensor(self.layout.indices(*names, "framing"))
+        self._columns = self.layout.indices(*names, "framing")
         shape = len(photos.linear), camera.height * camera.width, 3
-        self.observed = photos.linear.to("cpu", geometry.dtype).reshape(shape).contiguous()
-        self.log_prior = photos.log_prior.to("cpu", geometry.dtype).reshape(shape).contiguous()
+        self.observed = np.ascontiguousarray(photos.linear, geometry.dtype).reshape(shape)
+        self.log_prior = np.ascontiguousarray(photos.log_prior, geometry.dtype).reshape(shape)
         eye = camera.focal, camera.cx, camera.cy, camera.target_height, camera.distance
         self.native = engine.photos(
             (*eye, camera.width, camera.height),
-            self.observed.numpy(),
-            self.log_prior.numpy(),
+            self.observed,
+            self.log_prior,
             stride,
             silhouette == "exact",
             engine.DENSITIES.index(density),
@@ -138,9 +141,9 @@ class Likelihood:
     def __call__(
         self,
         latents: Latents,
-        framing: torch.Tensor,
-        photo: torch.Tensor,
-        sigma: torch.Tensor,
+        framing: np.ndarray,
+        photo: np.ndarray,
+        sigma: np.ndarray,
         derivatives: bool = True,
         images: bool = True,
         curvature: bool = True,
@@ -149,16 +152,16 @@ class Likelihood:
 
         Numbers of further blocks of the layout are 0.
         """
-        numbers = torch.cat([latents.to_vector(), framing.to(latents.shape)], dim=1)
-        points = numbers.new_zeros(len(numbers), self.layout.size)
+        numbers = np.concatenate([latents.to_vector(), framing], axis=1)
+        points = np.zeros((len(numbers), self.layout.size), numbers.dtype)
         points[:, self._columns] = numbers
         return self.at(points, photo, sigma, derivatives, images, curvature)
 
     def at(
         self,
-        points: torch.Tensor,
-        photo: torch.Tensor,
-        sigma: torch.Tensor,
+        points: np.ndarray,
+        photo: np.ndarray,
+        sigma: np.ndarray,
         derivatives: bool = True,
         images: bool = False,
         curvature: bool = True,
@@ -167,12 +170,12 @@ class Likelihood:
 
         Without curvature there is a gradient but no normal matrix, for searches of first order.
 
-        Points are shared out to as many threads as torch has (`torch.set_num_threads`).
+        Points are shared out to as many threads as `vig.parallel.thread_count` tells.
         """
         arrays = (
-            points.detach().to("cpu", self.geometry.dtype).contiguous().numpy(),
-            photo.detach().cpu().numpy(),
-            sigma.detach().to("cpu", torch.float64).contiguous().numpy(),
+            np.ascontiguousarray(points, self.geometry.dtype),
+            np.asarray(photo),
+            np.ascontiguousarray(sigma, np.float64),
         )
         self._check(*arrays)
         value, *results = engine.evaluate(
@@ -186,8 +189,8 @@ class Likelihood:
             thread_count(),
         )
         wanted = derivatives, derivatives and curvature, images, images, images
-        asked = (torch.from_numpy(each) if want else None for each, want in zip(results, wanted, strict=True))
-        return Evaluation(torch.from_numpy(value), *asked)
+        asked = (each if want else None for each, want in zip(results, wanted, strict=True))
+        return Evaluation(value, *asked)
 
     def _check(self, points: np.ndarray, photo: np.ndarray, sigma: np.ndarray) -> None:
         """Raise ValueError for input that native code does not check: out-of-range indices, NaN."""

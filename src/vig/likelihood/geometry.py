@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-import torch
+import numpy.typing as npt
 
 from vig.scene import ShapeModel, point_layout
 from vig.scene.light import L_COUNT
@@ -27,16 +27,16 @@ class Geometry:
     def __init__(
         self,
         model: ShapeModel,
-        dtype: torch.dtype = torch.float32,
+        dtype: npt.DTypeLike = np.float32,
         transfer: np.ndarray | None = None,
         reflectance: np.ndarray | None = None,
     ):
         if model.modes < 1:
             raise ValueError("the renderer needs a shape model with one component or more; got none")
-        if dtype not in (torch.float32, torch.float64):
+        real = np.dtype(dtype)
+        if real not in (np.float32, np.float64):
             raise ValueError(f"the renderer works in float32 or float64; got {dtype}")
-        self.model, self.dtype, self.layout = model, dtype, point_layout(model.modes)
-        real = np.float32 if dtype == torch.float32 else np.float64
+        self.model, self.dtype, self.layout = model, real, point_layout(model.modes)
         count = len(model.mean)
         if transfer is not None and transfer.shape != (expected := (model.modes + 1, count, L_COUNT)):
             raise ValueError(f"transfer must be {expected} like the shape model; got {transfer.shape}")

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-import torch
+import numpy as np
 
 from vig.likelihood.densities import DEFAULT_DENSITY, density_of
 from vig.likelihood.spatial import NEVER, SpatialMask
@@ -21,17 +21,17 @@ FLOOR = 0.05
 """Share of the uniform density, for colours that the photo does not show elsewhere."""
 
 
-def log_colour_density(photo: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
+def log_colour_density(photo: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Log density of each pixel's colour among the surroundings, relative to uniform on the cube.
 
     photo (H, W, 3) linear RGB in [0, 1]; weights (..., H, W) >= 0: how surely each pixel belongs to the
     surroundings, of which there may be several; returns their shape. See `colour_density`.
     """
-    flat = weights.reshape(-1, *photo.shape[:2]).double()
-    shares = flat / flat.sum((1, 2), keepdim=True).clamp_min(1e-9)
-    colours = photo.double().contiguous().numpy()
-    density = torch.from_numpy(engine.colour_density(colours, shares.double().contiguous().numpy()))
-    return torch.log(FLOOR + (1 - FLOOR) * density).view(weights.shape)
+    flat = weights.reshape(-1, *photo.shape[:2]).astype(np.float64)
+    shares = flat / np.maximum(flat.sum((1, 2), keepdims=True), 1e-9)
+    density = engine.colour_density(np.ascontiguousarray(photo, np.float64), np.ascontiguousarray(shares))
+    logs: np.ndarray = np.log(FLOOR + (1 - FLOOR) * density).reshape(weights.shape)
+    return logs
 
 
 @dataclass(frozen=True)
@@ -57,10 +57,10 @@ class PixelModel:
             raise ValueError(f"alpha must be a probability in (0, 1]; got {self.alpha}")
         density_of(self.density)
 
-    def log_prior(self, height: int, width: int) -> torch.Tensor:
+    def log_prior(self, height: int, width: int) -> np.ndarray:
         """The same log prior (visible, hidden, background) at each pixel: (H, W, 3) float64."""
         hidden = math.log1p(-self.alpha) if self.alpha < 1 else NEVER
-        return torch.tensor([math.log(self.alpha), hidden, 0.0], dtype=torch.float64).expand(height, width, 3)
+        return np.broadcast_to(np.array([math.log(self.alpha), hidden, 0.0]), (height, width, 3))
 
 
 GAUSSIAN = PixelModel(sigma=0.05, alpha=1.0)
@@ -76,12 +76,12 @@ SPATIAL = replace(ROBUST, mask=SpatialMask())
 
 
 def mixture(
-    observed: torch.Tensor,
-    rendered: torch.Tensor,
-    log_prior: torch.Tensor,
+    observed: np.ndarray,
+    rendered: np.ndarray,
+    log_prior: np.ndarray,
     sigma: float,
     density: str = DEFAULT_DENSITY,
-) -> tuple[torch.Tensor, torch.Tensor]:
+) -> tuple[np.ndarray, np.ndarray]:
     """Log-likelihood of pixels that the object covers and the posterior of their being visible (Eq. 3).
 
     observed, rendered: (..., 3) linear RGB. log_prior: (..., 3) as `PixelModel.log_prior`. Both results
@@ -91,5 +91,5 @@ def mixture(
     s = ((observed - rendered) ** 2).sum(-1) / (2 * sigma**2)
     # Three channels: the normaliser of the Gaussian is -3 log(sigma).
     inlier = log_prior[..., 0] + visible.log_density(s) - 3 * math.log(sigma) - visible.LOG_UNIT
-    both = torch.stack([inlier, log_prior[..., 1]], dim=-1)
-    return both.logsumexp(-1), both.softmax(-1)[..., 0]
+    both = np.logaddexp(inlier, log_prior[..., 1])
+    return both, np.exp(inlier - both)

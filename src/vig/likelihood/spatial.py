@@ -17,12 +17,14 @@ what hides an object goes on beside it. Mean field approximates the posterior by
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 
-import torch
+import numpy as np
 
 from vig.scene import srgb_from_linear
+from vig.scene.functions import sigmoid
 from vig_native import engine
 
 NEVER = -1e30
@@ -71,7 +73,7 @@ class SpatialMask:
             raise ValueError(f"sweeps must be at least 1; got {self.sweeps}")
 
 
-def visible_log_odds(observed: torch.Tensor, rendered: torch.Tensor, log_prior: torch.Tensor) -> torch.Tensor:
+def visible_log_odds(observed: np.ndarray, rendered: np.ndarray, log_prior: np.ndarray) -> np.ndarray:
     """Log odds of pixels being visible rather than hidden under a finished fit: Eq. 3 with wider tails.
 
     observed, rendered (..., 3) linear RGB; log_prior (..., 3) as `PixelModel.log_prior`; result (...). In
@@ -82,15 +84,14 @@ def visible_log_odds(observed: torch.Tensor, rendered: torch.Tensor, log_prior: 
     normals = [
         -square / (2 * scale**2) - 3 * math.log(scale * math.sqrt(2 * math.pi)) for scale in RESIDUAL_SCALES
     ]
-    density = torch.stack(normals, dim=-1).logsumexp(-1) - math.log(len(RESIDUAL_SCALES))
+    density = functools.reduce(np.logaddexp, normals) - math.log(len(RESIDUAL_SCALES))
     # The hidden component is a density of linear colour: sRGB's slope there converts.
-    slope = (1 / 2.4 - 1) * observed.clamp_min(0.0031308).log() + math.log(1.055 / 2.4)
-    return log_prior[..., 0] - log_prior[..., 1] + density + slope.sum(-1)
+    slope = (1 / 2.4 - 1) * np.log(np.maximum(observed, 0.0031308)) + math.log(1.055 / 2.4)
+    log_odds: np.ndarray = log_prior[..., 0] - log_prior[..., 1] + density + slope.sum(-1)
+    return log_odds
 
 
-def links(
-    photo: torch.Tensor, covered: torch.Tensor, photographed: torch.Tensor, model: SpatialMask
-) -> torch.Tensor:
+def links(photo: np.ndarray, covered: np.ndarray, photographed: np.ndarray, model: SpatialMask) -> np.ndarray:
     """Weights w_ij (N, 4, H, W) between each pixel and its neighbour a step of `NEIGHBOURS` away.
 
     photo (N, H, W, 3) linear RGB; covered (N, H, W) bool; photographed (N, H, W) bool, pixels that are
@@ -98,7 +99,7 @@ def links(
     and between pixels that are both beyond the silhouette.
     """
     colours = srgb_from_linear(photo)
-    weights = colours.new_zeros(len(photo), len(NEIGHBOURS), *photo.shape[1:3])
+    weights = np.zeros((len(photo), len(NEIGHBOURS), *photo.shape[1:3]), colours.dtype)
     for index, step in enumerate(NEIGHBOURS):
         here, there = _ends(step, *photo.shape[1:3])
         square = ((colours[:, *here] - colours[:, *there]) ** 2).sum(-1)
@@ -106,63 +107,67 @@ def links(
         # Both covered: an edge of the mask; one covered: the silhouette, beyond which h = 0.
         strength = model.coupling * (inside & beside) + model.rim * (inside ^ beside)
         strength = strength * (photographed[:, *here] & photographed[:, *there])
-        fading = torch.exp(-square / (2 * model.contrast**2)) / math.hypot(*step)
+        fading = np.exp(-square / (2 * model.contrast**2)) / math.hypot(*step)
         weights[:, index][:, *here] = strength * fading
     return weights
 
 
-def messages(visible: torch.Tensor, covered: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
+def messages(visible: np.ndarray, covered: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """sum_j w_ij (2 q_j - 1): nats (N, H, W) in favour of a pixel being visible, from its neighbours.
 
     visible (N, H, W): q; covered (N, H, W) bool; weights from `links`.
     """
-    return _gather(torch.where(covered, 2 * visible - 1, -1.0), weights)
+    return _gather(np.where(covered, 2 * visible - 1, visible.dtype.type(-1)), weights)
 
 
 def mean_field(
-    start: torch.Tensor, log_odds: torch.Tensor, covered: torch.Tensor, weights: torch.Tensor, sweeps: int
-) -> torch.Tensor:
+    start: np.ndarray, log_odds: np.ndarray, covered: np.ndarray, weights: np.ndarray, sweeps: int
+) -> np.ndarray:
     """Posterior q (N, H, W) of each covered pixel being visible, this module's last equation; 0 elsewhere.
 
     start (N, H, W): q before the first sweep; log_odds (N, H, W): u, of each pixel by itself; covered
     (N, H, W) bool; weights from `links`.
     """
-    visible = torch.where(covered, start, 0.0)
+    nothing = start.dtype.type(0)
+    visible: np.ndarray = np.where(covered, start, nothing)
     for _ in range(sweeps):
         # Parallel updates of a mean field may oscillate: they are damped.
-        update = (log_odds + messages(visible, covered, weights)).sigmoid()
-        visible = torch.where(covered, visible.lerp(update, 1 - DAMPING), 0.0)
+        update = sigmoid(log_odds + messages(visible, covered, weights))
+        visible = np.where(covered, visible + (1 - DAMPING) * (update - visible), nothing)
     return visible
 
 
-def graph_cut(log_odds: torch.Tensor, covered: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
+def graph_cut(log_odds: np.ndarray, covered: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """The most probable h (N, H, W) bool, exactly: a minimum cut between visible and hidden.
 
     Arguments as `mean_field`, on the CPU. Of several such h it is the one with the fewest visible pixels.
     Capacities are whole numbers of 1 / `CAPACITY_PER_NAT` nats.
     """
-    alone = _capacity(log_odds + _gather(torch.where(covered, 0.0, -1.0).to(log_odds), weights))
-    strengths, links = _capacity(weights), alone.new_zeros(len(alone), 2 * len(NEIGHBOURS), *alone.shape[1:])
+    alone = _capacity(log_odds + _gather(np.where(covered, 0.0, -1.0).astype(log_odds.dtype), weights))
+    strengths = _capacity(weights)
+    links = np.zeros((len(alone), 2 * len(NEIGHBOURS), *alone.shape[1:]), alone.dtype)
     for index, step in enumerate(NEIGHBOURS):
         here, there = _ends(step, *alone.shape[1:])
         both = strengths[:, index][:, *here] * (covered[:, *here] & covered[:, *there])
         links[:, 2 * index][:, *here] = links[:, 2 * index + 1][:, *there] = both
-    return torch.from_numpy(engine.minimum_cut(covered.contiguous().numpy(), alone.numpy(), links.numpy()))
+    cut: np.ndarray = engine.minimum_cut(np.ascontiguousarray(covered), alone, links)
+    return cut
 
 
-def _capacity(nats: torch.Tensor) -> torch.Tensor:
+def _capacity(nats: np.ndarray) -> np.ndarray:
     """Whole numbers of capacity, int32."""
-    return (CAPACITY_PER_NAT * nats.double()).round().clamp(-MOST_CAPACITY, MOST_CAPACITY).int().contiguous()
+    rounded = np.round(CAPACITY_PER_NAT * nats.astype(np.float64)).clip(-MOST_CAPACITY, MOST_CAPACITY)
+    return np.ascontiguousarray(rounded, np.int32)
 
 
 def spatial_posterior(
-    observed: torch.Tensor,
-    rendered: torch.Tensor,
-    log_prior: torch.Tensor,
-    covered: torch.Tensor,
+    observed: np.ndarray,
+    rendered: np.ndarray,
+    log_prior: np.ndarray,
+    covered: np.ndarray,
     model: SpatialMask,
-    decorated: torch.Tensor | None = None,
-) -> torch.Tensor:
+    decorated: np.ndarray | None = None,
+) -> np.ndarray:
     """Posterior (N, H, W) of pixels being visible under finished fits of N photos; 0 beyond the silhouette.
 
     observed, rendered (N, H, W, 3) linear RGB; log_prior (N, H, W, 3) as `PixelModel.log_prior`; covered
@@ -171,30 +176,32 @@ def spatial_posterior(
     what is covered is worked on. decorated (H, W), in [0, 1): the share of the log prior's second component
     that is visible with a colour of its own.
     """
-    result = torch.zeros_like(rendered[..., 0])
+    result = np.zeros_like(rendered[..., 0])
     window = _window(covered)
     if window is not None:
         photo, fit, prior, inside = (x[:, *window] for x in (observed, rendered, log_prior, covered))
         log_odds = visible_log_odds(photo, fit, prior)
         if decorated is not None:
             # Of the prior's second component the share d is visible: odds (p + d q) / ((1 - d) q).
-            share = decorated[window].to(log_odds)
-            log_odds = torch.logaddexp(log_odds, share.clamp_min(1e-12).log()) - torch.log1p(-share)
-        log_odds = log_odds.to(result)
-        weights = links(photo, inside, prior[..., 0] > NEVER / 2, model).to(result)
-        start = graph_cut(log_odds, inside, weights).to(result) if model.exact_start else log_odds.sigmoid()
+            share = decorated[window].astype(log_odds.dtype)
+            with np.errstate(divide="ignore"):  # where all of it is, the odds are infinite
+                log_odds = np.logaddexp(log_odds, np.log(np.maximum(share, 1e-12))) - np.log1p(-share)
+        log_odds = log_odds.astype(result.dtype)
+        weights = links(photo, inside, prior[..., 0] > NEVER / 2, model).astype(result.dtype)
+        exact = model.exact_start
+        start = graph_cut(log_odds, inside, weights).astype(result.dtype) if exact else sigmoid(log_odds)
         result[:, *window] = mean_field(start, log_odds, inside, weights, model.sweeps)
     return result
 
 
-def _gather(values: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
+def _gather(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """sum_j w_ij x_j over the neighbours j of each pixel: values x (N, H, W), weights from `links`."""
-    total = torch.zeros_like(values)
+    total = np.zeros_like(values)
     for index, step in enumerate(NEIGHBOURS):
         here, there = _ends(step, *values.shape[1:])
         weight = weights[:, index][:, *here]
-        total[:, *here].addcmul_(weight, values[:, *there])
-        total[:, *there].addcmul_(weight, values[:, *here])
+        total[:, *here] += weight * values[:, *there]
+        total[:, *there] += weight * values[:, *here]
     return total
 
 
@@ -208,11 +215,11 @@ def _ends(step: tuple[int, int], height: int, width: int) -> tuple[tuple[slice, 
     return (rows, columns), (rows_there, columns_there)
 
 
-def _window(covered: torch.Tensor) -> tuple[slice, slice] | None:
+def _window(covered: np.ndarray) -> tuple[slice, slice] | None:
     """Rows and columns with anything covered in any image, and one pixel more all round."""
     bounds = []
     for axis, size in ((2, covered.shape[1]), (1, covered.shape[2])):
-        used = covered.any(axis).any(0).nonzero()
+        used = np.flatnonzero(covered.any((0, axis)))
         if not len(used):
             return None
         bounds.append(slice(max(int(used[0]) - 1, 0), min(int(used[-1]) + 2, size)))

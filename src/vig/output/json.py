@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 from vig import __version__
 from vig.inference import Fit, family_of
@@ -101,11 +100,11 @@ def describe(
         "roll_deg": _rounded(math.degrees(camera.roll)),
         "deviation": {
             "azimuth_deg": _rounded(
-                min(math.degrees(deviation["azimuth"]), math.degrees(UNIFORM_TURN) / turns)
+                min(math.degrees(deviation["azimuth"][0]), math.degrees(UNIFORM_TURN) / turns)
             )
             if turns
             else None,
-            "elevation_deg": _rounded(math.degrees(deviation["elevation"])),
+            "elevation_deg": _rounded(math.degrees(deviation["elevation"][0])),
             **{name: _rounded(deviation[name]) for name in ("albedo", "light", "shape")},
         },
         "alternatives": [
@@ -145,7 +144,7 @@ def describe(
             "distance_known": focal_from != "assumed" and object_class.size_known,
             **camera_from_mesh(pinhole[1], object_class),
         },
-        "glb_from_object": glb_from_object(float(fit.latents.azimuth)).tolist(),
+        "glb_from_object": glb_from_object(float(fit.latents.azimuth[0])).tolist(),
         "frames": FRAMES | ({"front": f"+X is {object_class.front}"} if object_class.front else {}),
     }
 
@@ -164,7 +163,7 @@ def camera_from_mesh(camera_from_object: np.ndarray, object_class: ObjectClass) 
 
 
 def _pose(camera: Camera, latents: Latents) -> np.ndarray:
-    return camera.camera_from_world(float(latents.azimuth), float(latents.elevation))
+    return camera.camera_from_world(float(latents.azimuth[0]), float(latents.elevation[0]))
 
 
 def _probability(value: float) -> float | None:
@@ -174,15 +173,15 @@ def _probability(value: float) -> float | None:
 def describe_latents(latents: Latents) -> dict[str, Any]:
     """One set of latents (B = 1) in plain numbers."""
     return {
-        "azimuth_deg": _rounded(math.degrees(float(latents.azimuth)) % 360),
-        "elevation_deg": _rounded(math.degrees(float(latents.elevation))),
+        "azimuth_deg": _rounded(math.degrees(float(latents.azimuth[0])) % 360),
+        "elevation_deg": _rounded(math.degrees(float(latents.elevation[0]))),
         "albedo": _rounded(latents.albedo[0]),
         "light": _rounded(latents.light[0]),
         "shape": _rounded(latents.shape[0]),
     }
 
 
-def _rounded(value: float | torch.Tensor, digits: int = 5) -> Any:
-    if isinstance(value, torch.Tensor):
+def _rounded(value: float | np.ndarray, digits: int = 5) -> Any:
+    if isinstance(value, np.ndarray):
         return [round(number, digits) for number in value.tolist()]
     return round(value, digits)

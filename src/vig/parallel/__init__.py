@@ -8,7 +8,7 @@ from vig.parallel.processes import (
     one_thread_in_children,
     without_interrupts,
 )
-from vig.parallel.threads import map_on_threads, on_one_core, run_on_threads, thread_count
+from vig.parallel.threads import map_on_threads, on_one_core, run_on_threads, set_thread_count, thread_count
 
 __all__ = [
     "Lost",
@@ -19,6 +19,7 @@ __all__ = [
     "on_one_core",
     "one_thread_in_children",
     "run_on_threads",
+    "set_thread_count",
     "thread_count",
     "without_interrupts",
 ]

@@ -81,7 +81,7 @@ def map_as_done(
     Args:
         prepare: A function of a module, no closure: processes are spawned and import it.
         shared: What it gets.
-        items: They and their results hold arrays, not tensors, which torch would send through shared memory.
+        items: They and their results hold arrays: tensors would go through shared memory.
         processes: How many.
 
     Raises:

@@ -1,20 +1,19 @@
 """Work shared out to threads: native code and matrix products release Python's lock, and run side by side.
 
-How many is one setting, torch's own: `torch.set_num_threads`, or OMP_NUM_THREADS in the environment. On our
-threads torch computes with one core each: a fit's matrices are small, and on more cores a product waits for
-threads far longer than it computes.
+How many is one setting: `set_thread_count`, or OMP_NUM_THREADS in the environment, by default the processors.
+Each thread computes on one core: a fit's matrices are small, and on more cores a product waits for threads
+far longer than it computes. Where a program has loaded torch, its own number counts, as one setting of both.
 """
 
 from __future__ import annotations
 
 import functools
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import TypeVar
-
-import torch
+from typing import Any, TypeVar
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -24,20 +23,48 @@ MOST_CALLERS = 64
 
 _here = threading.local()
 _starting = threading.Lock()
+_chosen: int | None = None
 
 
 def thread_count() -> int:
-    """How many threads work may use here: torch's number, and one within such work."""
+    """How many threads work may use here: the number that is set, and one within such work."""
     own_count: int | None = getattr(_here, "count", None)
-    return torch.get_num_threads() if own_count is None else own_count
+    return _set_count() if own_count is None else own_count
+
+
+def set_thread_count(count: int) -> None:
+    """Set how many threads work may use, for this process."""
+    global _chosen
+    if count < 1:
+        raise ValueError(f"expected one thread or more; got {count}")
+    _chosen = count
+    if (library := _with_threads()) is not None:
+        library.set_num_threads(count)
+
+
+def _set_count() -> int:
+    if (library := _with_threads()) is not None:
+        return int(library.get_num_threads())
+    if _chosen is not None:
+        return _chosen
+    asked = os.environ.get("OMP_NUM_THREADS", "")
+    if asked.isdecimal() and int(asked) > 0:
+        return int(asked)
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _with_threads() -> Any:
+    """torch, where the program has loaded it: its threads are one setting with ours."""
+    library = sys.modules.get("torch")
+    return library if hasattr(library, "get_num_threads") else None
 
 
 def on_one_core(work: Callable[[], Result]) -> Result:
-    """Call work() with torch on one core; `thread_count` keeps its value for work that is shared out.
+    """Call work() on one core; `thread_count` keeps its value for work that is shared out.
 
-    torch's setting is the process's: rather than changing it, work goes to a thread of ours and is awaited.
+    The setting is the process's: rather than changing it, work goes to a thread of ours and is awaited.
     """
-    if getattr(_here, "count", None) is not None or torch.get_num_threads() == 1:
+    if getattr(_here, "count", None) is not None or _set_count() == 1:
         return work()
     return _callers().submit(_counting, thread_count(), work).result()
 
@@ -72,13 +99,14 @@ def _callers() -> ThreadPoolExecutor:
 
 
 def _become_worker() -> None:
-    """Keep torch to one core on this thread; the process's setting, which new threads take over, stays."""
-    with _starting:
-        threads_before = torch.get_num_threads()
-        torch.set_num_threads(1)
-        restoring = threading.Thread(target=torch.set_num_threads, args=(threads_before,))
-        restoring.start()
-        restoring.join()
+    """Keep this thread to one core; torch's setting, which new threads take over, stays."""
+    if (library := _with_threads()) is not None:
+        with _starting:
+            threads_before = library.get_num_threads()
+            library.set_num_threads(1)
+            restoring = threading.Thread(target=library.set_num_threads, args=(threads_before,))
+            restoring.start()
+            restoring.join()
     _here.count = 1
 
 

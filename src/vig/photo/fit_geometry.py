@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
 
 from vig.photo.pinhole import outline_weights, pose_covariance, reprojected, turned_pose
 from vig.photo.window import Window
@@ -28,22 +27,22 @@ class FitGeometry:
     camera_distance_ratio: float
     size: tuple[int, int]
 
-    def window_camera(self, framing: torch.Tensor) -> Camera:
+    def window_camera(self, framing: np.ndarray) -> Camera:
         """The fit's camera, which looks straight at the object, in pixels of the window."""
         return self.object_class.camera(camera_distance_ratio=self.camera_distance_ratio).framed(
             *framing.tolist()
         )
 
-    def pose_before(self, matrix: np.ndarray, latents: Latents, framing: torch.Tensor) -> np.ndarray:
+    def pose_before(self, matrix: np.ndarray, latents: Latents, framing: np.ndarray) -> np.ndarray:
         """The pose (4, 4) before a camera with intrinsics (3, 3) that sees the object where the fit does.
 
         That camera took the photo; the pose is the one under which vertices are seen nearest to where the
         fit's camera sees them, those of the outline above all.
         """
-        window, angles = self.window_camera(framing), (float(latents.azimuth), float(latents.elevation))
+        window, angles = self.window_camera(framing), (float(latents.azimuth[0]), float(latents.elevation[0]))
         fitted = window.camera_from_world(*angles)
         model = self.object_class.shape_model
-        vertices = model.vertices(latents.shape)[0].double().numpy()
+        vertices = model.vertices(latents.shape)[0].astype(np.float64)
         in_pixels = (vertices @ fitted[:3, :3].T + fitted[:3, 3]) @ window.K.T
         offsets = (in_pixels[:, :2] / in_pixels[:, 2:] - window.width / 2) * self.window.side / window.width
         pixels = np.stack(self.window.to_photo(*offsets.T), axis=1)
@@ -51,9 +50,9 @@ class FitGeometry:
         start = self._nearly(matrix, latents, framing)
         return reprojected(matrix, pixels, vertices, outline_weights(vertices, model.faces, eye), start)
 
-    def _nearly(self, matrix: np.ndarray, latents: Latents, framing: torch.Tensor) -> np.ndarray:
+    def _nearly(self, matrix: np.ndarray, latents: Latents, framing: np.ndarray) -> np.ndarray:
         """`pose_before` nearly, in closed form."""
-        angles = float(latents.azimuth), float(latents.elevation)
+        angles = float(latents.azimuth[0]), float(latents.elevation[0])
         window = self.window_camera(framing)
         if self.window.focal is None:
             camera = self.window.camera(window, *self.size)
@@ -72,17 +71,16 @@ class FitGeometry:
         return pose
 
     def covariance(
-        self, matrix: np.ndarray, latents: Latents, framing: torch.Tensor, deviation: torch.Tensor
+        self, matrix: np.ndarray, latents: Latents, framing: np.ndarray, deviation: np.ndarray
     ) -> np.ndarray:
         """Covariance (6, 6) of that pose from deviations (6,) of azimuth, elevation and framing.
 
         x, y, z in metres, then turns about these axes in radians; to first order, by differences.
         """
-        at = torch.cat([latents.azimuth, latents.elevation, framing]).double().numpy()
+        at = np.concatenate([latents.azimuth, latents.elevation, framing]).astype(np.float64)
 
         def moved(at: np.ndarray) -> np.ndarray:
-            numbers = torch.from_numpy(at)
-            angles = {"azimuth": numbers[:1], "elevation": numbers[1:2]}
-            return self._nearly(matrix, replace(latents, **angles), numbers[2:])
+            angles = {"azimuth": at[:1], "elevation": at[1:2]}
+            return self._nearly(matrix, replace(latents, **angles), at[2:])
 
-        return pose_covariance(moved, at, deviation.double().numpy())
+        return pose_covariance(moved, at, deviation.astype(np.float64))

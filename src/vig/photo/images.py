@@ -11,10 +11,9 @@ import warnings
 import zlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
-import torch
 from isal import isal_zlib
 from PIL import Image, UnidentifiedImageError
 
@@ -66,7 +65,7 @@ def read_picture(path: str | Path, what: str, decode: Callable[[Path, Image.Imag
             refuse(path, f"a whole {what}", f"a damaged one ({error})", "Save or copy it again.")
 
 
-def as_photo(photo: str | Path | Image.Image | np.ndarray | torch.Tensor) -> np.ndarray:
+def as_photo(photo: str | Path | Image.Image | np.ndarray) -> np.ndarray:
     """Return a photo as linear RGB, (H, W, 3) float32 in [0, 1], from whatever a caller has it in."""
     return linear_photo(coded_photo(photo))
 
@@ -89,7 +88,7 @@ def linear_planes(coded: np.ndarray) -> list[Image.Image]:
     return [plane.point(LINEAR.tolist(), "F") for plane in planes]
 
 
-def coded_photo(photo: str | Path | Image.Image | np.ndarray | torch.Tensor) -> np.ndarray:
+def coded_photo(photo: str | Path | Image.Image | np.ndarray) -> np.ndarray:
     """Return a photo (H, W, 3) as it is kept: uint8 sRGB where that is all it has, else float32 linear RGB.
 
     Samples count by their true range (`vig.photo.formats.white_level`) and by the colour encoding that the
@@ -113,10 +112,9 @@ def coded_photo(photo: str | Path | Image.Image | np.ndarray | torch.Tensor) -> 
     if isinstance(photo, Image.Image):
         check_size(name, *photo.size)
         return decoded(name, photo)
-    if not isinstance(photo, np.ndarray | torch.Tensor):
+    photo = _of_tensor(photo)
+    if not isinstance(photo, np.ndarray):
         refuse(name, "a path, a PIL image or an array", f"a {type(photo).__name__}", "Convert it to one.")
-    if isinstance(photo, torch.Tensor):  # numpy has no bfloat16
-        photo = (photo.float() if photo.dtype == torch.bfloat16 else photo).detach().cpu().numpy()
     array = photo
     if array.ndim == 2:
         array = np.repeat(array[:, :, None], 3, axis=2)
@@ -135,6 +133,14 @@ def coded_photo(photo: str | Path | Image.Image | np.ndarray | torch.Tensor) -> 
         refuse(name, "linear RGB in [0, 1]", f"values from {least:g} to {most:g}", remedy)
     clipped: np.ndarray = np.clip(array, 0, 1).astype(np.float32, order="C")
     return clipped
+
+
+def _of_tensor(photo: Any) -> Any:
+    """The array of one of torch's tensors; anything else as it is."""
+    if type(photo).__module__.split(".")[0] != "torch" or not hasattr(photo, "detach"):
+        return photo
+    host = photo.detach().cpu()
+    return (host.float() if str(host.dtype) == "torch.bfloat16" else host).numpy()  # numpy has no bfloat16
 
 
 def eight_bit_photo(path: Path) -> np.ndarray:

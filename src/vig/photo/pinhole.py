@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-import torch
 
 from vig.scene import Camera
 
@@ -155,6 +154,8 @@ def reprojected(
 def _turn(vector: np.ndarray) -> np.ndarray:
     """Rotation (3, 3) about a vector (3,) by its length in radians."""
     x, y, z = vector
-    generator = torch.tensor([[0, -z, y], [z, 0, -x], [-y, x, 0]], dtype=torch.float64)
-    rotation: np.ndarray = torch.linalg.matrix_exp(generator).numpy()
+    generator, angle = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]], np.float64), math.hypot(x, y, z)
+    # Rodrigues' formula; sin(a) / a and (1 - cos(a)) / a^2 = (sin(a / 2) / (a / 2))^2 / 2, also at 0.
+    sine, half = np.sinc(angle / math.pi), np.sinc(angle / (2 * math.pi))
+    rotation: np.ndarray = np.eye(3) + sine * generator + 0.5 * half**2 * generator @ generator
     return rotation

@@ -209,7 +209,7 @@ class LocationHints:
             return 1.0
         grey = np.repeat(self.mask[:, :, None].astype(np.float32), 3, axis=2)
         marked = window.crop(grey)[0][..., 0] > 0.5
-        predicted_visible = prediction.mask[0, :, :, 0].numpy() > SHOWN
+        predicted_visible = prediction.mask[0, :, :, 0] > SHOWN
         union = int((marked | predicted_visible).sum())
         return int((marked & predicted_visible).sum()) / union if union else 0.0
 
@@ -250,7 +250,7 @@ def predict_windows(
 
 def box_in_window(prediction: Prediction) -> tuple[float, float, float, float] | None:
     """The box (x, y, w, h) of the object's pixels in the first window, in its sides; None for none."""
-    shown = 1 - prediction.mask[0, :, :, 2].numpy() > SHOWN
+    shown = 1 - prediction.mask[0, :, :, 2] > SHOWN
     if (box := box_of(shown)) is None:
         return None
     height, width = shown.shape

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import torch
 
 from vig.io.checks import check_number
 from vig.scene import LatentLayout, Latents, regressed_layout, rotate_z
+from vig.scene.functions import Array, namespace
 from vig.scene.shape_model import MOST_MODES
 
 MASK_CLASSES = ("visible", "hidden", "background")
@@ -33,11 +33,12 @@ def layout_of_numbers(count: int) -> LatentLayout:
     return regressed_layout(count - regressed_layout(0).size)
 
 
-def latents_of(numbers: torch.Tensor, azimuth: torch.Tensor) -> Latents:
+def latents_of(numbers: Array, azimuth: Array) -> Latents:
     """Latents of regressed numbers (B, M) and azimuths (B,) radians, clipped to the bounds."""
     layout = layout_of_numbers(numbers.shape[1])
-    lower, upper = (numbers.new_tensor(bound) for bound in layout.bounds())
-    parts = layout.split(numbers.clamp(lower, upper))
+    asarray = namespace(numbers).asarray
+    lower, upper = (asarray(bound, dtype=numbers.dtype) for bound in layout.bounds())
+    parts = layout.split(numbers.clip(lower, upper))
     return Latents(
         parts["shape"], azimuth, parts["elevation"][:, 0], parts["albedo"], rotate_z(parts["light"], azimuth)
     )
@@ -76,19 +77,6 @@ def _doubled(rows: np.ndarray) -> np.ndarray:
     doubled[:, :, 1:-1:2] += far[:, :, 1:]
     doubled[:, :, 0], doubled[:, :, -1] = rows[:, :, 0], rows[:, :, -1]
     return doubled
-
-
-def softmax(logits: np.ndarray) -> np.ndarray:
-    """Probabilities (B, N) of logits."""
-    powers = np.exp(logits - logits.max(1, keepdims=True))
-    probabilities: np.ndarray = powers / powers.sum(1, keepdims=True)
-    return probabilities
-
-
-def sigmoid(logits: np.ndarray) -> np.ndarray:
-    """Probabilities of logits."""
-    probabilities: np.ndarray = 1 / (1 + np.exp(-logits.astype(np.float32)))
-    return probabilities
 
 
 STRIDES = (1, 2, 2, 2, 1)

@@ -15,8 +15,8 @@ import numpy as np
 
 from vig.parallel import on_one_core
 from vig.photo import ImagePyramid, Window
-from vig.recognition.network import sigmoid
 from vig.scene import srgb_from_linear
+from vig.scene.functions import sigmoid
 
 if TYPE_CHECKING:
     from vig.recognition.recognizer import Recognizer

@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-import torch
+import numpy as np
 
 from vig.recognition.network import latents_of, layout_of_numbers
 from vig.scene import LatentLayout, Latents, Symmetry
@@ -20,9 +20,17 @@ START_STEP = 1 / 4096
 """Steps of the points that searches start from, in units of the latents."""
 
 
-def round_to_grid(numbers: torch.Tensor, step: float) -> torch.Tensor:
+def bin_centres(bins: int, fold: int = 1) -> np.ndarray:
+    """Azimuths (bins,) float32 in the middle of equal bins of the circle, or of a part of it."""
+    return (np.arange(bins, dtype=np.float32) + np.float32(0.5)) * np.float32(
+        2 * math.pi / bins / max(fold, 1)
+    )
+
+
+def round_to_grid(numbers: np.ndarray, step: float) -> np.ndarray:
     """Round to multiples of `step`, a power of two, so that results are exact."""
-    return (numbers / step).round() * step
+    rounded: np.ndarray = np.round(numbers / step) * step
+    return rounded
 
 
 @dataclass(frozen=True)
@@ -40,19 +48,19 @@ class Prediction:
         symmetry: Of the class.
     """
 
-    azimuth: torch.Tensor
-    numbers: torch.Tensor
-    deviation: torch.Tensor
-    mask: torch.Tensor
-    roll: torch.Tensor
-    presence: torch.Tensor
+    azimuth: np.ndarray
+    numbers: np.ndarray
+    deviation: np.ndarray
+    mask: np.ndarray
+    roll: np.ndarray
+    presence: np.ndarray
     symmetry: Symmetry = field(default=Symmetry.NONE, kw_only=True)
 
     def __len__(self) -> int:
         return len(self.azimuth)
 
     @property
-    def tensors(self) -> tuple[torch.Tensor, ...]:
+    def arrays(self) -> tuple[np.ndarray, ...]:
         """All but the symmetry."""
         return self.azimuth, self.numbers, self.deviation, self.mask, self.roll, self.presence
 
@@ -61,7 +69,7 @@ class Prediction:
         if symmetry is Symmetry.NONE:
             return self
         bins = self.azimuth.shape[1] // symmetry.fold if symmetry.fold else 1
-        return replace(self, azimuth=self.azimuth.unflatten(1, (-1, bins)).sum(1), symmetry=symmetry)
+        return replace(self, azimuth=self.azimuth.reshape(len(self), -1, bins).sum(1), symmetry=symmetry)
 
     @property
     def layout(self) -> LatentLayout:
@@ -74,11 +82,11 @@ class Prediction:
         return latents_of(self.numbers, azimuth[:, 0])
 
     @functools.cached_property
-    def _modes(self) -> dict[bool, tuple[torch.Tensor, torch.Tensor]]:
+    def _modes(self) -> dict[bool, tuple[np.ndarray, np.ndarray]]:
         """The most peaks that `modes` found, broad and others; several steps of a fit ask for the same."""
         return {}
 
-    def modes(self, count: int, broad: bool = True) -> tuple[torch.Tensor, torch.Tensor]:
+    def modes(self, count: int, broad: bool = True) -> tuple[np.ndarray, np.ndarray]:
         """The `count` best separate peaks of azimuth: log weight (N, count) and radians (N, count).
 
         Of views that look the same there is one; where all do, a single one at 0: (N, 1).
@@ -88,37 +96,37 @@ class Prediction:
         is out of sight, all views that hide it. Its bins are then taken out before the next is sought.
         """
         if not self.symmetry.fold:
-            return torch.zeros(len(self), 1, dtype=torch.float64), torch.zeros(len(self), 1)
+            return np.zeros((len(self), 1)), np.zeros((len(self), 1), np.float32)
         if broad in self._modes and self._modes[broad][0].shape[1] >= count:
             log_weight, azimuths = self._modes[broad]
             return log_weight[:, :count], azimuths[:, :count]
         bins = self.azimuth.shape[1]
-        centres = (torch.arange(bins) + 0.5) * (2 * math.pi / bins)
-        left = self.azimuth.clone().double()
+        centres = bin_centres(bins)
+        left = self.azimuth.astype(np.float64)
         weights, angles = [], []
         reach = max(2, bins // 4 if broad else 0)
-        offsets = torch.arange(-reach, reach + 1)
+        offsets = np.arange(-reach, reach + 1)
         for _ in range(count):
-            smooth = sum((left.roll(offset, 1) for offset in range(-2, 3)), torch.zeros_like(left))
+            smooth = np.sum([np.roll(left, offset, 1) for offset in range(-2, 3)], axis=0)
             near = (smooth.argmax(1)[:, None] + offsets) % bins
-            high = smooth.gather(1, near)
+            high = np.take_along_axis(smooth, near, 1)
             high = high >= 0.5 * high[:, reach : reach + 1]
             high[:, reach - 2 : reach + 3] = True
             # Of each side all bins up to the first that is lower.
             before, after = (
-                high[:, : reach + 1].flip(1).int().cumprod(1).flip(1),
-                high[:, reach:].int().cumprod(1),
+                high[:, reach::-1].cumprod(1)[:, ::-1],
+                high[:, reach:].cumprod(1),
             )
-            member = torch.cat([before, after[:, 1:]], 1).double()
-            mass = left.gather(1, near) * member
+            member = np.concatenate([before, after[:, 1:]], 1).astype(np.float64)
+            mass = np.take_along_axis(left, near, 1) * member
             total = mass.sum(1)
-            at = centres[near].double()
-            angle = torch.atan2((mass * at.sin()).sum(1), (mass * at.cos()).sum(1))
-            weights.append(torch.log(total.clamp_min(1e-9)))
-            angles.append(torch.where(total > 0, angle, at[:, reach]))
-            left = left.scatter(1, near, left.gather(1, near) * (1 - member))
-        azimuths = torch.remainder(torch.stack(angles, 1), 2 * math.pi).float() / self.symmetry.fold
-        self._modes[broad] = torch.stack(weights, 1), azimuths
+            at = centres[near].astype(np.float64)
+            angle = np.arctan2((mass * np.sin(at)).sum(1), (mass * np.cos(at)).sum(1))
+            weights.append(np.log(np.maximum(total, 1e-9)))
+            angles.append(np.where(total > 0, angle, at[:, reach]))
+            np.put_along_axis(left, near, np.take_along_axis(left, near, 1) * (1 - member), 1)
+        azimuths = (np.stack(angles, 1) % (2 * math.pi)).astype(np.float32) / np.float32(self.symmetry.fold)
+        self._modes[broad] = np.stack(weights, 1), azimuths
         return self._modes[broad]
 
     def round_for_search(self) -> Prediction:
@@ -128,53 +136,55 @@ class Prediction:
         are in steps of `MASK_STEP` nats, 0 below `LEAST_MASK`; numbers of `NUMBER_STEP`; the logarithms of
         deviations of `DEVIATION_STEP`. Azimuth, by which ends are only compared, stays as it is.
         """
-        mask, log_deviation = self.mask.double(), self.deviation.double().log()
-        coarse = round_to_grid(mask.clamp_min(LEAST_MASK).log(), MASK_STEP).exp()
+        mask, log_deviation = self.mask.astype(np.float64), np.log(self.deviation.astype(np.float64))
+        coarse = np.exp(round_to_grid(np.log(np.maximum(mask, LEAST_MASK)), MASK_STEP))
         rounded = replace(
             self,
-            mask=torch.where(mask < LEAST_MASK, 0.0, coarse).to(self.mask),
+            mask=np.where(mask < LEAST_MASK, 0.0, coarse).astype(self.mask.dtype),
             numbers=round_to_grid(self.numbers, NUMBER_STEP),
-            deviation=round_to_grid(log_deviation, DEVIATION_STEP).exp().to(self.deviation),
+            deviation=np.exp(round_to_grid(log_deviation, DEVIATION_STEP)).astype(self.deviation.dtype),
         )
         rounded.__dict__["_modes"] = self._modes
         return rounded
 
     @functools.cached_property
-    def _smooth(self) -> torch.Tensor:
+    def _smooth(self) -> np.ndarray:
         """Probability (bins,) float64 that the first photo's azimuth lies in a bin or two on either hand."""
-        azimuth = self.azimuth[0].double()
-        return torch.stack([azimuth.roll(offset) for offset in range(-2, 3)]).sum(0)
+        azimuth = self.azimuth[0].astype(np.float64)
+        smooth: np.ndarray = np.sum([np.roll(azimuth, offset) for offset in range(-2, 3)], axis=0)
+        return smooth
 
-    def log_mass(self, azimuth: torch.Tensor) -> torch.Tensor:
+    def log_mass(self, azimuth: np.ndarray) -> np.ndarray:
         """Log probability that the first photo's azimuth lies within 2.5 bins of each angle (B,), float64.
 
         Linear between bins, and at least log 0.001, so that no view is ruled out.
         """
         bins, fold = self.azimuth.shape[1], self.symmetry.fold
         if not fold:
-            return torch.zeros_like(azimuth, dtype=torch.float64)
-        at = torch.remainder(azimuth.double() * fold * bins / (2 * math.pi) - 0.5, bins)
-        low = at.floor().long() % bins
-        share = at - at.floor()
+            return np.zeros(np.shape(azimuth))
+        at = (azimuth.astype(np.float64) * fold * bins / (2 * math.pi) - 0.5) % bins
+        low = np.floor(at).astype(np.int64) % bins
+        share = at - np.floor(at)
         mass = self._smooth[low] * (1 - share) + self._smooth[(low + 1) % bins] * share
-        return mass.clamp_min(1e-3).log()
+        logs: np.ndarray = np.log(np.maximum(mass, 1e-3))
+        return logs
 
-    def azimuth_offsets(self, azimuth: torch.Tensor) -> torch.Tensor:
+    def azimuth_offsets(self, azimuth: np.ndarray) -> np.ndarray:
         """Radians (bins,) by which each bin of the azimuth lies off one (); of views alike the least."""
         bins = self.azimuth.shape[1]
-        centres = (torch.arange(bins) + 0.5) * (2 * math.pi / bins / max(self.symmetry.fold, 1))
-        offsets: torch.Tensor = self.symmetry.difference(centres, azimuth)
+        centres = bin_centres(bins, self.symmetry.fold)
+        offsets: np.ndarray = self.symmetry.difference(centres, azimuth)
         return offsets
 
     def __getitem__(self, index: slice) -> Prediction:
-        return Prediction(*(tensor[index] for tensor in self.tensors), symmetry=self.symmetry)
+        return Prediction(*(array[index] for array in self.arrays), symmetry=self.symmetry)
 
     def clone(self) -> Prediction:
-        """The same in tensors of its own."""
-        return Prediction(*(tensor.clone() for tensor in self.tensors), symmetry=self.symmetry)
+        """The same in arrays of its own."""
+        return Prediction(*(array.copy() for array in self.arrays), symmetry=self.symmetry)
 
     @staticmethod
     def joined(parts: Sequence[Prediction]) -> Prediction:
         """Concatenate."""
-        columns = zip(*(part.tensors for part in parts), strict=True)
-        return Prediction(*map(torch.cat, columns), symmetry=parts[0].symmetry)
+        columns = zip(*(part.arrays for part in parts), strict=True)
+        return Prediction(*map(np.concatenate, columns), symmetry=parts[0].symmetry)

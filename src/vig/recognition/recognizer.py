@@ -14,7 +14,6 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 import onnxruntime
-import torch
 
 from vig.io.checks import decode, parse_json, read_bytes, read_tensors, reading
 from vig.io.errors import UserError
@@ -28,13 +27,12 @@ from vig.recognition.network import (
     NetworkCalibration,
     NetworkSettings,
     mask_at_pixels,
-    sigmoid,
-    softmax,
 )
 from vig.recognition.object_map import NUMBERS
 from vig.recognition.prediction import Prediction
 from vig.recognition.weights import FORMAT, network_weights, whole_tensors
 from vig.scene import IMAGE_SIZE, ObjectClass, Symmetry, regressed_layout, srgb_from_linear
+from vig.scene.functions import sigmoid, softmax
 
 BOTH_SIDES = False, True
 """A photo and its mirror image."""
@@ -283,7 +281,7 @@ class Recognizer:
             heads.roll,
             sigmoid(heads.presence),
         )
-        return Prediction(*(torch.from_numpy(np.array(each, np.float32)) for each in predicted))
+        return Prediction(*(np.array(each, np.float32) for each in predicted))
 
 
 def _read_graph(weights: Path, which: str, outputs: tuple[str, ...]) -> Graph:

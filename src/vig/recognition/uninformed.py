@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
-import torch
+import numpy as np
 
 from vig.recognition.network import NetworkSettings
 from vig.recognition.prediction import Prediction
@@ -30,21 +31,21 @@ class UninformedRecognizer(Recognizer):
     def __init__(self, object_class: ObjectClass):
         self.symmetry, self.mirror = object_class.symmetry, object_class.mirror
         layout = regressed_layout(object_class.shape_model.modes)
-        self._mean, self._deviation = torch.zeros(layout.size), torch.ones(layout.size)
+        self._mean, self._deviation = (each(layout.size, np.float32) for each in (np.zeros, np.ones))
         for name, (mean, deviation) in (("elevation", ELEVATION), ("albedo", ALBEDO)):
             self._mean[layout[name]], self._deviation[layout[name]] = mean, deviation
-        lights = torch.from_numpy(object_class.light_prior_covariance).diagonal().sqrt()
-        self._mean[layout["light"]] = torch.from_numpy(object_class.light_prior_mean).float()
-        self._deviation[layout["light"]] = LIGHT_FACTOR * lights.float() + 0.2
+        lights = np.sqrt(object_class.light_prior_covariance.diagonal())
+        self._mean[layout["light"]] = object_class.light_prior_mean
+        self._deviation[layout["light"]] = LIGHT_FACTOR * lights + 0.2
 
-    def __call__(self, photos: torch.Tensor, batch: int = 32, sides: Sequence[bool] = ()) -> Prediction:
+    def __call__(self, photos: Any, batch: int = 32, sides: Sequence[bool] = ()) -> Prediction:
         """As `Recognizer.__call__`: photos (N, S, S, 3)."""
         count, bins = len(photos), NetworkSettings().azimuth_bins
         return Prediction(
-            torch.full((count, bins), 1 / bins),
-            self._mean.expand(count, -1).clone(),
-            self._deviation.expand(count, -1).clone(),
-            torch.tensor(MASK).expand(*photos.shape[:3], 3).clone(),
-            torch.zeros(count),
-            torch.full((count,), 0.5),
+            np.full((count, bins), 1 / bins, np.float32),
+            np.tile(self._mean, (count, 1)),
+            np.tile(self._deviation, (count, 1)),
+            np.tile(np.array(MASK, np.float32), (*photos.shape[:3], 1)),
+            np.zeros(count, np.float32),
+            np.full(count, 0.5, np.float32),
         ).folded(self.symmetry)

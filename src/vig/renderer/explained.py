@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import fields
 
 import torch
 
@@ -24,17 +25,20 @@ def vertex_irradiance(
     reflects, not below 0; less where the class's `reflectance` says so. The table is `ObjectClass.transfer`;
     without `self_shadow` it is left out.
     """
+    latents = _tensors(latents)
     lobes = sh_basis(normals) * normals.new_tensor(COSINE_LOBE)
     if self_shadow and object_class.transfer is not None:
         transfer = torch.from_numpy(object_class.transfer).to(normals)
         lobes = lobes + torch.einsum("k,kvl->vl", latents.shape[0].to(normals), transfer[1:]) + transfer[0]
     reflectance = torch.from_numpy(object_class.reflectance).to(normals)
-    return reflectance * (lobes @ latents.light[0].to(normals)).clamp_min(0.0)
+    shade: torch.Tensor = reflectance * (lobes @ latents.light[0].to(normals)).clamp_min(0.0)
+    return shade
 
 
 @with_default_settings
 def scene_of(latents: Latents, object_class: ObjectClass, camera: Camera, self_shadow: bool = True) -> Scene:
     """One explanation (B = 1) before a camera as a scene: vertex colours are albedo times irradiance."""
+    latents = _tensors(latents)
     vertices = object_class.shape_model.vertices(latents.shape)[0]
     topology = _topology(object_class)
     normals = smooth_normals(vertices, topology.faces)
@@ -49,11 +53,16 @@ def render_latents(
     latents: Latents, object_class: ObjectClass, camera: Camera, self_shadow: bool = True, samples: int = 1
 ) -> Rendering:
     """Draw B explanations, a picture each; see `render`."""
-    count = len(latents)
+    latents, count = _tensors(latents), len(latents)
     scenes = [
         scene_of(latents[index : index + 1], object_class, camera, self_shadow) for index in range(count)
     ]
     return render(scenes, samples=samples)
+
+
+def _tensors(latents: Latents) -> Latents:
+    """The same as tensors, which may be differentiated if they were ones."""
+    return Latents(*(torch.as_tensor(getattr(latents, each.name)) for each in fields(latents)))
 
 
 @functools.lru_cache(maxsize=8)

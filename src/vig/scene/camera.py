@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
-import torch
 
-Angle = TypeVar("Angle", torch.Tensor, np.ndarray, float)
+from vig.scene.functions import Array, namespace
 
 
-def angle_difference(a: Angle, b: Angle) -> Angle:
-    """Return a - b round the circle, in [-pi, pi) radians; arrays or tensors that broadcast."""
-    turn: Angle = (a - b + math.pi) % (2 * math.pi) - math.pi
-    return turn
+def angle_difference(a: Array, b: Array) -> Array:
+    """Return a - b round the circle, in [-pi, pi) radians; arrays that broadcast."""
+    return (a - b + math.pi) % (2 * math.pi) - math.pi
 
 
 FOCAL_OVER_WIDTH = 1.12
@@ -123,22 +120,22 @@ class Camera:
         pose[2, 3] += self.distance
         return pose if self.mount is None else np.array(self.mount) @ pose
 
-    def pose(self, azimuth: torch.Tensor, elevation: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    def pose(self, azimuth: Array, elevation: Array) -> tuple[Array, Array]:
         """camera_from_world rotation (B, 3, 3) and translation (B, 3), metres.
 
         azimuth, elevation: (B,) radians. Azimuth 0 puts the eye on -Y, counter-clockwise about +Z.
         """
-        rotation = camera_rotation(azimuth, elevation)
+        functions, rotation = namespace(azimuth), camera_rotation(azimuth, elevation)
         if self.roll:
             cos, sin = math.cos(self.roll), math.sin(self.roll)
-            turn = rotation.new_tensor([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+            turn = functions.asarray(
+                [[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]], dtype=rotation.dtype
+            )
             rotation = turn @ rotation
-        target = torch.zeros_like(rotation[..., 0])
-        target[..., 2] = self.target_height
-        translation = -(rotation @ target.unsqueeze(-1)).squeeze(-1)
+        translation = -(rotation[..., 2] * self.target_height)
         translation[..., 2] += self.distance
         if self.mount is not None:
-            mount = rotation.new_tensor(self.mount)
+            mount = functions.asarray(self.mount, dtype=rotation.dtype)
             rotation, translation = mount[:3, :3] @ rotation, translation @ mount[:3, :3].T + mount[:3, 3]
         return rotation, translation
 
@@ -147,11 +144,12 @@ def _real(number: object) -> bool:
     return isinstance(number, int | float | np.number) and math.isfinite(number)
 
 
-def camera_rotation(azimuth: torch.Tensor, elevation: torch.Tensor) -> torch.Tensor:
+def camera_rotation(azimuth: Array, elevation: Array) -> Array:
     """Rotation camera_from_world of an eye that looks at the vertical axis: (...) radians to (..., 3, 3)."""
-    sa, ca, se, ce = torch.sin(azimuth), torch.cos(azimuth), torch.sin(elevation), torch.cos(elevation)
-    zero = torch.zeros_like(sa)
-    right = torch.stack([ca, sa, zero], dim=-1)
-    down = torch.stack([se * sa, -se * ca, -ce], dim=-1)
-    forward = torch.stack([-ce * sa, ce * ca, -se], dim=-1)
-    return torch.stack([right, down, forward], dim=-2)
+    functions = namespace(azimuth)
+    sin, cos, stack = functions.sin, functions.cos, functions.stack
+    sa, ca, se, ce = sin(azimuth), cos(azimuth), sin(elevation), cos(elevation)
+    right = stack([ca, sa, functions.zeros_like(sa)], axis=-1)
+    down = stack([se * sa, -se * ca, -ce], axis=-1)
+    forward = stack([-ce * sa, ce * ca, -se], axis=-1)
+    return stack([right, down, forward], axis=-2)

@@ -7,8 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cache, cached_property
 
-import torch
-
+from vig.scene.functions import Array, namespace
 from vig.scene.light import L_COUNT
 
 SHAPE_LIMIT = 3.0
@@ -131,7 +130,7 @@ class LatentLayout:
         self[name]
         return next(block for block in self.blocks if block.name == name)
 
-    def split(self, vector: torch.Tensor) -> dict[str, torch.Tensor]:
+    def split(self, vector: Array) -> dict[str, Array]:
         """The blocks of vectors (..., P) by name, each (..., size). ValueError on another width."""
         if vector.ndim < 1 or vector.shape[-1] != self.size:
             blocks = " + ".join(f"{block.size} {block.name}" for block in self.blocks)
@@ -141,13 +140,14 @@ class LatentLayout:
             )
         return {name: vector[..., place] for name, place in self._slices.items()}
 
-    def join(self, parts: Mapping[str, torch.Tensor]) -> torch.Tensor:
+    def join(self, parts: Mapping[str, Array]) -> Array:
         """The inverse of `split`: vectors (..., P) of all blocks, each (..., size)."""
         sizes = {name: part.shape[-1] for name, part in parts.items()}
         wanted = {block.name: block.size for block in self.blocks}
         if sizes != wanted:
             raise ValueError(f"expected blocks of sizes {wanted}; got {sizes}. Name each block once.")
-        return torch.cat([parts[block.name] for block in self.blocks], dim=-1)
+        columns = [parts[block.name] for block in self.blocks]
+        return namespace(columns[0]).concatenate(columns, axis=-1)
 
     def prior_deviations(self) -> dict[str, tuple[tuple[float, ...], bool]]:
         """The blocks that have a Gaussian prior about 0: deviation of each number, and `Block.weighted`."""
@@ -236,15 +236,15 @@ class Latents:
         light: (B, 9) SH coefficients of incident radiance in the world frame.
     """
 
-    shape: torch.Tensor
-    azimuth: torch.Tensor
-    elevation: torch.Tensor
-    albedo: torch.Tensor
-    light: torch.Tensor
+    shape: Array
+    azimuth: Array
+    elevation: Array
+    albedo: Array
+    light: Array
 
     def __post_init__(self) -> None:
         shapes = {
-            name: tuple(value.shape) if isinstance(value, torch.Tensor) else f"a {type(value).__name__}"
+            name: tuple(value.shape) if hasattr(value, "shape") else f"a {type(value).__name__}"
             for name, value in vars(self).items()
         }
         first = shapes["shape"]
@@ -252,7 +252,7 @@ class Latents:
         wanted = ((count, modes), (count,), (count,), (count, 3), (count, L_COUNT))
         if tuple(shapes.values()) != wanted:
             raise ValueError(
-                "latents must be tensors shape (B, K), azimuth (B,), elevation (B,), albedo (B, 3),"
+                "latents must be arrays shape (B, K), azimuth (B,), elevation (B,), albedo (B, 3),"
                 f" light (B, {L_COUNT}); got {', '.join(f'{name} {size}' for name, size in shapes.items())}."
                 " Give each one row an image."
             )
@@ -260,17 +260,17 @@ class Latents:
     def __len__(self) -> int:
         return len(self.azimuth)
 
-    def __getitem__(self, index: slice | torch.Tensor) -> Latents:
+    def __getitem__(self, index: slice | Array) -> Latents:
         return Latents(*(getattr(self, field.name)[index] for field in fields(self)))
 
-    def to_vector(self) -> torch.Tensor:
+    def to_vector(self) -> Array:
         """All latents as (B, P) in the order of `vig.scene.latents.latent_layout`."""
         parts = {field.name: getattr(self, field.name) for field in fields(self)}
         columns = {name: part if part.ndim == 2 else part[:, None] for name, part in parts.items()}
         return latent_layout(self.shape.shape[1]).join(columns)
 
     @staticmethod
-    def from_vector(vector: torch.Tensor) -> Latents:
+    def from_vector(vector: Array) -> Latents:
         """The inverse of `to_vector`; K follows from the width. Raises ValueError on a wrong shape."""
         if vector.ndim != 2 or vector.shape[1] < latent_layout(0).size:
             wanted, received = f"(B, K + {latent_layout(0).size})", tuple(vector.shape)

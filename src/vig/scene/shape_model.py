@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 
 from vig.io.checks import check_arrays, check_indices
+from vig.scene.functions import Array, namespace
 
 MOST_MODES = 64
 """Components of a shape model, so that a damaged file cannot ask for any memory; likewise the next two."""
@@ -70,10 +70,10 @@ class ShapeModel:
         """Whether there is but one shape: its single component is 0."""
         return not self.basis.any()
 
-    def vertices(self, coefficients: torch.Tensor) -> torch.Tensor:
-        """Vertices (B, V, 3) of coefficients (B, K), in the coefficients' dtype and device."""
+    def vertices(self, coefficients: Array) -> Array:
+        """Vertices (B, V, 3) of coefficients (B, K), in the coefficients' dtype."""
         if coefficients.ndim != 2 or coefficients.shape[1] != self.modes:
             raise ValueError(f"coefficients must be (B, {self.modes}); got {tuple(coefficients.shape)}")
-        mean = torch.from_numpy(self.mean).to(coefficients)
-        basis = torch.from_numpy(self.basis).to(coefficients)
-        return mean + torch.einsum("bk,kvc->bvc", coefficients, basis)
+        asarray, dtype = namespace(coefficients).asarray, coefficients.dtype
+        mean, basis = (asarray(each, dtype=dtype) for each in (self.mean, self.basis))
+        return mean + (coefficients @ basis.reshape(self.modes, -1)).reshape(-1, *mean.shape)

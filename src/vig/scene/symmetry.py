@@ -6,9 +6,8 @@ import math
 from dataclasses import replace
 from enum import StrEnum
 
-import torch
-
-from vig.scene.camera import Angle, angle_difference
+from vig.scene.camera import angle_difference
+from vig.scene.functions import Array
 from vig.scene.latents import Latents
 from vig.scene.light import rotate_z
 
@@ -25,15 +24,14 @@ class Symmetry(StrEnum):
         """How many views of the circle look the same; 0 where all do, so that azimuth means nothing."""
         return {"none": 1, "half-turn": 2, "any-turn": 0}[self]
 
-    def difference(self, a: Angle, b: Angle) -> Angle:
+    def difference(self, a: Array, b: Array) -> Array:
         """Return a - b, radians, of the two nearest azimuths that look like these.
 
-        In [-pi, pi), of half turns in [-pi / 2, pi / 2), of any turn 0; arrays or tensors that broadcast.
+        In [-pi, pi), of half turns in [-pi / 2, pi / 2), of any turn 0; arrays that broadcast.
         """
-        difference: Angle = angle_difference(self.fold * a, self.fold * b) / max(self.fold, 1)
-        return difference
+        return angle_difference(self.fold * a, self.fold * b) / max(self.fold, 1)
 
-    def nearest(self, latents: Latents, azimuth: torch.Tensor) -> Latents:
+    def nearest(self, latents: Latents, azimuth: Array) -> Latents:
         """Return latents (B,) that look the same from the azimuths nearest to these, (B,) or () radians.
 
         The light turns along with the camera. Without symmetry they stay as they are.
@@ -46,4 +44,4 @@ class Symmetry(StrEnum):
 
     def canonical(self, latents: Latents) -> Latents:
         """Return latents (B,) that look the same, azimuths in [0, pi) of half turns, 0 of any turn."""
-        return self.nearest(latents, torch.tensor(math.pi / 2 if self.fold else 0.0))
+        return self.nearest(latents, math.pi / 2 if self.fold else 0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import torch
+import numpy as np
 
 from vig.search.optimizer import Budget, Descent, Optimizer, Problem
 
@@ -25,20 +25,20 @@ class Annealed:
             raise ValueError(f"sigmas must fall to 1; got {self.sigmas}")
 
     def __call__(
-        self, problem: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
+        self, problem: Problem, starts: np.ndarray, photo: np.ndarray, sigma: float, budget: Budget
     ) -> Descent:
         """Maximise from starts (B, P'); see `Optimizer`."""
         count, rounds = len(starts), len(self.sigmas)
-        noise = torch.full((count,), sigma, dtype=problem.dtype)
+        noise = np.full(count, sigma, problem.dtype)
         first = problem(starts, photo, noise, derivatives=False).value
-        evaluations = torch.ones(count, dtype=torch.int64)
+        evaluations = np.ones(count, np.int64)
         points = starts
         for number, multiple in enumerate(self.sigmas):
             share = budget.iterations * (number + 1) // rounds - budget.iterations * number // rounds
             end = self.optimizer(problem, points, photo, sigma * multiple, Budget(share, budget.tolerance))
-            evaluations += end.evaluations
+            evaluations = evaluations + end.evaluations
             points = end.points
         worse = ~(end.value >= first)
-        points = torch.where(worse[:, None], starts, points)
-        value = torch.where(worse, first, end.value)
+        points = np.where(worse[:, None], starts, points)
+        value = np.where(worse, first, end.value)
         return Descent(points, value, evaluations, end.converged & ~worse)

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 
 from vig.search.optimizer import Budget, Descent, Problem
 from vig_native import engine
@@ -29,46 +28,43 @@ class LevenbergMarquardt:
     give_up: float = 1e4
 
     def __call__(
-        self, objective: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
+        self, objective: Problem, starts: np.ndarray, photo: np.ndarray, sigma: float, budget: Budget
     ) -> Descent:
         """Maximise from starts (B, P'); see `Optimizer`."""
         native = getattr(objective, "search", None)
-        if native is not None and not photo.any() and torch.isfinite(starts).all():
+        if native is not None and not photo.any() and np.isfinite(starts).all():
             descent: Descent | None = native(starts, sigma, budget, self.damping, self.give_up)
             if descent is not None:
                 return descent
         ends = [
-            self._search(objective, start[None], of_photo[None], sigma, budget)
+            self._search(objective, start[None], np.array([of_photo]), sigma, budget)
             for start, of_photo in zip(starts, photo, strict=True)
         ]
         path, value, normal, evaluations, converged = (
-            torch.cat([torch.from_numpy(end[field]) for end in ends], dim=int(field == 0))
-            for field in range(5)
+            np.concatenate([end[field] for end in ends], axis=int(field == 0)) for field in range(5)
         )
         path = path[: int(evaluations.max())]
         return Descent(
-            path[-1].clone(), value, evaluations, converged, path, normal if budget.iterations else None
+            path[-1].copy(), value, evaluations, converged, path, normal if budget.iterations else None
         )
 
     def _search(
-        self, objective: Problem, start: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
+        self, objective: Problem, start: np.ndarray, photo: np.ndarray, sigma: float, budget: Budget
     ) -> tuple[np.ndarray, ...]:
         """One search (1, P') of a problem that Python values: path, value, normal, evaluations, converged."""
-        noise = torch.full((1,), sigma, dtype=objective.dtype)
+        noise = np.full(1, sigma, objective.dtype)
 
         def value_point(point: np.ndarray, derivatives: bool) -> tuple[object, ...]:
-            valued = objective(torch.from_numpy(point)[None], photo, noise, derivatives=derivatives)
+            valued = objective(point[None], photo, noise, derivatives=derivatives)
             if not derivatives:
-                return float(valued.value), None, None
+                return float(valued.value[0]), None, None
             assert valued.gradient is not None and valued.normal is not None
-            parts = (
-                each[0].to(start.dtype).contiguous().numpy() for each in (valued.gradient, valued.normal)
-            )
-            return float(valued.value), *parts
+            parts = (np.ascontiguousarray(each[0], start.dtype) for each in (valued.gradient, valued.normal))
+            return float(valued.value[0]), *parts
 
-        bounds = (each.to(start.dtype).contiguous().numpy() for each in (objective.lower, objective.upper))
+        bounds = (np.ascontiguousarray(each, start.dtype) for each in (objective.lower, objective.upper))
         settings = budget.iterations, budget.tolerance, self.damping, self.give_up
         found: tuple[np.ndarray, ...] = engine.search_function(
-            value_point, start.contiguous().numpy(), *bounds, *settings
+            value_point, np.ascontiguousarray(start), *bounds, *settings
         )
         return found

@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
-import torch
+import numpy as np
 
 
 class Valued(Protocol):
     """An objective at B points; gradient and normal are None where not requested."""
 
     @property
-    def value(self) -> torch.Tensor:
+    def value(self) -> np.ndarray:
         """(B,) float64, NaN or -inf where there is none."""
 
     @property
-    def gradient(self) -> torch.Tensor | None:
+    def gradient(self) -> np.ndarray | None:
         """(B, P')."""
 
     @property
-    def normal(self) -> torch.Tensor | None:
+    def normal(self) -> np.ndarray | None:
         """(B, P', P'), the negative Gauss-Newton Hessian."""
 
 
@@ -30,12 +30,12 @@ class Problem(Protocol):
     `vig.inference.Objective` is one: optimisers depend on nothing else of photos.
     """
 
-    lower: torch.Tensor
-    upper: torch.Tensor
-    dtype: torch.dtype
+    lower: np.ndarray
+    upper: np.ndarray
+    dtype: Any
 
     def __call__(
-        self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: bool = True
+        self, points: np.ndarray, photo: np.ndarray, sigma: np.ndarray, derivatives: bool = True
     ) -> Valued:
         """Value points (B, P') within the bounds, of photos (B,) int, under noise sigma (B,)."""
         ...
@@ -74,19 +74,19 @@ class Descent:
             iterations, when starts are only compared, and where it is not wanted.
     """
 
-    points: torch.Tensor
-    value: torch.Tensor
-    evaluations: torch.Tensor
-    converged: torch.Tensor
-    path: torch.Tensor | None = None
-    normal: torch.Tensor | None = None
+    points: np.ndarray
+    value: np.ndarray
+    evaluations: np.ndarray
+    converged: np.ndarray
+    path: np.ndarray | None = None
+    normal: np.ndarray | None = None
 
 
 class Optimizer(Protocol):
     """Maximises a problem from B starts within its bounds."""
 
     def __call__(
-        self, problem: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget, /
+        self, problem: Problem, starts: np.ndarray, photo: np.ndarray, sigma: float, budget: Budget, /
     ) -> Descent:
         """starts (B, P') within the bounds, left alone; photo (B,) int; sigma: the noise's deviation.
 

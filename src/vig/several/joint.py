@@ -17,10 +17,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy  # which loads `ndimage` where that is first used
-import torch
 
 from vig.explainer import Explainer
 from vig.explanation import Explanation
@@ -29,6 +29,7 @@ from vig.inference.hints import LEAST_VIEW
 from vig.inference.refinement import DISTINCT_AZIMUTH
 from vig.photo import ImagePyramid
 from vig.recognition import Prediction
+from vig.recognition.prediction import bin_centres
 from vig.scene.camera import FOCAL_OVER_WIDTH
 from vig.several.scene import SceneExplanation, heading_light
 
@@ -60,8 +61,7 @@ def fit_jointly(alone: Sequence[Explanation], explainers: Sequence[Explainer]) -
     pyramid = ImagePyramid(alone[0].picture)
     cuts = [each.window.crop(pyramid) for each in alone]
     predictions = [
-        explainer.recognizer(torch.from_numpy(cut)[None])
-        for explainer, (cut, _) in zip(explainers, cuts, strict=True)
+        explainer.recognizer(cut[None]) for explainer, (cut, _) in zip(explainers, cuts, strict=True)
     ]
     occludes = order(alone, predictions)
     refitted = [
@@ -83,12 +83,12 @@ def order(alone: Sequence[Explanation], predictions: Sequence[Prediction]) -> np
     gains: dict[tuple[int, int], float] = {}
     count, odds = len(alone), []
     for prediction in predictions:
-        visible, hidden, _ = prediction.mask[0].clamp_min(LEAST_ODDS).log().unbind(-1)
-        odds.append((visible - hidden).numpy())
+        logs = np.log(np.maximum(prediction.mask[0], LEAST_ODDS))
+        odds.append(logs[..., 0] - logs[..., 1])
     for i in range(count):
         for j in range(i + 1, count):
             here, there = alone[i].window, alone[j].window
-            mine, other = alone[i].fit.coverage.numpy(), there.warp_to(alone[j].fit.coverage.numpy(), here)
+            mine, other = alone[i].fit.coverage, there.warp_to(alone[j].fit.coverage, here)
             if not ((mine > TOUCHING) & (other > TOUCHING)).any():
                 continue
             both = (mine > 0.5) & (other > 0.5)
@@ -147,9 +147,9 @@ class _Refit:
         infront, elsewhere = self._others()
         view = alone.latents.azimuth[0]
         if infront.any():
-            rival = explainer.recognizer(torch.from_numpy(_without(cut, infront, elsewhere))[None])
+            rival = explainer.recognizer(_without(cut, infront, elsewhere)[None])
             prediction = _agreed(prediction, rival)
-            asked = torch.stack([prediction.best().azimuth[0], view])
+            asked = np.stack([prediction.best().azimuth[0], view])
             likeliest, own = prediction.log_mass(asked).tolist()
             view = asked[0] if likeliest - own > VIEW_SWITCH_NATS else view
         window = alone.window
@@ -159,30 +159,29 @@ class _Refit:
             camera_distance_ratio=distance_ratio,
         )
         prediction = self._level(self._lit(prediction, settings.appearance_weight))
-        labels = torch.zeros(cut.shape[:2], dtype=torch.uint8)
-        labels[torch.from_numpy(elsewhere)] = PixelLabel.NOTHING
-        labels[torch.from_numpy(infront)] = PixelLabel.IN_FRONT
+        labels = np.zeros(cut.shape[:2], np.uint8)
+        labels[elsewhere] = PixelLabel.NOTHING
+        labels[infront] = PixelLabel.IN_FRONT
         hints = WindowHints(
-            labels, False, torch.zeros(0, dtype=torch.long), torch.zeros(0, 2), None, None, {}
+            labels, False, np.zeros(0, np.int64), np.zeros((0, 2), np.float32), None, None, {}
         )
-        photo, inside = torch.from_numpy(cut), torch.from_numpy(valid)
         turned = _of_view(prediction, view)
-        fit = explain_one(photo, turned, alone.object_class, settings, inside, hints, prediction)
+        fit = explain_one(cut, turned, alone.object_class, settings, valid, hints, prediction)
         return replace(alone, fit=fit, camera_distance_ratio=distance_ratio)
 
     def _others(self) -> tuple[np.ndarray, np.ndarray]:
         """Pixels (S, S) bool of the window that objects before this one cover; where others are seen."""
         here = self.alone[self.index].window
-        covered = self.alone[self.index].fit.coverage.numpy() > 0.5
+        covered = self.alone[self.index].fit.coverage > 0.5
         own = scipy.ndimage.binary_dilation(covered, iterations=OUTLINE_PIXELS)
         infront, elsewhere = np.zeros(own.shape, bool), np.zeros(own.shape, bool)
         for index, other in enumerate(self.alone):
             if index == self.index:
                 continue
             if self.occludes[index, self.index]:
-                infront |= other.window.warp_to(other.fit.coverage.numpy(), here) > 0.5
+                infront |= other.window.warp_to(other.fit.coverage, here) > 0.5
             else:
-                elsewhere |= other.window.warp_to(other.fit.visible.numpy(), here) > 0.5
+                elsewhere |= other.window.warp_to(other.fit.visible, here) > 0.5
         return infront, elsewhere & ~own & ~infront
 
     def _level(self, prediction: Prediction) -> Prediction:
@@ -192,52 +191,51 @@ class _Refit:
         middle = self.alone[0].picture.shape[0] / 2 if lens is None else lens.cy
         below = [math.atan((each.window.centre[1] - middle) / focal) for each in self.alone]
         elevations = [
-            float(each.latents.elevation) + below[self.index] - below[index]
+            float(each.latents.elevation[0]) + below[self.index] - below[index]
             for index, each in enumerate(self.alone)
             if index != self.index
         ]
         place, precision = prediction.layout["elevation"], len(elevations) / LEVEL_SPREAD**2
-        numbers, deviation = prediction.numbers.clone(), prediction.deviation.clone()
-        own = deviation[:, place] ** -2
+        numbers, deviation = prediction.numbers.copy(), prediction.deviation.copy()
+        own = deviation[:, place] ** -2.0
         numbers[:, place] = (own * numbers[:, place] + precision * float(np.mean(elevations))) / (
             own + precision
         )
-        deviation[:, place] = (own + precision).rsqrt()
+        deviation[:, place] = 1 / np.sqrt(own + precision)
         return replace(prediction, numbers=numbers, deviation=deviation)
 
     def _lit(self, prediction: Prediction, power: float) -> Prediction:
         """The prediction with the other objects' light as a second Gaussian; `power` is the first one's."""
         others = [heading_light(each) for index, each in enumerate(self.alone) if index != self.index]
         place, precision = prediction.layout["light"], LIGHT_PRECISION * len(others)
-        numbers, deviation = prediction.numbers.clone(), prediction.deviation.clone()
+        numbers, deviation = prediction.numbers.copy(), prediction.deviation.copy()
         own = power / deviation[:, place] ** 2
-        mean = torch.stack(others).mean(0).to(numbers)
+        mean = np.stack(others).mean(0)
         numbers[:, place] = (own * numbers[:, place] + precision * mean) / (own + precision)
-        deviation[:, place] = (power / (own + precision)).sqrt()
+        deviation[:, place] = np.sqrt(power / (own + precision))
         return replace(prediction, numbers=numbers, deviation=deviation)
 
 
 def _agreed(one: Prediction, other: Prediction) -> Prediction:
     """What two predictions of one photo say together: geometric mean of azimuth, mean of all else."""
-    azimuth = (0.5 * (one.azimuth.clamp_min(1e-6).log() + other.azimuth.clamp_min(1e-6).log())).exp()
+    azimuth = np.sqrt(np.maximum(one.azimuth, 1e-6) * np.maximum(other.azimuth, 1e-6))
     return replace(
         one,
-        azimuth=azimuth / azimuth.sum(1, keepdim=True),
+        azimuth=azimuth / azimuth.sum(1, keepdims=True),
         numbers=(one.numbers + other.numbers) / 2,
         deviation=(one.deviation + other.deviation) / 2,
         mask=(one.mask + other.mask) / 2,
     )
 
 
-def _of_view(prediction: Prediction, azimuth: torch.Tensor) -> Prediction:
+def _of_view(prediction: Prediction, azimuth: np.floating[Any]) -> Prediction:
     """The prediction without all views but one: what evidence tells of others, the fit alone told."""
     fold, bins = prediction.symmetry.fold, prediction.azimuth.shape[1]
     if not fold:
         return prediction
-    centres = (torch.arange(bins) + 0.5) * (2 * math.pi / (bins * fold))
-    off = prediction.symmetry.difference(centres, azimuth)
-    near = torch.where(off.abs() <= DISTINCT_AZIMUTH, prediction.azimuth + LEAST_VIEW, 0.0)
-    return replace(prediction, azimuth=near / near.sum(1, keepdim=True))
+    off = prediction.symmetry.difference(bin_centres(bins, fold), azimuth)
+    near = np.where(np.abs(off) <= DISTINCT_AZIMUTH, prediction.azimuth + LEAST_VIEW, np.float32(0))
+    return replace(prediction, azimuth=near / near.sum(1, keepdims=True))
 
 
 def _without(cut: np.ndarray, infront: np.ndarray, elsewhere: np.ndarray) -> np.ndarray:

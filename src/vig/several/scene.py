@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import scipy  # which loads `ndimage` where that is first used
-import torch
 
 from vig.explanation import Explanation
 from vig.photo.images import coded
@@ -45,7 +44,8 @@ class SceneExplanation:
     @cached_property
     def light(self) -> np.ndarray:
         """(9,) SH of incident radiance in the heading frame of the camera, the mean of the objects'."""
-        return torch.stack([heading_light(each) for each in self.objects]).mean(0).numpy()
+        light: np.ndarray = np.mean([heading_light(each) for each in self.objects], axis=0)
+        return light
 
     @cached_property
     def poses(self) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -123,6 +123,7 @@ class SceneExplanation:
         return ", ".join(pairs) or "none hides another"
 
 
-def heading_light(each: Explanation) -> torch.Tensor:
+def heading_light(each: Explanation) -> np.ndarray:
     """Light (9,) in the frame that turns along with the camera."""
-    return rotate_z(each.latents.light[0], -each.latents.azimuth[0])
+    light: np.ndarray = rotate_z(each.latents.light[0], -each.latents.azimuth[0])
+    return light

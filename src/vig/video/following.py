@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import torch
 
 from vig.explainer import LEAST_PRESENT, Box, Explainer, Photo
 from vig.explanation import Explanation
@@ -106,7 +105,7 @@ class Sighting:
         return Sighting(
             window=explanation.window,
             camera=_straight(explanation),
-            azimuths=np.array([float(each.azimuth) for each in latents]) % math.tau,
+            azimuths=np.array([float(each.azimuth[0]) for each in latents]) % math.tau,
             probabilities=np.array(
                 shares if calibrated else [NO_CONFIDENCE[bool(n)] for n in range(len(shares))]
             ),
@@ -115,8 +114,8 @@ class Sighting:
             elevation_deviation=float(layout["elevation"][0]),
             place=np.array([*centre, math.log(size.max())]),
             hidden=hidden,
-            albedo=explanation.latents.albedo[0].numpy(),
-            shape=explanation.latents.shape[0].numpy(),
+            albedo=explanation.latents.albedo[0],
+            shape=explanation.latents.shape[0],
             lost=explanation.verdict in (Verdict.FAILED, Verdict.ABSENT)
             or hidden is None
             or hidden > MOST_HIDDEN,
@@ -138,15 +137,15 @@ class RunningPrediction:
 
     recognizer: Any
     latest: Prediction | None = None
-    numbers: torch.Tensor | None = None
+    numbers: np.ndarray | None = None
     mirrored: bool = False
 
-    def __call__(self, photos: torch.Tensor) -> Prediction:
+    def __call__(self, photos: np.ndarray) -> Prediction:
         """Of the next frame's window (1, S, S, 3)."""
         self.mirrored = not self.mirrored
         seen: Prediction = self.recognizer(photos, sides=(self.mirrored,))
         if self.numbers is not None:
-            seen = replace(seen, numbers=torch.lerp(self.numbers, seen.numbers, NUMBERS_GAIN))
+            seen = replace(seen, numbers=(1 - NUMBERS_GAIN) * self.numbers + NUMBERS_GAIN * seen.numbers)
         self.latest = seen
         return seen
 
@@ -230,13 +229,13 @@ class Follower:
             frame, window, self.focal, self.hints, self.camera, expected=self._expected(window)
         )
         seen = self.predict.latest
-        return explanation, Sighting.of(explanation, None if seen is None else seen.azimuth[0].numpy())
+        return explanation, Sighting.of(explanation, None if seen is None else seen.azimuth[0])
 
     def _expected(self, window: Window) -> ExpectedStart | None:
         """The latest fit, turned to the expected view, at the expected place."""
         if self.view is None or self.latest is None or self.place is None:
             return None
-        azimuth, elevation = (torch.tensor([angle], dtype=torch.float32) for angle in self.view)
+        azimuth, elevation = (np.array([angle], np.float32) for angle in self.view)
         fitted, (_, size) = self.latest.latents, _box_of(self.latest)
         light = rotate_z(fitted.light, azimuth - fitted.azimuth)  # the camera's: it is the object that turns
         x, y = window.to_window(*self.place[:2].tolist())
@@ -310,9 +309,9 @@ def _hidden(explanation: Explanation) -> float | None:
     size = len(fit.coverage)
     offsets = ((np.arange(size) + 0.5) / size - 0.5) * window.side
     x, y = window.to_photo(*np.meshgrid(offsets, offsets))
-    covered = (fit.coverage.numpy() >= 0.5) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
+    covered = (fit.coverage >= 0.5) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
     count = int(covered.sum())
-    return 1 - int((covered & (fit.visible.numpy() >= 0.5)).sum()) / count if count else None
+    return 1 - int((covered & (fit.visible >= 0.5)).sum()) / count if count else None
 
 
 def _straight(explanation: Explanation) -> Camera:
@@ -330,7 +329,7 @@ def _straight(explanation: Explanation) -> Camera:
         camera, focal=focal, focal_y=None, cx=cx, cy=cy, distance=float(point[2]), mount=None, roll=0.0
     )
     level = straight.camera_from_world(
-        float(explanation.latents.azimuth), float(explanation.latents.elevation)
+        float(explanation.latents.azimuth[0]), float(explanation.latents.elevation[0])
     )
     roll = turned_pose(straight, level, camera.K)[:3, :3].T @ pose[:3, :3]  # in the object's frame
     roll = level[:3, :3] @ roll @ level[:3, :3].T

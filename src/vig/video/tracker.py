@@ -210,7 +210,7 @@ class Tracker:
     def _near(self, azimuth: float, explanation: Explanation) -> list[Sighting]:
         """What the explanation by the alternative nearest to an azimuth says, if it is of that view."""
         views = explanation.fit.alternatives
-        off = [abs(azimuth_off(float(view.latents.azimuth), azimuth, self._fold)) for view in views]
+        off = [abs(azimuth_off(float(view.latents.azimuth[0]), azimuth, self._fold)) for view in views]
         if not off or min(off) > FAR:
             return []
         view = views[int(np.argmin(off))]
@@ -240,7 +240,7 @@ class Tracker:
 
         camera, here = posed(numbers / units)
         covariance = pose_covariance(lambda at: posed(at)[1], numbers / units, deviations / units)
-        axes, spread = sight_axes(here), explanation.fit.position_deviation.double().numpy().copy()
+        axes, spread = sight_axes(here), explanation.fit.position_deviation.astype(np.float64)
         spread[2] = spread[2] if self._distance_known else UNKNOWN_DISTANCE
         covariance[:3, :3] += (axes * (spread * explanation.position_units) ** 2) @ axes.T
         return camera, covariance

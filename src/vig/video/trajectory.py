@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 from vig.explainer import Box, Explainer, Photo
 from vig.explanation import Explanation
@@ -191,10 +190,8 @@ class Trajectory:
 
 def _listed(frames: Iterable[Photo]) -> Sequence[Photo]:
     """Frames as a sequence; UserError where there are fewer than two, or something else."""
-    one = isinstance(frames, Photo) and not (
-        isinstance(frames, np.ndarray | torch.Tensor) and frames.ndim == 4
-    )
-    if not one and not isinstance(frames, Iterable | torch.Tensor):
+    one = isinstance(frames, Photo) and not (getattr(frames, "ndim", None) == 4)
+    if not one and not isinstance(frames, Iterable):
         raise UserError(f"expected the frames of a video; got {str(frames)[:60]}. Pass a list of them.")
     listed: Sequence[Any] = [frames] if one else frames if isinstance(frames, Sequence) else list(frames)
     if len(listed) < 2:

@@ -18,7 +18,7 @@ from vig_native import engine
 
 _MODELS = "robust", "gaussian", "spatial"
 LIKELIHOODS = (*_MODELS, *(name for name in engine.DENSITIES if name not in _MODELS))
-"""The names of `vig.likelihood.LIKELIHOODS`, which loads torch."""
+"""The names of `vig.likelihood.LIKELIHOODS`, which loads the likelihood."""
 
 
 @dataclass(frozen=True)

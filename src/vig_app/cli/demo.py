@@ -192,7 +192,7 @@ def _compared(photo: DemoPhoto, explanation: Explanation, described: Mapping[str
         return row
     with Image.open(photo.visible_mask) as image:
         visible = np.asarray(image) > 127
-    azimuth_error = angle_difference(float(explanation.latents.azimuth), math.radians(photo.azimuth_deg))
+    azimuth_error = angle_difference(float(explanation.latents.azimuth[0]), math.radians(photo.azimuth_deg))
     distances = np.linalg.norm(explanation.vertices - photo.vertices, axis=1)
     truth = {
         "hidden": round(photo.occlusion, 3),

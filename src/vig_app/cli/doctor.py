@@ -60,15 +60,11 @@ def check_renderer() -> dict[str, Any]:
     vertices = np.column_stack([(corners - 10) / 20, np.ones(3)]).astype(np.float32)
     start = time.perf_counter()
     try:
-        import torch
+        from vig.renderer.drawing import draw_mesh, mesh_of
 
-        from vig.renderer import MeshObject, Pinhole, Scene, Topology, render
-
-        focal, centre = torch.full((2,), 20.0), torch.full((2,), 10.0)
-        eye = Pinhole(20, 20, focal, centre, torch.eye(3), torch.zeros(3))
-        topology = Topology.of(np.array([[0, 1, 2]]), vertices)
-        triangle = MeshObject(torch.from_numpy(vertices), topology, torch.ones(3))
-        rendering = render(Scene([triangle], eye))
+        mesh, white = mesh_of(np.array([[0, 1, 2]]), vertices), np.ones(3)
+        eye = np.eye(3), np.zeros(3), (20.0, 20.0), (10.0, 10.0)
+        rendering = draw_mesh(mesh, vertices, None, white, eye, 20, 20)
         drawn = rendering.triangle_id == 0
         count = int(drawn.sum())
         ok = count == expected and bool(np.allclose(rendering.depth[drawn], 1, atol=1e-5))

@@ -59,18 +59,18 @@ def findings(cpus: int) -> list[Finding]:
 
 
 def threads(cpus: int) -> Finding:
-    """How many of the processors torch's threads use, and with them a fit."""
-    import torch
+    """How many of the processors a fit uses."""
+    from vig.parallel import thread_count
 
-    count = torch.get_num_threads()
+    count = thread_count()
     state = f"{count} on {cpus} processors"
     if count == cpus:
-        return Finding("torch threads", state)
+        return Finding("threads", state)
     if count > cpus:
-        return Finding("torch threads", state, f"they wait for each other: export OMP_NUM_THREADS={cpus}")
+        return Finding("threads", state, f"they wait for each other: export OMP_NUM_THREADS={cpus}")
     set_by = [name for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS") if os.environ.get(name)]
     remedy = f"unset {' and '.join(set_by)}" if set_by else f"export OMP_NUM_THREADS={cpus}"
-    return Finding("torch threads", state, f"to use all: {remedy}; of many photos vig fit --workers {cpus}")
+    return Finding("threads", state, f"to use all: {remedy}; of many photos vig fit --workers {cpus}")
 
 
 def load(cpus: int) -> Finding:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import torch
 from safetensors.numpy import load_file
 
 from vig.scene.latents import Latents
@@ -48,11 +47,11 @@ def example_photos() -> list[Example]:
 def _example(about: dict, class_name: str, vertices: np.ndarray) -> Example:
     name = about["name"]
     truth = Latents(
-        shape=torch.tensor([about["shape"]]),
-        azimuth=torch.tensor([math.radians(about["azimuth_deg"])]),
-        elevation=torch.tensor([math.radians(about["elevation_deg"])]),
-        albedo=torch.tensor([about["albedo"]]),
-        light=torch.tensor([about["light"]]),
+        shape=np.array([about["shape"]], np.float32),
+        azimuth=np.array([math.radians(about["azimuth_deg"])], np.float32),
+        elevation=np.array([math.radians(about["elevation_deg"])], np.float32),
+        albedo=np.array([about["albedo"]], np.float32),
+        light=np.array([about["light"]], np.float32),
     )
     return Example(
         name=name,

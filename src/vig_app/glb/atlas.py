@@ -11,9 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy  # which loads its parts where they are first used
-import torch
 
-from vig.renderer import MeshObject, Pinhole, Scene, Topology, render
+from vig.renderer.drawing import draw_mesh, mesh_of
 from vig.scene import ObjectClass
 
 SIDE = 512
@@ -202,10 +201,9 @@ def _drawn(place: np.ndarray, height: np.ndarray) -> np.ndarray:
     depth = 1 - LIFT * (height - height.min()) / max(float(np.ptp(height)), 1e-9)
     points = np.concatenate([place, np.ones_like(height)[..., None]], axis=2) * depth[..., None]
     points = points.reshape(-1, 3).astype(np.float32)
-    topology = Topology.of(np.arange(len(points)).reshape(-1, 3), points)
-    camera = Pinhole(SIDE, SIDE, torch.ones(2), torch.zeros(2), torch.eye(3), torch.zeros(3))
-    scene = Scene([MeshObject(torch.from_numpy(points), topology, torch.ones(3))], camera)
-    return render(scene).triangle_id[0].numpy()
+    mesh = mesh_of(np.arange(len(points)).reshape(-1, 3), points)
+    camera = np.eye(3), np.zeros(3), np.ones(2), np.zeros(2)
+    return draw_mesh(mesh, points, None, np.ones(3), camera, SIDE, SIDE).triangle_id
 
 
 def _below(place: np.ndarray, height: np.ndarray, seen: np.ndarray) -> np.ndarray:

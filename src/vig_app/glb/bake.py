@@ -10,18 +10,17 @@ import functools
 from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
 from PIL import Image, ImageFilter
 
 from vig.explanation import Explanation
 from vig.output.pictures import PANEL
 from vig.parallel import on_one_core
 from vig.photo.masks import box_of
-from vig.renderer import render_latents
+from vig.renderer.drawing import draw_latents
 from vig.scene import Camera, ObjectClass
 from vig.scene.light import srgb8_from_linear
 from vig_app.glb.atlas import SIDE, Atlas, atlas_of
-from vig_renderer.shading import smooth_normals
+from vig_renderer.edges import smooth_normals
 
 SEEN, MIRRORED, INVENTED = 255, 128, 0
 """Values of the map of where a texel's colour is from."""
@@ -89,7 +88,7 @@ def bake(explanation: Explanation) -> Texture | None:
     origin = np.full(len(colours), INVENTED, np.uint8)
     shown = _Shown.of(explanation)
     if shown is not None:
-        normals = smooth_normals(torch.from_numpy(vertices), torch.from_numpy(model.faces)).numpy()
+        normals = smooth_normals(vertices, model.faces)
         sides = [(SEEN, np.ones_like(MIRROR))] + [(MIRRORED, MIRROR)] * object_class.mirror
         placed = np.concatenate([shown.placed(vertices * flip, normals * flip) for _, flip in sides], axis=1)
         at = atlas.weights @ placed
@@ -103,14 +102,14 @@ class _Shown:
     """What the part of the window that the object covers shows of it.
 
     Attributes:
-        layers: (1, 5, h, w) float32: colour without the light, linear RGB; how far it counts, in [0, 1]; one
+        layers: (5, h, w) float32: colour without the light, linear RGB; how far it counts, in [0, 1]; one
             over the depth of the surface, 0 where nothing is.
         place_from_object: (3, 4), to where a point is in the layers, from -1 to 1 each way.
         eye: (3,) in the object's frame.
         near: How far from the surface that a pixel shows a point may be to have its colour, over its depth.
     """
 
-    layers: torch.Tensor
+    layers: np.ndarray
     place_from_object: np.ndarray
     eye: np.ndarray
     near: float
@@ -125,7 +124,7 @@ class _Shown:
             return None
         x, y, width, height = box
         part = slice(y, y + height), slice(x, x + width)
-        pose = camera.camera_from_world(float(latents.azimuth), float(latents.elevation))
+        pose = camera.camera_from_world(float(latents.azimuth[0]), float(latents.elevation[0]))
         eye, length = -pose[:3, :3].T @ pose[:3, 3], float(np.ptp(explanation.vertices, axis=0).max())
         light, depth = _light(explanation)[part], shown.depth[part]
         layers = np.empty((5, height, width), np.float32)
@@ -138,7 +137,7 @@ class _Shown:
         across, down = -1 - 2 * x / width, -1 - 2 * y / height
         to_place = np.array([[2 / width, 0, across], [0, 2 / height, down], [0, 0, 1]])
         return _Shown(
-            torch.from_numpy(layers)[None],
+            layers,
             to_place @ camera.K @ pose[:3],
             eye,
             NEAR * length / float(np.linalg.norm(eye)),
@@ -156,7 +155,7 @@ class _Shown:
         """Give texels (T, 3) at `placed` (T, 4) the colours that are shown there; returns which have them."""
         texels = np.flatnonzero(at[:, 3] > 0)
         x, y, depth, _ = at[texels].T
-        where = torch.from_numpy(np.stack([x / depth, y / depth], axis=1))
+        where = np.stack([x / depth, y / depth], axis=1)
         counts, nearness = self._found(slice(3, 5), where)
         here = np.flatnonzero((counts > 0) & (np.abs(nearness * depth - 1) < self.near))
         texels, weight = texels[here], counts[here, None]
@@ -164,23 +163,35 @@ class _Shown:
         colours[texels] = before + weight * (self._found(slice(3), where[here]).T - before)
         return texels[weight[:, 0] > 0.5]
 
-    def _found(self, layers: slice, where: torch.Tensor) -> np.ndarray:
+    def _found(self, layers: slice, where: np.ndarray) -> np.ndarray:
         """Layers at places (N, 2), between the middles of four pixels: (layers, N)."""
-        sample = torch.nn.functional.grid_sample
-        return sample(self.layers[:, layers], where[None, None], align_corners=False)[0, :, 0].numpy()
+        chosen = self.layers[layers]
+        height, width = chosen.shape[1:]
+        x = (where[:, 0] + 1) * np.float32(width / 2) - np.float32(0.5)
+        y = (where[:, 1] + 1) * np.float32(height / 2) - np.float32(0.5)
+        left, top = np.floor(x), np.floor(y)
+        across, down = x - left, y - top
+        found = np.zeros((len(chosen), len(where)), np.float32)
+        for i, weight_down in ((0, 1 - down), (1, down)):
+            for j, weight_across in ((0, 1 - across), (1, across)):
+                row, column = top + i, left + j
+                inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+                at = row[inside].astype(np.int64), column[inside].astype(np.int64)
+                found[:, inside] += chosen[:, *at] * (weight_down * weight_across)[inside]
+        return found
 
 
 def _light(explanation: Explanation) -> np.ndarray:
     """What a white surface in the place of the object's would reflect, (S, S) of the window."""
     latents, object_class, shown = explanation.latents, explanation.object_class, explanation.close_up
-    albedo = latents.albedo[0].numpy()
+    albedo = latents.albedo[0]
     channel = int(albedo.argmax())
     if object_class.part_reflectance is None and albedo[channel] > LEAST_ALBEDO:
         return shown.rendering[..., channel] / albedo[channel]
     # Where dark parts meet bright ones the rendering mixes their reflectances.
-    white = replace(latents, albedo=torch.ones_like(latents.albedo))
-    drawn = on_one_core(functools.partial(render_latents, white, _uniform(object_class), shown.camera))
-    return drawn.rgb[0, :, :, 0].numpy()
+    white = replace(latents, albedo=np.ones_like(latents.albedo))
+    drawn = on_one_core(functools.partial(draw_latents, white, _uniform(object_class), shown.camera))
+    return drawn.rgb[:, :, 0]
 
 
 @functools.lru_cache(maxsize=8)

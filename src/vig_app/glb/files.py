@@ -27,7 +27,7 @@ def write_object(path: Path, explanation: Explanation, texture: Texture | None) 
     Stored positions are those of the object's own frame, so that `camera_from_object` applies to them; the
     node's matrix, `glb_from_object`, makes it upright in viewers.
     """
-    node = glb_from_object(float(explanation.latents.azimuth))
+    node = glb_from_object(float(explanation.latents.azimuth[0]))
     name = explanation.object_class.name
     written = _object(explanation, name, node, texture)
     write_glb(path, [written], explanation.camera, node @ np.linalg.inv(explanation.camera_from_object))

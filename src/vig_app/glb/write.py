@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from PIL import Image
 
 from vig import __version__
@@ -20,7 +19,7 @@ from vig.io.files import atomic_write
 from vig.photo.images import png_bytes
 from vig.scene import Camera, ObjectClass
 from vig_app.glb.bake import INVENTED, MIRRORED, SEEN, Texture
-from vig_renderer.shading import smooth_normals
+from vig_renderer.edges import smooth_normals
 
 LOOKS_BACK = np.diag([1.0, -1.0, -1.0, 1.0])
 """Cameras of glTF, USD and nerfstudio look along -Z with Y up, those of OpenCV along +Z with Y down."""
@@ -124,7 +123,7 @@ class _File:
     def add_object(self, each: GlbObject) -> None:
         """Add an object's node, mesh, materials and texture."""
         model, texture = each.object_class.shape_model, each.texture
-        normals = smooth_normals(torch.from_numpy(each.vertices), torch.from_numpy(model.faces)).numpy()
+        normals = smooth_normals(each.vertices, model.faces)
         normals[~normals.any(1)] = 0, 0, 1  # glTF wants length one of vertices without area, too
         source = slice(None) if texture is None else texture.atlas.source
         attributes = {

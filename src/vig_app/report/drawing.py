@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import torch
 
 from vig.explanation import Explanation
 from vig.scene import Camera, Latents
@@ -30,7 +29,7 @@ class Pose:
 
     words: str
     latents: Latents
-    framing: torch.Tensor
+    framing: np.ndarray
 
 
 def views_of(explanation: Explanation) -> list[Pose]:
@@ -46,7 +45,7 @@ def views_of(explanation: Explanation) -> list[Pose]:
 def steps_of(explanation: Explanation) -> Iterable[Pose]:
     """Some steps of the fit that moved, the first and the last among them."""
     path = explanation.fit.descent
-    moved = torch.cat([torch.tensor([True]), (path[1:] != path[:-1]).any(1)]).nonzero()[:, 0]
+    moved = np.flatnonzero(np.concatenate([[True], (path[1:] != path[:-1]).any(1)]))
     for number in moved[np.unique(np.linspace(0, len(moved) - 1, STEPS).round().astype(int))].tolist():
         latents = Latents.from_vector(path[number : number + 1, :-4])
         text = f"step {number} of {len(path) - 1}: {words.view_words(latents, math.nan)}"
@@ -79,11 +78,11 @@ def pose_data(explanation: Explanation, poses: Sequence[Pose]) -> list[dict[str,
 
     `clip` takes vertices to OpenGL's clip space of the window, by columns.
     """
-    latents = Latents.from_vector(torch.cat([pose.latents.to_vector() for pose in poses]))
+    latents = Latents.from_vector(np.concatenate([pose.latents.to_vector() for pose in poses]))
     standard = explanation.object_class.camera(camera_distance_ratio=explanation.camera_distance_ratio)
     drawn = []
     for pose, vertices, shadow in zip(poses, *_differences(explanation, latents), strict=True):
-        angles = float(pose.latents.azimuth), float(pose.latents.elevation)
+        angles = float(pose.latents.azimuth[0]), float(pose.latents.elevation[0])
         camera = standard.framed(*pose.framing.tolist())
         drawn.append(
             {
@@ -131,14 +130,14 @@ def _differences(
     """
     object_class = explanation.object_class
     basis = object_class.shape_model.basis
-    moved = (latents.shape - explanation.latents.shape).numpy() @ basis.reshape(len(basis), -1)
+    moved = (latents.shape - explanation.latents.shape) @ basis.reshape(len(basis), -1)
     vertices = [_in_8_bits(row) for row in moved]
     if object_class.transfer is None:
         return vertices, [None] * len(vertices)
     # The sum over components before that over lobes, as `vig.renderer.explained.vertex_irradiance` has it.
-    weights = np.concatenate([np.ones((len(vertices), 1), np.float32), latents.shape.numpy()], axis=1)
+    weights = np.concatenate([np.ones((len(vertices), 1), np.float32), latents.shape], axis=1)
     lobes = (weights @ object_class.transfer.reshape(len(basis) + 1, -1)).reshape(len(vertices), -1, 9)
-    added = (lobes @ latents.light.numpy()[:, :, None])[..., 0]
+    added = (lobes @ latents.light[:, :, None])[..., 0]
     return vertices, [_in_8_bits(row) for row in added]
 
 

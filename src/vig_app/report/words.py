@@ -17,7 +17,7 @@ INTERVAL = 1.645
 
 def view_words(latents: Latents, probability: float) -> str:
     """A view (B = 1), and how likely it is right."""
-    azimuth, elevation = (math.degrees(float(angle)) for angle in (latents.azimuth, latents.elevation))
+    azimuth, elevation = (math.degrees(float(angle[0])) for angle in (latents.azimuth, latents.elevation))
     words = f"azimuth {azimuth % 360:.0f}°, elevation {elevation:.0f}°, {likely_right(probability)}"
     return words.removesuffix(", ")
 

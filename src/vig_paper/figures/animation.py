@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from PIL import Image, ImageDraw, ImageFont
 from scipy import ndimage
 
@@ -35,11 +34,11 @@ class Recorder:
     """An optimiser that runs another and records, at every evaluation, the best point of its stage so far."""
 
     optimizer: Optimizer
-    best: list[torch.Tensor] = field(default_factory=list)
+    best: list[np.ndarray] = field(default_factory=list)
     """Points (P',), one per evaluation; a stage's first is among its own starts."""
 
     def __call__(
-        self, problem: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
+        self, problem: Problem, starts: np.ndarray, photo: np.ndarray, sigma: float, budget: Budget
     ) -> Descent:
         """Run the other optimiser; see `Optimizer`."""
         return self.optimizer(_RecordedProblem(problem, self.best), starts, photo, sigma, budget)
@@ -48,27 +47,28 @@ class Recorder:
 class _RecordedProblem:
     """A problem that records the best point evaluated so far."""
 
-    def __init__(self, problem: Problem, best: list[torch.Tensor]):
+    def __init__(self, problem: Problem, best: list[np.ndarray]):
         self.problem, self.best = problem, best
-        self.highest = -torch.inf
+        self.highest = -np.inf
         self.lower, self.upper = problem.lower, problem.upper
         self.dtype = problem.dtype
 
     def __call__(
-        self, points: torch.Tensor, photo: torch.Tensor, sigma: torch.Tensor, derivatives: bool = True
+        self, points: np.ndarray, photo: np.ndarray, sigma: np.ndarray, derivatives: bool = True
     ) -> Any:
         evaluation = self.problem(points, photo, sigma, derivatives)
-        value, index = evaluation.value.nan_to_num(nan=-torch.inf).max(0)
-        if float(value) > self.highest or not self.best:
-            self.highest = float(value)
-            self.best.append(points[int(index)].clone())
+        values = np.where(np.isnan(evaluation.value), -np.inf, evaluation.value)
+        index = int(values.argmax())
+        if values[index] > self.highest or not self.best:
+            self.highest = float(values[index])
+            self.best.append(points[index].copy())
         else:
             self.best.append(self.best[-1])
         return evaluation
 
 
 def fit_animation(
-    photo: torch.Tensor,
+    photo: np.ndarray,
     prediction: Prediction,
     object_class: ObjectClass,
     settings: ExplainSettings,
@@ -99,9 +99,9 @@ def fit_animation(
     captions = ["recognition model"]
     captions += [f"evaluation {int(evaluation) + 1} of {len(recorder.best)}" for evaluation in evaluations]
     captions += [answer.verdict.name.lower()]
-    explanations = Latents.from_vector(torch.stack(vectors).float())
+    explanations = Latents.from_vector(np.stack(vectors).astype(np.float32))
     colours, coverage = render_explanations(explanations, object_class, settings.self_shadow)
-    linear = photo.numpy()
+    linear = photo
     frames = [
         _frame(linear, colour, covered, caption)
         for colour, covered, caption in zip(colours, coverage, captions, strict=True)

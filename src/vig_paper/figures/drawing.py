@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import torch
 from scipy.stats import rankdata
 
 from vig.inference import ExplainSettings
@@ -71,7 +70,7 @@ def draw_figures(
     likelihood = next((model for name, model in LIKELIHOODS.items() if name == method), None)
     if likelihood is not None:
         image = dataset.read("rgb", [chosen[len(chosen) // 2]])
-        photo = torch.from_numpy(linear_from_srgb(image.astype(np.float32) / 255)).float()
+        photo = linear_from_srgb(image.astype(np.float32) / 255)
         chosen_fit = replace(settings or ExplainSettings(), likelihood=likelihood)
         paths.append(
             fit_animation(photo[0], recognizer(photo), object_class, chosen_fit, folder / "fit.webp")

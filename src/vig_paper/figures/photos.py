@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 
 from vig.inference import ExplainSettings
 from vig.scene import Latents, ObjectClass, camera_rotation, irradiance, sh_basis, srgb_from_linear
@@ -64,8 +63,8 @@ def figure4(
         raise ValueError("expected at least one image to show; got none")
     chosen = list(indices)
     photos = dataset.read("rgb", chosen) / 255.0
-    truth = Latents.from_vector(torch.from_numpy(dataset.latents[chosen]))
-    azimuth = np.degrees(truth.azimuth.numpy()) % 360
+    truth = Latents.from_vector(dataset.latents[chosen])
+    azimuth = np.degrees(truth.azimuth) % 360
     amodal, visible = dataset.read("mask", chosen), dataset.read("mask_visib", chosen)
     methods = [method for method in EXPLAINING_METHODS if method in results]
     titles = ["photo", "truth", *(NAMES[method] for method in methods)]
@@ -106,7 +105,7 @@ def _render_explanations(
 ) -> tuple[np.ndarray, np.ndarray]:
     """sRGB in [0, 1] and coverage of a method's explanations of the chosen images, shaded as fits are."""
     assert result.latents is not None
-    latents = result.latents[torch.tensor(chosen)]
+    latents = result.latents[np.array(chosen)]
     colours, coverage = render_explanations(latents, object_class, ExplainSettings().self_shadow)
     return srgb_from_linear(colours), coverage
 
@@ -154,8 +153,8 @@ def figure5(
         raise ValueError("expected results of the recognition model or a fit; got neither")
     chosen, result = list(indices), results[method]
     assert result.latents is not None
-    fitted = result.latents[torch.tensor(chosen)]
-    truth = Latents.from_vector(torch.from_numpy(dataset.latents[chosen]))
+    fitted = result.latents[np.array(chosen)]
+    truth = Latents.from_vector(dataset.latents[chosen])
     specs = None if _own_panoramas(dataset) else dataset.specs()
     library = None if specs is None else Library(specs[0].split)
     photos = dataset.read("rgb", chosen) / 255.0
@@ -194,15 +193,15 @@ def environment(library: Library, spec: SceneSpec, azimuth: float) -> np.ndarray
     return radiance[rows[:, None], columns]
 
 
-def light_map(light: torch.Tensor, azimuth: float) -> np.ndarray:
+def light_map(light: np.ndarray, azimuth: float) -> np.ndarray:
     """Radiance (MAP_ROWS, 2 MAP_ROWS) of a light (9,), in the same view as `environment`; at least 0."""
     theta = ((np.arange(MAP_ROWS) + 0.5) * np.pi / MAP_ROWS)[:, None]
     phi = _headings(azimuth)
     directions = np.stack(
         np.broadcast_arrays(np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)), axis=-1
     )
-    basis = sh_basis(torch.from_numpy(directions))
-    return (basis @ light.double()).clamp_min(0.0).numpy()
+    radiance: np.ndarray = np.maximum(sh_basis(directions) @ light.astype(np.float64), 0.0)
+    return radiance
 
 
 def _headings(azimuth: float) -> np.ndarray:
@@ -220,9 +219,9 @@ def white_sphere(latents: Latents) -> np.ndarray:
     x, y = np.meshgrid(across, across)
     inside = x**2 + y**2 < 1
     facing = -np.sqrt(np.clip(1 - x**2 - y**2, 0, None))  # towards the camera, which looks along +z
-    rotation = camera_rotation(latents.azimuth, latents.elevation)[0].double().numpy()
+    rotation = camera_rotation(latents.azimuth, latents.elevation)[0].astype(np.float64)
     normals = np.stack([x, y, facing], axis=-1) @ rotation
-    reflected = irradiance(latents.light[0].double(), torch.from_numpy(normals)).numpy()
+    reflected = irradiance(latents.light[0].astype(np.float64), normals)
     return np.where(inside[..., None], _expose(_grey(reflected)), 1.0)
 
 

@@ -37,7 +37,9 @@ class PaperRecognizer(Recognizer):
             outputs = self.network(pixels)
         count = len(photos)  # the paper knows neither a rolled camera nor photos without the object
         azimuth, numbers, deviation, mask = outputs
-        return Prediction(azimuth, numbers, deviation, mask, torch.zeros(count), torch.ones(count))
+        arrays = [each.numpy().copy() for each in (azimuth, numbers, deviation, mask)]
+        arrays += [np.zeros(count, np.float32), np.ones(count, np.float32)]
+        return Prediction(*arrays)
 
 
 def recognizer_of(object_class: ObjectClass, weights: Path | None = None) -> Recognizer:

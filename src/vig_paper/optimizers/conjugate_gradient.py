@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import torch
 
-from vig.search.optimizer import Budget, Descent, Problem
-from vig_paper.optimizers.searching import Searches, held_by_bounds, scales
+from vig.search.optimizer import Budget
+from vig_paper.optimizers.searching import Ended, Searches, held_by_bounds, scales
+from vig_paper.optimizers.tensors import TensorProblem, of_tensors
 
 SUFFICIENT_INCREASE = 1e-4
 """First Wolfe condition: least gain, as a share of the gain that the slope predicts."""
@@ -36,9 +37,10 @@ class ConjugateGradient:
     evaluations: int = 20
     scaled: bool = True
 
+    @of_tensors
     def __call__(
-        self, problem: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
-    ) -> Descent:
+        self, problem: TensorProblem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
+    ) -> Ended:
         """Maximise from starts (B, P'); see `Optimizer`."""
         lines = _LineSearches(problem, starts, photo, sigma)
         unit = 1 / scales(lines.normal.nan_to_num()) if self.scaled else torch.ones_like(lines.points)

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import torch
 
-from vig.search.optimizer import Budget, Descent, Problem
-from vig_paper.optimizers.searching import Searches, bounded_step, newton, scales
+from vig.search.optimizer import Budget
+from vig_paper.optimizers.searching import Ended, Searches, bounded_step, newton, scales
+from vig_paper.optimizers.tensors import TensorProblem, of_tensors
 
 
 @dataclass(frozen=True)
@@ -23,9 +24,10 @@ class Dogleg:
     radius: float = 100.0
     least_radius: float = 1e-3
 
+    @of_tensors
     def __call__(
-        self, problem: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
-    ) -> Descent:
+        self, problem: TensorProblem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
+    ) -> Ended:
         """Maximise from starts (B, P'); see `Optimizer`."""
         searches = Searches(problem, starts, photo, sigma)
         radius = torch.full_like(searches.noise, self.radius)

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import torch
 
-from vig.search.optimizer import Budget, Descent, Problem
-from vig_paper.optimizers.searching import Searches, scales
+from vig.search.optimizer import Budget
+from vig_paper.optimizers.searching import Ended, Searches, scales
+from vig_paper.optimizers.tensors import TensorProblem, of_tensors
 
 STALL_STEPS = 10
 """Steps over which the gain is compared with the budget's tolerance: single ones are small."""
@@ -34,9 +35,10 @@ class GradientDescent:
     momentum: float = 0.9
     decay: float = 0.0
 
+    @of_tensors
     def __call__(
-        self, problem: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
-    ) -> Descent:
+        self, problem: TensorProblem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
+    ) -> Ended:
         """Maximise from starts (B, P'); see `Optimizer`."""
         searches = Searches(problem, starts, photo, sigma)
         scale = scales(searches.normal.nan_to_num())

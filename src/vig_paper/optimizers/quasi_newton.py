@@ -9,8 +9,9 @@ import numpy as np
 import scipy  # which loads `optimize` where that is first used
 import torch
 
-from vig.search.optimizer import Budget, Descent, Problem
-from vig_paper.optimizers.searching import held_by_bounds, scales
+from vig.search.optimizer import Budget
+from vig_paper.optimizers.searching import Ended, held_by_bounds, scales
+from vig_paper.optimizers.tensors import TensorProblem, of_tensors
 
 EVALUATIONS_PER_STEP = 20
 """A search may value its problem this often for each iteration of its budget; then it ends."""
@@ -24,9 +25,10 @@ class BFGS:
     there, until a run gains less than the tolerance.
     """
 
+    @of_tensors
     def __call__(
-        self, problem: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
-    ) -> Descent:
+        self, problem: TensorProblem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
+    ) -> Ended:
         """Maximise from starts (B, P'); see `Optimizer`."""
         return _search_each(problem, starts, photo, sigma, budget, _bfgs)
 
@@ -41,9 +43,10 @@ class LBFGS:
 
     memory: int = 20
 
+    @of_tensors
     def __call__(
-        self, problem: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
-    ) -> Descent:
+        self, problem: TensorProblem, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
+    ) -> Ended:
         """Maximise from starts (B, P'); see `Optimizer`."""
         return _search_each(problem, starts, photo, sigma, budget, self._run)
 
@@ -84,7 +87,7 @@ class _Search:
     """
 
     def __init__(
-        self, problem: Problem, start: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
+        self, problem: TensorProblem, start: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
     ):
         self.problem, self.photo, self.budget = problem, photo, budget
         self.noise = torch.full((1,), sigma, dtype=problem.dtype)
@@ -147,13 +150,13 @@ class _Search:
 
 
 def _search_each(
-    problem: Problem,
+    problem: TensorProblem,
     starts: torch.Tensor,
     photo: torch.Tensor,
     sigma: float,
     budget: Budget,
     run: Callable[[_Search], None],
-) -> Descent:
+) -> Ended:
     """Run one search after the other from starts (B, P')."""
     searches = []
     for index, start in enumerate(starts):
@@ -164,7 +167,7 @@ def _search_each(
             except _SpentError:
                 search.converged = False
         searches.append(search)
-    return Descent(
+    return Ended(
         torch.stack([search.point for search in searches]),
         torch.tensor([search.value for search in searches], dtype=torch.float64),
         torch.tensor([search.evaluations for search in searches]),

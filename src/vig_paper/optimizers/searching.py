@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import torch
 
-from vig.search.optimizer import Descent, Problem
+from vig_paper.optimizers.tensors import TensorProblem
 
 ROUNDS = 4
 """How often a step within bounds is solved, at most."""
 
 
-def held_by_bounds(points: torch.Tensor, gradient: torch.Tensor, problem: Problem) -> torch.Tensor:
+def held_by_bounds(points: torch.Tensor, gradient: torch.Tensor, problem: TensorProblem) -> torch.Tensor:
     """Parameters (B, P') bool that are fixed or rest on a bound that the gradient (B, P') pushes against."""
     lower, upper = problem.lower, problem.upper
     return ((points <= lower) & (gradient <= 0)) | ((points >= upper) & (gradient >= 0)) | (lower == upper)
@@ -33,7 +34,7 @@ def bounded_step(
     points: torch.Tensor,
     gradient: torch.Tensor,
     normal: torch.Tensor,
-    problem: Problem,
+    problem: TensorProblem,
     solve: Callable[[torch.Tensor, torch.Tensor, torch.Tensor], torch.Tensor],
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """A step within the bounds: numbers that would pass a bound are held on it, the others solved again.
@@ -82,10 +83,20 @@ def newton(right: torch.Tensor, matrix: torch.Tensor, free: torch.Tensor) -> tor
     return torch.einsum("bij,bj->bi", vectors, along * inverse) / scale * free
 
 
+@dataclass(frozen=True)
+class Ended:
+    """As `vig.search.Descent`, of tensors."""
+
+    points: torch.Tensor
+    value: torch.Tensor
+    evaluations: torch.Tensor
+    converged: torch.Tensor
+
+
 class Searches:
     """State of B batched searches: the best points, and the indices `active` (A,) of unfinished ones."""
 
-    def __init__(self, problem: Problem, starts: torch.Tensor, photo: torch.Tensor, sigma: float):
+    def __init__(self, problem: TensorProblem, starts: torch.Tensor, photo: torch.Tensor, sigma: float):
         self.problem, self.photo, self.points = problem, photo, starts.clone()
         self.noise = torch.full((len(starts),), sigma, dtype=problem.dtype)
         self.evaluations = torch.zeros(len(starts), dtype=torch.int64)
@@ -121,6 +132,6 @@ class Searches:
         self.converged[self.active[done]] = True
         self.active = self.active[~done]
 
-    def descent(self) -> Descent:
+    def descent(self) -> Ended:
         """Return the current state as the result."""
-        return Descent(self.points, self.value, self.evaluations, self.converged)
+        return Ended(self.points, self.value, self.evaluations, self.converged)

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from scipy.optimize import minimize
 from scipy.special import expit
 
@@ -119,7 +118,7 @@ def learn(samples: CalibrationSamples) -> FitCalibration:
     threshold = lowest_threshold(confidence, samples.right, samples.weight, samples.model)
     mask_threshold = lowest_threshold(mask_confidence, samples.mask_right, samples.weight, samples.model)
     trusted = confidence >= threshold
-    noise = residual(torch.from_numpy(samples.features)).numpy()
+    noise = residual(samples.features)
     scale, floor = np.empty((2, 2, samples.error.shape[1]))
     for row, group in enumerate((trusted, ~trusted)):
         # Where few are trusted the right ones stand for them, elsewhere all.
@@ -132,16 +131,16 @@ def learn(samples: CalibrationSamples) -> FitCalibration:
                 error, deviation, weight, samples.model[chosen]
             )
     return FitCalibration(
-        torch.from_numpy(weights),
+        weights,
         bias,
-        torch.from_numpy(in_distribution_weights),
+        in_distribution_weights,
         in_distribution_bias,
-        torch.from_numpy(mask_weights),
+        mask_weights,
         mask_bias,
         threshold,
         mask_threshold,
-        torch.from_numpy(scale),
-        torch.from_numpy(floor),
+        scale,
+        floor,
     )
 
 
@@ -161,10 +160,8 @@ def out_of_fold(samples: CalibrationSamples) -> tuple[np.ndarray, np.ndarray, np
         for confidence, right_model, (features, in_fold) in zip(
             confidences, (view, mask, view), (inside, inside, outside_distribution), strict=True
         ):
-            probabilities = (
-                torch.from_numpy(expit(features[in_fold] @ w + b)) for w, b in (right_model, in_distribution)
-            )
-            confidence[in_fold] = faded(*probabilities).numpy()
+            probabilities = (expit(features[in_fold] @ w + b) for w, b in (right_model, in_distribution))
+            confidence[in_fold] = faded(*probabilities)
     return confidences
 
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-import torch
 
 from vig.explainer import Explainer
 from vig.explanation import Explanation
@@ -67,7 +66,7 @@ def calibrate_positions(
         # The variance to add to the curvature's so that 90 % of errors lie within the 90 % interval.
         missing = (errors[chosen] / WITHIN_90) ** 2 - stated[chosen] ** 2
         position[row] = np.sqrt(np.quantile(missing, 0.9, axis=0).clip(0.0))
-    return replace(calibration, position=torch.from_numpy(position))
+    return replace(calibration, position=position)
 
 
 def _explained_photos(
@@ -91,6 +90,6 @@ def position_error(explanation: Explanation, true: np.ndarray) -> tuple[np.ndarr
     """
     _, pose, covariance = explanation.pinhole_pose()
     axes, units = sight_axes(pose), explanation.position_units
-    widened = np.square(explanation.fit.position_deviation.numpy() * units)
+    widened = np.square(explanation.fit.position_deviation * units)
     variance = np.diag(axes.T @ covariance[:3, :3] @ axes) - widened
     return np.abs(axes.T @ (pose[:3, 3] - true[:3, 3])) / units, np.sqrt(variance.clip(0.0)) / units

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import torch
 from scipy.ndimage import rotate
 
 from vig.inference import ExplainSettings, FitCalibration, FitSettings, resolve
@@ -145,7 +144,7 @@ def calibrate_fits(
 
     def fitted(images: np.ndarray, name: str, photo_settings: FitSettings, recognizer: Recognizer) -> Fits:
         key = cache_key(recognizer, object_class, photo_settings)
-        photos = torch.from_numpy(linear_from_srgb(images.astype(np.float32) / 255)).float()
+        photos = linear_from_srgb(images.astype(np.float32) / 255)
         folder = None if cache is None else cache / name
         predicted = recognizer(photos)
         return fit_all(
@@ -239,9 +238,8 @@ def samples_of(
     """
     layout = layout_of_width(dataset.latents.shape[1])
     azimuth = layout.at("azimuth")
-    true = Latents.from_vector(torch.from_numpy(dataset.latents))
-    true = symmetry.nearest(true, torch.from_numpy(fits.latents[:, azimuth]))
-    error = fits.latents.astype(np.float64) - true.to_vector().numpy()
+    true = symmetry.nearest(Latents.from_vector(dataset.latents), fits.latents[:, azimuth])
+    error = fits.latents.astype(np.float64) - true.to_vector()
     error[:, azimuth] = angle_difference(error[:, azimuth], np.zeros(1))
     right = np.abs(error[:, azimuth if symmetry.fold else layout.at("elevation")]) < MAX_RIGHT_ERROR
     weight, deviation = np.full(len(right), 1 / len(right)), fits.deviation.astype(np.float64)

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 from vig.inference import ExplainSettings, resolve
 from vig.recognition import Recognizer
@@ -48,7 +47,7 @@ def studio_errors(
     }
     verdicts: list[str] = []
     for number, (photos, recognizer) in enumerate(parts):
-        linear = torch.from_numpy(linear_from_srgb(photos.images.astype(np.float32) / 255)).float()
+        linear = linear_from_srgb(photos.images.astype(np.float32) / 255)
         predicted = recognizer(linear)
         key = cache_key(recognizer, object_class, chosen)
         folder = None if cache is None else cache / str(number)
@@ -56,12 +55,11 @@ def studio_errors(
         fits = fit_all(*given, processes=True)
         verdicts += fits.verdicts
         layout = layout_of_width(photos.latents.shape[1])
-        true = Latents.from_vector(torch.from_numpy(photos.latents))
-        masks = {"network": (predicted.mask.argmax(3) == 0).numpy(), "fit": fits.masks}
-        for name, found in {"network": predicted.best().to_vector().numpy(), "fit": fits.latents}.items():
-            azimuth = torch.from_numpy(found[:, layout.at("azimuth")])
-            turn = symmetry.difference(azimuth, true.azimuth).abs().rad2deg().numpy()
-            tilt = np.degrees(np.abs(found[:, layout.at("elevation")] - true.elevation.numpy()))
+        true = Latents.from_vector(photos.latents)
+        masks = {"network": predicted.mask.argmax(3) == 0, "fit": fits.masks}
+        for name, found in {"network": predicted.best().to_vector(), "fit": fits.latents}.items():
+            turn = np.degrees(np.abs(symmetry.difference(found[:, layout.at("azimuth")], true.azimuth)))
+            tilt = np.degrees(np.abs(found[:, layout.at("elevation")] - true.elevation))
             iou = segmentation_iou(masks[name], photos.visible)
             for column, values in {"turn": turn, "tilt": tilt, "iou": iou}.items():
                 columns[name][column].append(values)

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import torch
 from safetensors import SafetensorError
 
 from vig import __version__
@@ -63,11 +62,11 @@ class Fits:
     def of(fits: list[Fit], silhouette_masks: bool) -> Fits:
         """Stack single fits; whole: the silhouette is the mask."""
         return Fits(
-            np.concatenate([fit.latents.to_vector().float().numpy() for fit in fits]),
-            np.stack([fit.deviation.float().numpy() for fit in fits]),
-            np.stack([(fit.amodal if silhouette_masks else fit.mask).numpy() for fit in fits]),
-            np.stack([(fit.amodal if silhouette_masks else fit.mask_by_pixel).numpy() for fit in fits]),
-            np.stack([fit.confidence_features.numpy() for fit in fits]),
+            np.concatenate([fit.latents.to_vector().astype(np.float32) for fit in fits]),
+            np.stack([fit.deviation.astype(np.float32) for fit in fits]),
+            np.stack([fit.amodal if silhouette_masks else fit.mask for fit in fits]),
+            np.stack([fit.amodal if silhouette_masks else fit.mask_by_pixel for fit in fits]),
+            np.stack([fit.confidence_features for fit in fits]),
             np.array([fit.confidence for fit in fits]),
             tuple(fit.verdict.name.lower() for fit in fits),
         )
@@ -88,7 +87,7 @@ class Fits:
 
 def fit_all(
     images: np.ndarray,
-    photos: torch.Tensor,
+    photos: np.ndarray,
     prediction: Prediction,
     object_class: ObjectClass,
     settings: FitSettings,
@@ -154,10 +153,10 @@ def fit_all(
     return Fits.joined([part for part in parts if part is not None])
 
 
-Photo = tuple[torch.Tensor, Prediction]
+Photo = tuple[np.ndarray, Prediction]
 """A photo (H, W, 3), linear RGB, and its prediction."""
 PhotoArrays = tuple[np.ndarray, ...]
-"""The same as arrays: the photo, then the prediction's tensors."""
+"""The same as arrays: the photo, then the prediction's arrays."""
 RunContext = tuple[ObjectClass, FitSettings]
 """What all fits of a run have in common."""
 FitStream = Generator[tuple[int, Fits]]
@@ -201,8 +200,8 @@ def _fit_on_cluster(
         yield number, fit
 
 
-def _arrays(photo: torch.Tensor, prediction: Prediction) -> PhotoArrays:
-    return photo.numpy(), *(tensor.numpy() for tensor in prediction.tensors)
+def _arrays(photo: np.ndarray, prediction: Prediction) -> PhotoArrays:
+    return photo, *prediction.arrays
 
 
 def _array_fitter(shared: RunContext) -> Callable[[PhotoArrays], Fits]:
@@ -210,7 +209,7 @@ def _array_fitter(shared: RunContext) -> Callable[[PhotoArrays], Fits]:
     fit_one = _photo_fitter(shared)
 
     def fit_arrays(arrays: PhotoArrays) -> Fits:
-        photo, *parts = map(torch.tensor, arrays)  # copies: what a cluster sends is read-only
+        photo, *parts = map(np.array, arrays)  # copies: what a cluster sends is read-only
         return fit_one((photo, Prediction(*parts, symmetry=shared[0].symmetry)))
 
     return fit_arrays

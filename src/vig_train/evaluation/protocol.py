@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import torch
 
 from vig.inference import ExplainSettings
 from vig.io.errors import UserError
@@ -87,7 +86,7 @@ def evaluate(
     settings = settings or ExplainSettings()
     images, visible = frame_images(dataset, recognizer)
     truth = Truth.of(dataset, object_class, visible)
-    photos = torch.from_numpy(linear_from_srgb(images.astype(np.float32) / 255)).float()
+    photos = linear_from_srgb(images.astype(np.float32) / 255)
     prediction = recognizer(photos)
     fits: dict[str, Fits] = {}
     for name in fitted_likelihoods(methods):
@@ -120,8 +119,10 @@ def silhouettes(latents: Latents, object_class: ObjectClass) -> np.ndarray:
     """Whole silhouettes (N, H, W) bool of N explanations: pixels whose centre the object covers."""
     camera = object_class.camera()
     model = object_class.shape_model
-    rotations, translations = camera.pose(latents.azimuth.double(), latents.elevation.double())
-    shapes = zip(model.vertices(latents.shape).numpy(), rotations.numpy(), translations.numpy(), strict=True)
+    rotations, translations = camera.pose(
+        latents.azimuth.astype(np.float64), latents.elevation.astype(np.float64)
+    )
+    shapes = zip(model.vertices(latents.shape), rotations, translations, strict=True)
     return np.stack([rasterize(v, model.faces, r, t, camera, cull=True).face >= 0 for v, r, t in shapes])
 
 
@@ -130,7 +131,7 @@ class Truth:
     """Ground truth of N images."""
 
     latents: Latents
-    vertices: torch.Tensor
+    vertices: np.ndarray
     """(N, V, 3): objects may be held-out designs, which the shape model cannot represent exactly."""
     visible: np.ndarray
     """(N, H, W) bool: the object's visible pixels."""
@@ -138,10 +139,10 @@ class Truth:
     @staticmethod
     def of(dataset: Dataset, object_class: ObjectClass, visible: np.ndarray) -> Truth:
         """The truth of a dataset, whose images show the object at the pixels (N, H, W) bool."""
-        latents = Latents.from_vector(torch.from_numpy(dataset.latents))
-        shapes = zip(latents.shape.numpy(), dataset.design.tolist(), strict=True)
+        latents = Latents.from_vector(dataset.latents)
+        shapes = zip(latents.shape, dataset.design.tolist(), strict=True)
         vertices = [standing_vertices(shape, design, object_class) for shape, design in shapes]
-        return Truth(latents, torch.from_numpy(np.stack(vertices)), visible)
+        return Truth(latents, np.stack(vertices), visible)
 
 
 def _check(dataset: Dataset, object_class: ObjectClass, methods: tuple[str, ...]) -> None:
@@ -168,14 +169,14 @@ def check_class(dataset: Dataset, object_class: ObjectClass) -> None:
 def _baseline(truth: Truth, object_class: ObjectClass) -> MethodResult:
     """The mean of the training distribution, whatever the photo."""
     count = len(truth.vertices)
-    light = torch.from_numpy(object_class.light_prior_mean).float()
+    light = object_class.light_prior_mean.astype(np.float32)
     light = light * (EXPOSURE_L00 / light[0])
     latents = Latents(
-        torch.zeros(count, object_class.shape_model.modes),
-        torch.zeros(count),
-        torch.full((count,), _MEAN_ELEVATION),
-        torch.full((count, 3), _MEAN_ALBEDO),
-        light.expand(count, -1),
+        np.zeros((count, object_class.shape_model.modes), np.float32),
+        np.zeros(count, np.float32),
+        np.full(count, _MEAN_ELEVATION, np.float32),
+        np.full((count, 3), _MEAN_ALBEDO, np.float32),
+        np.tile(light, (count, 1)),
     )
     errors = _errors(latents, truth, object_class)
     return MethodResult(errors, [""] * count, latents, symmetry=object_class.symmetry)
@@ -186,7 +187,7 @@ def _recognition(prediction: Prediction, truth: Truth, object_class: ObjectClass
     latents, none = prediction.best(), [""] * len(truth.vertices)
     masks = silhouettes(latents, object_class)
     errors = _errors(latents, truth, object_class) | _segmentation(masks, truth)
-    predicted = (prediction.mask.argmax(-1) == MASK_CLASSES.index("visible")).numpy()
+    predicted = prediction.mask.argmax(-1) == MASK_CLASSES.index("visible")
     return {
         "rm": MethodResult(
             errors, none, latents, predicted_deviation(prediction), masks, object_class.symmetry
@@ -197,7 +198,7 @@ def _recognition(prediction: Prediction, truth: Truth, object_class: ObjectClass
 
 def _fit(method: str, fits: Fits, truth: Truth, object_class: ObjectClass) -> MethodResult:
     masks = fits.masks_by_pixel if method == "robust" else fits.masks
-    latents = Latents.from_vector(torch.from_numpy(fits.latents))
+    latents = Latents.from_vector(fits.latents)
     errors = _errors(latents, truth, object_class) | _segmentation(masks, truth)
     verdicts, symmetry = list(fits.verdicts), object_class.symmetry
     return MethodResult(errors, verdicts, latents, fits.deviation, masks, symmetry)

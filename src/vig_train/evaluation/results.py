@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import torch
 
 from vig.io.files import atomic_write
 from vig.recognition import Prediction
@@ -39,15 +38,16 @@ def predicted_deviation(prediction: Prediction) -> np.ndarray:
     Azimuth's is the root mean square of the differences between the best guess and all bins, so that a second
     hypothesis widens it. The light's is rotated from the heading frame by the best guess.
     """
-    best = prediction.best().azimuth.double()
+    best = prediction.best().azimuth.astype(np.float64)
     bins, symmetry = prediction.azimuth.shape[1], prediction.symmetry
-    centres = (torch.arange(bins, dtype=torch.float64) + 0.5) * (2 * torch.pi / bins) / max(symmetry.fold, 1)
+    centres = (np.arange(bins) + 0.5) * (2 * np.pi / bins) / max(symmetry.fold, 1)
     turns = symmetry.difference(centres, best[:, None])
-    azimuth = (prediction.azimuth.double() * turns**2).sum(1).sqrt()
-    parts = prediction.layout.split(prediction.deviation.double())
-    parts["light"] = (rotations_z(best) ** 2 @ parts["light"][:, :, None] ** 2)[:, :, 0].sqrt()
+    azimuth = np.sqrt((prediction.azimuth.astype(np.float64) * turns**2).sum(1))
+    parts = prediction.layout.split(prediction.deviation.astype(np.float64))
+    parts["light"] = np.sqrt((rotations_z(best) ** 2 @ parts["light"][:, :, None] ** 2)[:, :, 0])
     layout = latent_layout(prediction.layout.count("shape"))
-    return layout.join(parts | {"azimuth": azimuth[:, None]}).numpy()
+    joined: np.ndarray = layout.join(parts | {"azimuth": azimuth[:, None]})
+    return joined
 
 
 def write_csv(path: Path, dataset: Dataset, results: dict[str, MethodResult]) -> None:
@@ -57,7 +57,7 @@ def write_csv(path: Path, dataset: Dataset, results: dict[str, MethodResult]) ->
     `azimuth_deg` is between views that look the same, their difference need not be.
     """
     metrics = sorted({metric for result in results.values() for metric in result.errors})
-    truth = _pose_deg(Latents.from_vector(torch.from_numpy(dataset.latents)))
+    truth = _pose_deg(Latents.from_vector(dataset.latents))
     pose = [f"{whose}_{angle}_deg" for whose in ("true", "estimated") for angle in ("azimuth", "elevation")]
     with atomic_write(path) as temporary, open(temporary, "w", newline="") as file:
         writer = csv.writer(file)
@@ -73,8 +73,8 @@ def write_csv(path: Path, dataset: Dataset, results: dict[str, MethodResult]) ->
 
 def _pose_deg(latents: Latents) -> np.ndarray:
     """Azimuth in [0, 360) and elevation (N, 2), degrees."""
-    pose = torch.stack([latents.azimuth % (2 * torch.pi), latents.elevation], dim=1)
-    return np.degrees(pose.double().numpy())
+    pose = np.stack([latents.azimuth % (2 * np.pi), latents.elevation], axis=1)
+    return np.degrees(pose.astype(np.float64))
 
 
 def _text(pose: np.ndarray) -> list[str]:

@@ -7,7 +7,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import torch
 
 from vig.scene import Latents, angle_difference, layout_of_width
 from vig_train.evaluation.results import MethodResult
@@ -136,8 +135,8 @@ def standardised_errors(result: MethodResult, truth: np.ndarray) -> np.ndarray:
     """
     if result.latents is None or result.deviation is None:
         raise ValueError("expected a method with latents and their deviations; got one without")
-    true = result.symmetry.nearest(Latents.from_vector(torch.from_numpy(truth)), result.latents.azimuth)
-    error = result.latents.to_vector().double().numpy() - true.to_vector().numpy()
+    true = result.symmetry.nearest(Latents.from_vector(truth), result.latents.azimuth)
+    error = result.latents.to_vector().astype(np.float64) - true.to_vector()
     azimuth = layout_of_width(truth.shape[1]).at("azimuth")
     error[:, azimuth] = angle_difference(error[:, azimuth], np.zeros(1))
     without_deviation = np.where(error == 0, 0.0, np.inf)

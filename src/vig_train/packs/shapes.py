@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
-import torch
 
 from vig.scene import ShapeModel
 from vig_world.assets.target import nearest_coefficients
@@ -46,7 +45,7 @@ def fit_shape_model(
 
 def beyond_model_mm(model: ShapeModel, vertices: np.ndarray) -> np.ndarray:
     """How far shapes (N, V, 3) are from the model's nearest (N,): mean distance of the vertices, mm."""
-    nearest = model.vertices(torch.from_numpy(nearest_coefficients(model, vertices))).numpy()
+    nearest = model.vertices(nearest_coefficients(model, vertices))
     return 1000 * np.linalg.norm(vertices - nearest, axis=-1).mean(axis=1)
 
 

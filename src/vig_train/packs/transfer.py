@@ -22,7 +22,6 @@ from pathlib import Path
 
 import numpy as np
 import scipy.sparse
-import torch
 
 from vig.io.files import atomic_write, write_arrays
 from vig.io.progress import Meter
@@ -108,7 +107,7 @@ def frames_of(normals: np.ndarray) -> np.ndarray:
 
 def unoccluded(normals: np.ndarray) -> np.ndarray:
     """The transfer where nothing is occluded, A_l Y_lm(n): (..., 3) to (..., 9)."""
-    return sh_basis(torch.from_numpy(np.ascontiguousarray(normals, np.float64))).numpy() * COSINE_LOBE
+    return sh_basis(np.asarray(normals, np.float64)) * COSINE_LOBE
 
 
 @dataclass(frozen=True)
@@ -238,7 +237,7 @@ class SampledChanges:
         drawn = np.random.PCG64(np.random.SeedSequence([seed, shapes]))
         rng = np.random.Generator(drawn)
         coefficients = np.clip(rng.standard_normal((shapes, model.modes)), -SHAPE_LIMIT, SHAPE_LIMIT)
-        vertices = model.vertices(torch.from_numpy(coefficients)).numpy()
+        vertices = model.vertices(coefficients)
         total, begun = len(model.mean), drawn.state
         neighbours, numbers = neighbours_of(model.faces, total), Rays.numbers(total, side)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-import torch
 
 from vig.scene import SHAPE_LIMIT, ObjectClass, ShapeModel
 from vig_world.assets.held_out import held_out_designs_of
@@ -56,7 +55,6 @@ def shape_vertices(coefficients: np.ndarray, design: int, object_class: ObjectCl
 @lru_cache(maxsize=8)
 def _vertices(coefficients: tuple[float, ...], design: int, object_class: ObjectClass) -> np.ndarray:
     model = object_class.shape_model
-    # As `ShapeModel.vertices`: for a single shape numpy takes a fraction of torch's time.
     change = np.array(coefficients, np.float32) @ model.basis.reshape(model.modes, -1)
     vertices = model.mean + change.reshape(-1, 3)
     if design != NO_DESIGN:
@@ -77,7 +75,7 @@ def nearest_shape(object_class: ObjectClass, design: int) -> tuple[np.ndarray, n
         )
     vertices = designs.vertices[design]
     coefficients = nearest_coefficients(model, vertices[None])
-    nearest = model.vertices(torch.from_numpy(coefficients))[0].numpy()
+    nearest = model.vertices(coefficients)[0]
     return coefficients[0], (vertices - nearest).astype(np.float32)
 
 

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
 
 from vig.io.errors import UserError
 from vig.scene import ObjectClass, rotate_z
@@ -211,7 +210,7 @@ def _seen_from(
     """
     back, offset = about_z(-turn), np.array([*place, 0.0])
     x, y, z = back @ (eye - offset) - [0.0, 0.0, object_class.target_height]
-    light = rotate_z(torch.tensor(scene.light, dtype=torch.float64), -turn)
+    light = rotate_z(np.array(scene.light, np.float64), -turn)
     origin = back @ (np.array(scene.room.origin) - offset)
     room = replace(scene.room, origin=tuple(origin.tolist()), turn=scene.room.turn - turn)
     return replace(

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
 
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
@@ -101,7 +100,7 @@ def turned(scene: SceneSpec, angle: float) -> SceneSpec:
     """
     turn, room = about_z(angle), scene.room
     origin = turn @ np.array(room.origin)
-    light = rotate_z(torch.tensor(scene.light, dtype=torch.float64), angle)
+    light = rotate_z(np.array(scene.light, np.float64), angle)
     props = (
         replace(
             prop, position=_triple(turn @ np.array(prop.position)), rotation=vector_of(turn @ prop.matrix())

@@ -12,7 +12,6 @@ from __future__ import annotations
 import functools
 
 import numpy as np
-import torch
 
 from vig.scene.light import COSINE_LOBE, sh_basis
 from vig_native import engine
@@ -129,6 +128,6 @@ def sky_weights(light: np.ndarray) -> np.ndarray:
 def _basis() -> tuple[np.ndarray, np.ndarray]:
     """SH (K + 1, 9) of the directions and of straight up; weights (K, 4) of a radiance of 1 from each."""
     towards = directions()
-    basis = sh_basis(torch.from_numpy(np.concatenate([towards, [[0.0, 0.0, 1.0]]]))).numpy()
+    basis = sh_basis(np.concatenate([towards, [[0.0, 0.0, 1.0]]]))
     # A_l Y_l(d) Y_l(n) of degrees 0 and 1: 1 / (4 pi) and d . n / (2 pi), of a solid angle of 2 pi / K.
     return basis, np.hstack([np.full((len(towards), 1), 0.5), towards]) / len(towards)

@@ -136,7 +136,7 @@ def _pose(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Rotation (3, 3) and translation (3,) of a camera, read-only.
 
-    As `Camera.pose`, which torch computes for many views at once: for a single one plain numbers take less.
+    As `Camera.pose`, which is for many views at once: for a single one plain numbers take less.
     """
     sa, ca, se, ce = math.sin(azimuth), math.cos(azimuth), math.sin(elevation), math.cos(elevation)
     level = np.array([[ca, sa, 0.0], [se * sa, -se * ca, -ce], [-ce * sa, ce * ca, -se]])

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import math
 import shutil
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
+from tests.tensors import arrays, replace, tensors, wrap
 from vig.inference import (
     CONFIDENCE_FEATURES,
     ExplainSettings,
@@ -37,6 +38,56 @@ from vig.recognition.prediction import START_STEP, round_to_grid
 from vig.scene import Latents, ObjectClass, latent_layout
 from vig.search.optimizer import Budget, Descent
 from vig_train.training.targets import azimuth_labels, numbers_of
+
+(
+    Fit,
+    Objective,
+    explain,
+    explain_one,
+    _among_views,
+    assess,
+    objective_of,
+    objectives_of,
+    pixel_prior,
+    prior_of,
+    RefinedStarts,
+    select,
+    survivors,
+    log_colour_density,
+    Geometry,
+    Prediction,
+    round_to_grid,
+    Descent,
+) = map(
+    wrap,
+    (
+        Fit,
+        Objective,
+        explain,
+        explain_one,
+        _among_views,
+        assess,
+        objective_of,
+        objectives_of,
+        pixel_prior,
+        prior_of,
+        RefinedStarts,
+        select,
+        survivors,
+        log_colour_density,
+        Geometry,
+        Prediction,
+        round_to_grid,
+        Descent,
+    ),
+)
+FitCalibration = wrap(FitCalibration)
+
+
+@pytest.fixture(scope="module")
+def studio(studio):
+    return wrap(studio)
+
 
 SETTINGS = FitSettings(
     **PICTURE | {"decoration": 0.0, "prior_weight": 100.0, "gain_deviation": 0.0},
@@ -115,11 +166,13 @@ class Answers:
     def __call__(
         self, objective: Objective, starts: torch.Tensor, photo: torch.Tensor, sigma: float, budget: Budget
     ) -> Descent:
+        objective, starts = tensors((objective, starts))
         ends = self.points(objective, starts)
         count = len(ends)
-        noise = torch.full((count,), sigma, dtype=objective.dtype)
+        noise = torch.full((count,), sigma, dtype=torch.float64)
         value = objective(ends, torch.zeros(count, dtype=torch.int32), noise, derivatives=False).value
-        return Descent(ends, value, torch.ones(count, dtype=torch.int64), torch.ones(count, dtype=torch.bool))
+        counts = torch.ones(count, dtype=torch.int64)
+        return arrays(Descent(ends, value, counts, torch.ones(count, dtype=torch.bool)))
 
 
 def ending_at(*ends: Latents) -> ExplainSettings:
@@ -210,10 +263,9 @@ def test_explain_asks_the_recognizer_and_explains_each_photo(
     asked = []
 
     def recognizer(given: torch.Tensor) -> Prediction:
-        asked.append(given)
-        return both
+        asked.append(torch.as_tensor(given))
+        return arrays(both)
 
-    recognizer.device = "cpu"  # as that of a Recognizer
     quick = replace(SETTINGS, stages=(Stage(2, 3),))
     first, second = explain(photos, teapot, recognizer, quick)
     assert len(asked) == 1 and torch.equal(asked[0], photos)
@@ -504,7 +556,7 @@ def test_a_photo_with_self_shadow_is_explained_with_self_shadow(
 ) -> None:
     """Of photos with and without, each has the greater evidence under its own renderer, by far."""
     assert teapot.transfer is not None
-    shadowed = Geometry(teapot.shape_model, torch.float64, teapot.transfer)
+    shadowed = Geometry(teapot.shape_model, np.float64, teapot.transfer)
     for shadow, photographer in ((False, studio), (True, replace(studio, geometry=shadowed))):
         _, coverage, colour = photographer.render(whole.truth)
         photo = torch.where(coverage[0, ..., None] > 0.5, colour[0], 0.5).float()
@@ -722,7 +774,7 @@ def test_free_framing_explains_shifted_teapots_better(studio, teapot: ObjectClas
 def test_without_mask_surroundings_and_decoration_the_prior_is_the_papers(whole: Case) -> None:
     plain = replace(SETTINGS, mask_weight=0.0, surroundings=0.0, decoration=0.0)
     prior, decorated = pixel_prior(whole.photo, whole.prediction.mask[0], plain)
-    torch.testing.assert_close(prior, ROBUST.log_prior(150, 150))
+    torch.testing.assert_close(prior, torch.from_numpy(ROBUST.log_prior(150, 150).copy()))
     assert not decorated.any()
 
 
@@ -766,7 +818,7 @@ def test_decoration_shares_a_visible_pixel_between_the_rendered_and_the_objects_
 def test_the_gaussian_model_has_no_prior_of_its_own(whole: Case) -> None:
     given = replace(SETTINGS, likelihood=GAUSSIAN)
     prior, decorated = pixel_prior(whole.photo, whole.prediction.mask[0], given)
-    torch.testing.assert_close(prior, GAUSSIAN.log_prior(150, 150))
+    torch.testing.assert_close(prior, torch.from_numpy(GAUSSIAN.log_prior(150, 150).copy()))
     assert not decorated.any()
 
 

@@ -7,11 +7,17 @@ from dataclasses import replace
 import pytest
 import torch
 
+from tests.tensors import wrap
 from tests.vig.inference.test_refinement import prediction
 from vig.inference.families import family_of, family_shapes, shape_deviation
 from vig.inference.refinement import starts
 from vig.recognition import Prediction
 from vig.scene import Family, ObjectClass
+
+family_of, family_shapes, shape_deviation, starts, Prediction = map(
+    wrap, (family_of, family_shapes, shape_deviation, starts, Prediction)
+)
+
 
 NEAR = Family("near", (-1.0, *[0.0] * 9), (0.5, *[1.0] * 9), 0.8)
 FAR = Family("far", (3.0, *[0.0] * 9), (0.5, *[1.0] * 9), 0.2)

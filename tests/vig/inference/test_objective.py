@@ -2,17 +2,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 
 from tests.support import POINT, points_of
+from tests.tensors import replace, wrap
 from vig.inference import Objective, RecognitionPrior
 from vig.inference.objective import Prior
 from vig.scene import Latents, ObjectClass, rotate_z
 from vig.scene.latents import FRAMING
+
+Objective, RecognitionPrior, Prior = map(wrap, (Objective, RecognitionPrior, Prior))
+points_of = wrap(points_of)
+
+
+@pytest.fixture(scope="module")
+def studio(studio):
+    return wrap(studio)
 
 
 @pytest.fixture(scope="module")

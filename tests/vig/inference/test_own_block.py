@@ -5,14 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 import torch
 
+from tests.tensors import arrays, wrap
 from vig.inference import Objective
 from vig.likelihood import Evaluation
 from vig.scene import LatentLayout, Latents, ObjectClass
 from vig.scene.latents import Block, point_layout
 from vig.search import Budget, LevenbergMarquardt
+
+Objective, Evaluation, LevenbergMarquardt = map(wrap, (Objective, Evaluation, LevenbergMarquardt))
+
 
 ROLL = Block("roll", 1, -1.0, 1.0, deviation=0.5)
 LANDMARKS = torch.tensor([[1.0, 0.2], [-0.8, 0.3], [0.0, 1.0], [0.1, -0.6]], dtype=torch.float64)
@@ -25,16 +30,16 @@ class Toy:
 
     layout: LatentLayout
     seen: torch.Tensor
-    geometry = SimpleNamespace(dtype=torch.float64, device="cpu")
+    geometry = SimpleNamespace(dtype=np.float64)
 
     def residual(self, point: torch.Tensor) -> torch.Tensor:
-        part = self.layout.split(point)
+        part = self.layout.split(torch.as_tensor(point))
         roll, shorter = part["roll"][0], torch.cos(part["azimuth"][0])
         x, y = shorter * LANDMARKS[:, 0], LANDMARKS[:, 1]
         turned = torch.stack([x * roll.cos() - y * roll.sin(), x * roll.sin() + y * roll.cos()], dim=1)
         if "framing" in self.layout:
             turned = turned + part["framing"][:2]
-        return (turned - self.seen).flatten()
+        return (turned - torch.as_tensor(self.seen)).flatten()
 
     def at(
         self,
@@ -44,12 +49,13 @@ class Toy:
         derivatives: bool = True,
         images: bool = False,
     ) -> Evaluation:
+        points, sigma = (torch.as_tensor(each) for each in (points, sigma))
         residual = torch.stack([self.residual(point) for point in points]) / sigma[:, None]
         slope = torch.stack([torch.autograd.functional.jacobian(self.residual, p) for p in points])
         slope = slope / sigma[:, None, None]
         gradient = -(residual[:, None] @ slope)[:, 0]
         value = -0.5 * (residual**2).sum(1)
-        return Evaluation(value, gradient, slope.mT @ slope, None, None, None)
+        return arrays(Evaluation(value, gradient, slope.mT @ slope, None, None, None))
 
 
 def seen(roll: float, azimuth: float = 0.5) -> torch.Tensor:

@@ -1,11 +1,11 @@
 """Where the descents begin."""
 
 import math
-from dataclasses import replace
 
 import pytest
 import torch
 
+from tests.tensors import replace, wrap
 from vig.inference import ExplainSettings, starts
 from vig.inference.posterior import objectives_of
 from vig.inference.refinement import (
@@ -21,6 +21,34 @@ from vig.recognition import Prediction
 from vig.recognition.prediction import START_STEP, round_to_grid
 from vig.renderer import render_latents
 from vig.scene import ObjectClass, regressed_layout
+
+(
+    starts,
+    objectives_of,
+    ExpectedStart,
+    framing_of_box,
+    framings,
+    refine,
+    survivors,
+    Prediction,
+    round_to_grid,
+    render_latents,
+) = map(
+    wrap,
+    (
+        starts,
+        objectives_of,
+        ExpectedStart,
+        framing_of_box,
+        framings,
+        refine,
+        survivors,
+        Prediction,
+        round_to_grid,
+        render_latents,
+    ),
+)
+
 
 LAYOUT = regressed_layout(10)
 

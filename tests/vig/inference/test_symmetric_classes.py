@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import pytest
 import torch
 
+from tests.tensors import replace, wrap
 from tests.toys import toy
 from vig.inference import ExplainSettings, Fit, Verdict, explain_one, starts
 from vig.inference.refinement import survivors
 from vig.recognition import Prediction
 from vig.renderer import render_latents
 from vig.scene import EXPOSURE_L00, Latents, ObjectClass, Symmetry, regressed_layout, rotate_z
+
+Fit, explain_one, starts, survivors, Prediction, render_latents = map(
+    wrap, (Fit, explain_one, starts, survivors, Prediction, render_latents)
+)
+
 
 BINS = 72
 LAYOUT = regressed_layout(3)

@@ -12,6 +12,7 @@ import pytest
 import torch
 
 import vig
+from tests.tensors import wrap
 from tests.toys import toy
 from vig.io.errors import UserError
 from vig.output.json import camera_from_mesh
@@ -19,6 +20,9 @@ from vig.recognition import WEIGHTS_FILE, Recognizer, UninformedRecognizer
 from vig.renderer import render_latents
 from vig.scene import EXPOSURE_L00, Latents, ObjectClass, Symmetry
 from vig.scene.object_class import PACKAGED
+
+render_latents = wrap(render_latents)
+
 
 TURN, SCALE = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), 0.001
 FIN = toy("fin")
@@ -125,8 +129,8 @@ def test_every_class_is_predicted_alike_whatever_its_symmetry() -> None:
     for symmetry, bins in ((Symmetry.NONE, 72), (Symmetry.HALF_TURN, 36), (Symmetry.ANY_TURN, 1)):
         prediction = UninformedRecognizer(replace(FIN, symmetry=symmetry))(photos)
         assert prediction.azimuth.shape == (2, bins)
-        torch.testing.assert_close(prediction.azimuth.sum(1), torch.ones(2))
-        torch.testing.assert_close(prediction.mask.sum(-1), torch.ones(2, 150, 150))
+        np.testing.assert_allclose(prediction.azimuth.sum(1), 1, rtol=1e-5)
+        np.testing.assert_allclose(prediction.mask.sum(-1), 1, rtol=1e-5)
 
 
 def test_a_pack_that_lost_its_weights_is_refused(tmp_path: Path) -> None:

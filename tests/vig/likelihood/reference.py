@@ -6,12 +6,13 @@ Which face each pixel shows, and between which pixels an edge passes, are consta
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import torch
 
 from vig.likelihood import Geometry
-from vig.likelihood.pixel import mixture
+from vig.likelihood.densities.gaussian import LOG_UNIT
 from vig.scene import Camera, Latents, camera_rotation, irradiance, latent_layout, sh_basis
 from vig.scene.light import COSINE_LOBE
 
@@ -24,7 +25,7 @@ LEAST_SQUARE = 1e-12
 
 def faces_of(geometry: Geometry) -> torch.Tensor:
     """(F, 3) int64."""
-    return torch.from_numpy(geometry.faces).long()
+    return torch.as_tensor(geometry.faces).long()
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,9 @@ class Target:
     def covered(self, shaded: Shaded, x: torch.Tensor, y: torch.Tensor, lit: torch.Tensor) -> torch.Tensor:
         """Eq. 3 of pixels (N,) that show the object under irradiances lit (N,)."""
         colour = lit[:, None] * shaded.albedo
-        return mixture(self.photo[y, x], colour, self.log_prior[y, x], self.sigma)[0]
+        square = ((self.photo[y, x] - colour) ** 2).sum(-1) / (2 * self.sigma**2)
+        visible = self.log_prior[y, x, 0] - square - 3 * math.log(self.sigma) - LOG_UNIT
+        return torch.logaddexp(visible, self.log_prior[y, x, 1])
 
 
 def value(
@@ -99,7 +102,7 @@ def shade(geometry: Geometry, camera: Camera, point: torch.Tensor) -> Shaded:
     own = latent_layout(geometry.layout.count("shape"))
     latents = Latents.from_vector(own.join({block.name: blocks[block.name] for block in own.blocks}))
     with_one = torch.cat([point.new_ones(1), latents.shape[0]])
-    world = torch.einsum("k,kvc->vc", with_one, torch.from_numpy(geometry.positions))
+    world = torch.einsum("k,kvc->vc", with_one, torch.as_tensor(geometry.positions))
     cos, sin, zero, one = framing[3].cos(), framing[3].sin(), point.new_zeros(()), point.new_ones(())
     turn = torch.stack([cos, -sin, zero, sin, cos, zero, zero, zero, one]).view(3, 3)
     rotation = turn @ camera_rotation(latents.azimuth, latents.elevation)[0]
@@ -115,11 +118,11 @@ def shade(geometry: Geometry, camera: Camera, point: torch.Tensor) -> Shaded:
     if geometry.transfer is None:
         irradiances = irradiance(latents.light, normals)
     else:  # self-shadow and interreflection change the lobes of each vertex
-        change = torch.einsum("k,kvl->vl", with_one, torch.from_numpy(geometry.transfer))
+        change = torch.einsum("k,kvl->vl", with_one, torch.as_tensor(geometry.transfer))
         lobes = torch.tensor(COSINE_LOBE, dtype=point.dtype) * sh_basis(normals)
         irradiances = ((lobes + change) @ latents.light[0]).clamp_min(0.0)
     return Shaded(
-        screen, normals, irradiances * torch.from_numpy(geometry.reflectance), latents.albedo[0], rotation
+        screen, normals, irradiances * torch.as_tensor(geometry.reflectance), latents.albedo[0], rotation
     )
 
 
@@ -160,7 +163,7 @@ def occlusion_edges(geometry: Geometry, screen: torch.Tensor) -> tuple[torch.Ten
     lies in front. Near a silhouette such a fold lies between two edges that are both crossed; counted
     against them one crossing is left, and nothing jumps where a pair appears.
     """
-    facing, edges = _facing(geometry, screen), torch.from_numpy(geometry.edges).long()
+    facing, edges = _facing(geometry, screen), torch.as_tensor(geometry.edges).long()
     here, beyond = edges[:, 2], edges[:, 3]
     turned = facing[here]
     edges = edges[turned != (facing[beyond] & (beyond >= 0))]

@@ -10,8 +10,18 @@ import pytest
 import torch
 
 from tests.support import points_of
+from tests.tensors import wrap
 from vig.likelihood import Likelihood, Photos, PixelModel, mixture
 from vig.likelihood.densities import NAMES, density_of
+
+Likelihood, Photos, mixture, density_of = map(wrap, (Likelihood, Photos, mixture, density_of))
+points_of = wrap(points_of)
+
+
+@pytest.fixture(scope="module")
+def studio(studio):
+    return wrap(studio)
+
 
 SIGMA = 0.1
 

@@ -6,11 +6,19 @@ import numpy as np
 import pytest
 import torch
 
+from tests.tensors import wrap
 from vig.likelihood import GAUSSIAN, Geometry, Likelihood, Photos, mixture
 from vig.recognition.network import latents_of, mirrored
 from vig.scene import EXPOSURE_L00, Latents
 from vig_train.training.targets import numbers_of
 from vig_world.raster.rasterize import rasterize
+
+Geometry, Likelihood, Photos, mixture = map(wrap, (Geometry, Likelihood, Photos, mixture))
+
+
+@pytest.fixture(scope="module")
+def studio(studio):
+    return wrap(studio)
 
 
 def still(count: int = 1) -> torch.Tensor:

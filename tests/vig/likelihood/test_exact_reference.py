@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 import torch
 
+from tests.tensors import wrap
 from tests.vig.likelihood.reference import BLOCKS, faces_seen, occlusion_edges, shade, value
 from vig.likelihood import Likelihood, Photos
 from vig.likelihood.geometry import Geometry
 from vig.scene import EXPOSURE_L00, Camera, ObjectClass, ShapeModel
+
+Likelihood, Photos, Geometry = map(wrap, (Likelihood, Photos, Geometry))
+
 
 MODES = 10
 """Components of every mesh here: those of the teapot, so that all share its compiled kernels."""

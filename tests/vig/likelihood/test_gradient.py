@@ -7,7 +7,17 @@ import pytest
 import torch
 
 from tests.support import POINT, points_of
+from tests.tensors import wrap
 from vig.likelihood import Likelihood
+
+(Likelihood,) = map(wrap, (Likelihood,))
+points_of = wrap(points_of)
+
+
+@pytest.fixture(scope="module")
+def studio(studio):
+    return wrap(studio)
+
 
 STENCIL = ((-2, 1 / 12), (-1, -8 / 12), (1, 8 / 12), (2, -1 / 12))
 """Fourth-order central difference: offsets in steps, weights."""

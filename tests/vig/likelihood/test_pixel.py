@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 import torch
 
+from tests.tensors import wrap
 from vig.likelihood import GAUSSIAN, ROBUST, PixelModel, mixture
+
+(mixture,) = map(wrap, (mixture,))
+GAUSSIAN = wrap(GAUSSIAN)
+ROBUST = wrap(ROBUST)
+PixelModel = wrap(PixelModel)
 
 
 def row(*numbers: float) -> torch.Tensor:

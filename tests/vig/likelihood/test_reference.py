@@ -9,12 +9,22 @@ import pytest
 import torch
 
 from tests.support import LATENT_PLACES, POINT, points_of
+from tests.tensors import wrap
 from tests.vig.likelihood import reference
 from tests.vig.likelihood.reference import shade, surface_at
 from vig.likelihood import Evaluation, Geometry, Likelihood, Photos
 from vig.scene import Camera, Latents
 from vig_native import engine
 from vig_world.raster.rasterize import rasterize
+
+Evaluation, Geometry, Likelihood, Photos = map(wrap, (Evaluation, Geometry, Likelihood, Photos))
+points_of = wrap(points_of)
+
+
+@pytest.fixture(scope="module")
+def studio(studio):
+    return wrap(studio)
+
 
 SIGMA = 0.03
 

@@ -11,8 +11,14 @@ import pytest
 import scipy
 import torch
 
+from tests.tensors import wrap
 from vig.likelihood import NEVER, SPATIAL, SpatialMask, mixture, spatial_posterior
 from vig.likelihood.spatial import NEIGHBOURS, graph_cut, links, mean_field, messages, visible_log_odds
+
+mixture, spatial_posterior, graph_cut, links, mean_field, messages, visible_log_odds = map(
+    wrap, (mixture, spatial_posterior, graph_cut, links, mean_field, messages, visible_log_odds)
+)
+SPATIAL = wrap(SPATIAL)
 
 
 def model(**settings: Any) -> SpatialMask:

@@ -8,7 +8,11 @@ import numpy as np
 import pytest
 import torch
 
+from tests.tensors import wrap
 from vig.likelihood import log_colour_density
+
+(log_colour_density,) = map(wrap, (log_colour_density,))
+
 
 CELLS = 24  # of the histogram along each channel
 

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 
+from tests.tensors import replace, wrap
 from vig.recognition import Prediction
 from vig_train.training.targets import azimuth_labels
+
+(Prediction,) = map(wrap, (Prediction,))
+
 
 BINS = 72
 WIDTH = 360 / BINS

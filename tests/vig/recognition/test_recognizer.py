@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import torch
 
+from tests.tensors import arrays, wrap
 from vig.io.errors import UserError
 from vig.recognition import Recognizer
 from vig.recognition.graph import Graph, Node
@@ -20,6 +21,9 @@ from vig.recognition.network import Heads, mirrored
 from vig.recognition.recognizer import AT_ONCE, BOTH_SIDES, WEIGHTS_FILE, graph_path
 from vig.scene import ObjectClass, Symmetry
 from vig.scene.object_class import PACKAGED
+
+Recognizer = wrap(Recognizer)
+
 
 WEIGHTS = PACKAGED / "teapot" / "recognition.safetensors"
 PHOTO = torch.rand(1, 150, 150, 3, generator=torch.Generator().manual_seed(2))
@@ -55,17 +59,17 @@ def test_once_is_the_network_as_it_is() -> None:
 def test_the_same_photo_is_computed_once_and_another_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     recognizer = Recognizer(WEIGHTS)
     computed = []
-    plain = recognizer._predict
+    real = arrays(recognizer)
+    plain = real._predict
     monkeypatch.setattr(
-        recognizer, "_predict", lambda photos, sides: (computed.append(sides), plain(photos, sides))[1]
+        real, "_predict", lambda photos, sides: (computed.append(sides), plain(photos, sides))[1]
     )
     photo = PHOTO.clone()
     first, again = recognizer(photo), recognizer(photo.clone())
     assert computed == [BOTH_SIDES] and torch.equal(first.mask, again.mask)
     again.mask.zero_()
     assert torch.equal(recognizer(photo).mask, first.mask), "a copy is given away"
-    warmer = replace(recognizer.calibration, mask_temperature=np.array(2.0, np.float32))
-    recognizer.calibration = warmer
+    real.calibration = replace(real.calibration, mask_temperature=np.array(2.0, np.float32))
     assert not torch.equal(recognizer(photo).mask, first.mask), "another calibration is another answer"
     computed.remove(BOTH_SIDES)
     recognizer(photo, sides=(False,))

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 from PIL import Image
 
 from vig.scene import Latents
@@ -56,7 +55,7 @@ def test_bins_without_images_are_left_out(caught, tmp_path: Path) -> None:
 
 def test_reliability_of_an_honest_method_is_the_diagonal(caught, tmp_path: Path) -> None:
     truth = np.random.default_rng(0).normal(size=(3000, 24)) * 0.3
-    latents = Latents.from_vector(torch.zeros(3000, 24))
+    latents = Latents.from_vector(np.zeros((3000, 24)))
     honest = MethodResult({}, [""] * 3000, latents, np.full((3000, 24), 0.3))
     figures = caught(curves)
     reliability_figure({"baseline": MethodResult({}, []), "rm": honest}, truth, tmp_path / "r.png")

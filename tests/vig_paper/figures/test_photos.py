@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 
 from vig.scene import EXPOSURE_L00, Latents, ObjectClass, rotate_z
 from vig_paper.figures import choose, figure4, figure5, photos
@@ -66,38 +65,34 @@ def test_the_environment_map_is_turned_as_the_light_is(dataset: Dataset) -> None
     # Columns fall from pi + 90 degrees; a panorama's rise from 0.
     panorama = np.roll(seen[:, ::-1], -len(seen) // 2, axis=1)
     found = grey(project_panorama(panorama))
-    world = rotate_z(
-        torch.from_numpy(grey(project_panorama(library.radiance(spec.panorama)))), spec.panorama_angle
-    )
+    world = rotate_z(grey(project_panorama(library.radiance(spec.panorama))), spec.panorama_angle)
     expected = rotate_z(world, -azimuth).numpy()
     # Nearest pixels of 64 rows: an error of up to a pixel's 3 degrees.
     np.testing.assert_allclose(found, expected, atol=0.06 * EXPOSURE_L00)
 
 
-def looking(azimuth: float, light: torch.Tensor) -> Latents:
+def looking(azimuth: float, light: np.ndarray) -> Latents:
     """Level, from an azimuth, at something under a light (1, 9)."""
-    return Latents(torch.zeros(1, 10), torch.tensor([azimuth]), torch.zeros(1), torch.ones(1, 3), light)
+    return Latents(np.zeros((1, 10)), np.array([azimuth]), np.zeros(1), np.ones((1, 3)), light)
 
 
 def test_light_from_the_cameras_left_is_on_the_left() -> None:
     # The camera on -Y (azimuth 0) has -X on its left; the coefficient of x is the fourth.
-    light = torch.zeros(1, 9)
+    light = np.zeros((1, 9))
     light[0, 0], light[0, 3] = 2.0, -1.0
     for azimuth in (0.0, 1.0):
         turned = rotate_z(light, azimuth)
         seen = photos.light_map(turned[0], azimuth)
         assert seen[32, 32] == pytest.approx(seen.max(), rel=1e-2)  # a quarter from the left edge
         assert (seen[:, :64] > seen[:, :63:-1]).all()
-        latents = Latents(
-            torch.zeros(1, 10), torch.tensor([azimuth]), torch.zeros(1), torch.ones(1, 3), turned
-        )
+        latents = Latents(np.zeros((1, 10)), np.array([azimuth]), np.zeros(1), np.ones((1, 3)), turned)
         sphere = photos.white_sphere(latents)[..., 0]
         assert sphere[80, 10] > sphere[80, 80] > sphere[80, 149]
         assert sphere[0, 0] == 1  # around it is white
 
 
 def test_light_from_above_is_up() -> None:
-    light = torch.zeros(1, 9)
+    light = np.zeros((1, 9))
     light[0, 0], light[0, 2] = 2.0, 1.0
     seen = photos.light_map(light[0], 0.3)
     assert (np.diff(seen, axis=0) < 0).all() and np.ptp(seen, axis=1).max() < 1e-6

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 from safetensors.numpy import load_file
 
 from tests.nodes import needs_ray, two_nodes
@@ -80,9 +79,9 @@ def test_fits_of_something_else_are_not_taken(
     run, what: str, quick: ExplainSettings, untrained, teapot: ObjectClass, tmp_path: Path
 ) -> None:
     run()
-    features = torch.ones(len(CONFIDENCE_FEATURES)).double()
+    features = np.ones(len(CONFIDENCE_FEATURES))
     certain = (features, 9.0) * 3
-    boastful = FitCalibration(*certain, 0.0, 0.0, torch.ones(2, 24), torch.zeros(2, 24))
+    boastful = FitCalibration(*certain, 0.0, 0.0, np.ones((2, 24)), np.zeros((2, 24)))
     larger = replace(teapot.shape_model, mean=teapot.shape_model.mean * np.float32(1.01))
     other = {
         "settings": lambda: {"settings": replace(quick, view_weight=299.0)},

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import torch
 
 from vig.scene import Latents
 from vig_train.evaluation import MethodResult, statistics
@@ -15,7 +14,7 @@ def drawn(count: int, resamples: int = 1000) -> np.ndarray:
 
 
 def stating(latents: np.ndarray, deviation: np.ndarray, **errors: np.ndarray) -> MethodResult:
-    found = Latents.from_vector(torch.from_numpy(latents))
+    found = Latents.from_vector(latents)
     return MethodResult(errors, [""] * len(latents), found, deviation)
 
 

@@ -4,7 +4,7 @@ A density is p(error) = exp(log_density(s)) / normaliser, with s = |error|^2 / (
 channels of linear RGB. NAME.py has
 
     LOG_UNIT          log of the normaliser for sigma = 1; for another sigma 3 log sigma is added
-    log_density(s)    as above, a function of tensors: the reference of native code
+    log_density(s)    as above, a function of arrays: the reference of native code
 
 and vig_native/densities/NAME.h a struct of that name with `log_density(s)` and `pull(s)`, which is
 - d log_density / d s: 1 for a Gaussian, less for what forgives large errors. It weighs a pixel in the

@@ -2,11 +2,11 @@
 
 import math
 
-import torch
+import numpy as np
 
 LOG_UNIT = 3 * math.log(math.sqrt(2 * math.pi))
 
 
-def log_density(s: torch.Tensor) -> torch.Tensor:
+def log_density(s: np.ndarray) -> np.ndarray:
     """-s."""
     return -s

@@ -5,13 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import torch
 
 from vig.explanation import Explanation
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
 from vig_app.glb import LOOKS_BACK
-from vig_renderer.shading import smooth_normals
+from vig_renderer.edges import smooth_normals
 
 FILES = ("object.usdc",)
 
@@ -30,7 +29,7 @@ def write(folder: Path, explanation: Explanation, photo: str) -> None:
     model = explanation.object_class.shape_model
     vertices, colours = explanation.vertices, explanation.part_albedo
     part_of_face = model.parts[model.faces[:, 0]]
-    normals = smooth_normals(torch.from_numpy(vertices), torch.from_numpy(model.faces)).numpy()
+    normals = smooth_normals(vertices, model.faces)
     normals[~normals.any(1)] = 0, 0, 1  # of vertices without area
     for number in np.unique(part_of_face).tolist():
         used, faces = np.unique(model.faces[part_of_face == number], return_inverse=True)

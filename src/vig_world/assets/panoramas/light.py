@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from vig.scene.light import EXPOSURE_L00, Y00, Y1, sh_basis
@@ -75,7 +74,7 @@ def project_panorama(radiance: np.ndarray) -> np.ndarray:
         ),
         axis=-1,
     )
-    basis = sh_basis(torch.from_numpy(np.ascontiguousarray(directions))).numpy()
+    basis = sh_basis(directions)
     return np.einsum("hwl,hwc,h->lc", basis, radiance.astype(np.float64), solid_angle, optimize=True)
 
 

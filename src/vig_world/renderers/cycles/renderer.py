@@ -12,7 +12,6 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
-import torch
 
 from vig.io.errors import UserError
 from vig.scene import EXPOSURE_L00, IMAGE_SIZE, ObjectClass, rotate_z, srgb8_from_linear
@@ -190,7 +189,7 @@ def arriving(probe: np.ndarray, panorama: np.ndarray, angle: float) -> np.ndarra
     columns = (2 * np.arange(width) + 1) * probe.shape[1] // (2 * width)
     gaps = 1 - probe[rows[:, None], columns, 3:]
     light = project_panorama(probe[..., :3]) + project_panorama(panorama * gaps)
-    return rotate_z(torch.from_numpy(light.T), angle).numpy().T
+    return rotate_z(light.T, angle).T
 
 
 def find_python(python: str | None = None) -> str:
