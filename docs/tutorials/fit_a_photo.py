@@ -97,7 +97,8 @@ photo = example_photos()[0].photo
 found = explainer.explain(photo)
 latents, drawn_at = found.latents, 4
 large = found.camera.scaled(drawn_at)
-camera = Pinhole.on_sphere(large, torch.tensor(latents.azimuth[0]), torch.tensor(latents.elevation[0]))
+view = torch.tensor(latents.azimuth[0]), torch.tensor(latents.elevation[0])
+camera = Pinhole.on_sphere(large, *view)
 
 
 def drawn(mesh, albedo):

@@ -32,7 +32,7 @@ from vig.io.checks import number_of
 from vig.io.errors import UserError
 from vig.parallel import map_in_processes, on_one_core
 from vig.photo import ImagePyramid, Intrinsics, Window, focal_of
-from vig.photo.images import coded_photo
+from vig.photo.images import coded_photo, numpy_of_tensor
 from vig.photo.lens import camera_as_shown
 from vig.photo.window import DISTANCE_RATIO_BOUNDS
 from vig.recognition import WEIGHTS_FILE, Recognizer, UninformedRecognizer, find, upright
@@ -236,7 +236,7 @@ class Explainer:
         number = number_of(workers)
         if number is None or number != int(number) or number < 1:
             raise UserError(f"expected 1 or more workers; got {workers}. Give a whole number.")
-        if isinstance(photos, Photo) or not isinstance(photos, Iterable):
+        if isinstance(numpy_of_tensor(photos), Photo) or not isinstance(photos, Iterable):
             raise UserError(f"expected several photos; got a {type(photos).__name__}. Put it in a list.")
         if cameras is not None and focal is not None:
             raise UserError("expected cameras or a focal length; got both. Cameras have their own.")

@@ -296,7 +296,7 @@ def test_an_explanation_is_drawn_where_it_was_fitted_and_turned_and_relit(
     assert iou(drawn[..., 3] > 0.5, explanation.amodal) > 0.98
     turned = explanation.render(azimuth_deg=explanation.azimuth_deg + 90)
     assert iou(turned[..., 3] > 0.5, explanation.amodal) < 0.9
-    light, inside = explanation.latents.light[0].numpy(), drawn[..., 3] > 0.5
+    light, inside = explanation.latents.light[0], drawn[..., 3] > 0.5
     np.testing.assert_allclose(explanation.render(light=2 * light)[..., :3], 2 * drawn[..., :3], rtol=1e-4)
     black = explanation.render(albedo=np.zeros(3))
     assert not black[inside, :3].any() and np.array_equal(black[..., 3], drawn[..., 3])

@@ -112,7 +112,7 @@ def coded_photo(photo: str | Path | Image.Image | np.ndarray) -> np.ndarray:
     if isinstance(photo, Image.Image):
         check_size(name, *photo.size)
         return decoded(name, photo)
-    photo = _of_tensor(photo)
+    photo = numpy_of_tensor(photo)
     if not isinstance(photo, np.ndarray):
         refuse(name, "a path, a PIL image or an array", f"a {type(photo).__name__}", "Convert it to one.")
     array = photo
@@ -135,7 +135,7 @@ def coded_photo(photo: str | Path | Image.Image | np.ndarray) -> np.ndarray:
     return clipped
 
 
-def _of_tensor(photo: Any) -> Any:
+def numpy_of_tensor(photo: Any) -> Any:
     """The array of one of torch's tensors; anything else as it is."""
     if type(photo).__module__.split(".")[0] != "torch" or not hasattr(photo, "detach"):
         return photo
