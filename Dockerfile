@@ -9,17 +9,12 @@
 ARG PYTHON=python:3.11-slim
 
 FROM ${PYTHON} AS build
-# The CPU builds of torch: a plain torch brings gigabytes of CUDA packages. Another index: --build-arg.
-ARG TORCH_INDEX=https://download.pytorch.org/whl/cpu
 WORKDIR /source
-COPY constraints.txt ./
-RUN python -m venv /opt/vig \
-    && /opt/vig/bin/pip install --no-cache-dir --constraint constraints.txt --index-url "$TORCH_INDEX" torch
-COPY pyproject.toml README.md LICENSE ./
+RUN python -m venv /opt/vig
+COPY constraints.txt pyproject.toml README.md LICENSE ./
 COPY src src
 # The native library for any processor, as the image may run on another than it is built on.
-RUN VIG_ISAS="plain;avx2;avx512" /opt/vig/bin/pip install --no-cache-dir --constraint constraints.txt '.[heic]' \
-    && rm -rf /opt/vig/lib/python*/site-packages/torch/include /opt/vig/lib/python*/site-packages/torch/test
+RUN VIG_ISAS="plain;avx2;avx512" /opt/vig/bin/pip install --no-cache-dir --constraint constraints.txt '.[heic]'
 
 FROM ${PYTHON}
 COPY --from=build /opt/vig /opt/vig

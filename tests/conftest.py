@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import signal
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 import pytest
-import torch
 
 from tests.support import TEAPOT
 from vig.likelihood import Likelihood, Photos, PixelModel
 from vig.likelihood.geometry import Geometry
+from vig.parallel import set_thread_count
 from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass
 from vig_world.dataset import Dataset, read_dataset
 from vig_world.generation.write import make_dataset
 
-torch.set_num_threads(1)
+set_thread_count(1)
+with suppress(ImportError):
+    import torch  # counts for itself, once it is loaded
+
+    torch.set_num_threads(1)
 # Under `nohup make test &` SIGINT is ignored, which programs that tests start and interrupt would inherit.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 

@@ -29,13 +29,23 @@ _HOMES = {
 }
 """Where each public name lives: imported when it is first asked for, as torch takes a second."""
 
-__all__ = [*_HOMES]
+NEAR = 0.01
+"""Metres along the optical axis; nothing nearer is drawn unless told."""
+
+__all__ = ["NEAR", *_HOMES]
 
 
 def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module 'vig_renderer' has no attribute '{name}'")
-    return getattr(import_module(f"vig_renderer.{_HOMES[name]}"), name)
+    try:
+        home = import_module(f"vig_renderer.{_HOMES[name]}")
+    except ModuleNotFoundError as error:
+        if error.name != "torch":
+            raise
+        why = "expected torch, for the differentiable renderer; it is not installed. pip install 'vig[torch]'"
+        raise ModuleNotFoundError(why, name="torch") from error
+    return getattr(home, name)
 
 
 def __dir__() -> list[str]:

@@ -9,10 +9,10 @@ from typing import Literal
 import torch
 from torch import Tensor
 
-from vig_renderer import general, native
+from vig_renderer import NEAR, general, native
 from vig_renderer.internals import differentiates_forward, records
 from vig_renderer.packing import PackedScenes, pack
-from vig_renderer.scene import NEAR, Rendering, Scene
+from vig_renderer.scene import Rendering, Scene
 
 UNSEEN = (
     "the renderer draws no scenes under vmap, linearize or another tracer, which hide their numbers; give"

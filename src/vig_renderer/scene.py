@@ -11,9 +11,6 @@ import torch
 from vig_renderer.texture import Pyramid
 from vig_renderer.topology import Topology
 
-NEAR = 0.01
-"""Metres along the optical axis; nothing nearer is drawn unless told."""
-
 
 @dataclass(frozen=True)
 class MeshObject:

@@ -1,4 +1,4 @@
-"""On how many cores numpy and torch compute, for a while."""
+"""On how many cores linear algebra computes, for a while."""
 
 from __future__ import annotations
 
@@ -6,19 +6,9 @@ import functools
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-import torch
 from threadpoolctl import ThreadpoolController
 
-
-@contextmanager
-def torch_threads(count: int) -> Iterator[None]:
-    """Inside, torch computes on so many cores for this thread."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(count)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
+from vig.parallel.threads import thread_limit
 
 
 @contextmanager
@@ -33,11 +23,11 @@ def one_linear_algebra_thread() -> Iterator[None]:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Inside, torch computes on one core for this thread, and numpy's linear algebra for the whole process.
+    """Inside, this thread computes on one core, and numpy's linear algebra does for the whole process.
 
     Small matrices take less time so, and sums do not depend on the number of cores.
     """
-    with torch_threads(1), one_linear_algebra_thread():
+    with thread_limit(1), one_linear_algebra_thread():
         yield
 
 

@@ -1,4 +1,4 @@
-"""Photos are explained where torch cannot be imported."""
+"""Photos are explained, found, corrected, followed and exported where torch cannot be imported."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from vig_app.examples import FOLDER
+
+PHOTO = str(FOLDER / "02_egg_cup.png")
 REFUSED = """
 import sys
 
@@ -19,7 +22,6 @@ class Refused:
 
 sys.meta_path.insert(0, Refused())
 """
-
 LIBRARY = """
 import json, vig
 explainer = vig.Explainer("teapot")
@@ -27,33 +29,43 @@ photo = sys.argv[1]
 boxed = explainer.explain(photo, box=(30, 35, 90, 90))
 found = explainer.explain(photo)
 hinted = explainer.explain(photo, hints=vig.Hints(points={"spout": (40, 80)}))
-print(json.dumps([each.to_dict()["verdict"] for each in (boxed, found, hinted)] + [boxed.render().shape]))
+followed = vig.track([photo, photo], explainer, box=(30, 35, 90, 90))
+verdicts = [each.to_dict()["verdict"] for each in (boxed, found, hinted)]
+print(json.dumps([verdicts, len(followed.frames), boxed.render().shape]))
 """
+COMMAND = "from vig_app.cli.main import main; main(sys.argv[1:])"
 
 
-def run(code: str, *arguments: str) -> str:
-    """What a program prints in a process that refuses torch."""
+def run(code: str, *arguments: str, exits: int = 0) -> subprocess.CompletedProcess[str]:
+    """A program in a process that refuses torch."""
     command = [sys.executable, "-c", REFUSED + code, *arguments]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=300)
-    assert ended.returncode == 0, ended.stderr
-    return ended.stdout
+    assert ended.returncode == exits, ended.stderr
+    return ended
 
 
-@pytest.fixture(scope="module")
-def photo() -> str:
-    from vig_app.examples import FOLDER
-
-    return str(FOLDER / "02_egg_cup.png")
-
-
-def test_the_library_explains_and_renders(photo: str) -> None:
-    *verdicts, shape = json.loads(run(LIBRARY, photo).splitlines()[-1])
+def test_the_library_explains_and_renders() -> None:
+    verdicts, frames, shape = json.loads(run(LIBRARY, PHOTO).stdout.splitlines()[-1])
     assert len(verdicts) == 3 and verdicts[0] in ("trusted", "ambiguous", "reverted")
-    assert shape == [150, 150, 4]
+    assert frames == 2 and shape == [150, 150, 4]
 
 
-@pytest.mark.slow
-def test_the_command_writes_all_files(photo: str, tmp_path: Path) -> None:
-    run("from vig_app.cli.main import main; main(sys.argv[1:])", "fit", photo, "--out", str(tmp_path / "out"))
+def test_the_commands_write_all_files(tmp_path: Path) -> None:
+    run(COMMAND, "fit", PHOTO, str(FOLDER / "06_figurine.png"), "--out", str(tmp_path / "out"))
     names = {path.name for path in (tmp_path / "out").rglob("*") if path.is_file()}
     assert {"explanation.json", "overlay.png", "mask.png", "render.png", "object.glb", "report.html"} <= names
+    exported = tmp_path / "coco"
+    run(COMMAND, "export", str(tmp_path / "out"), "--to", "coco", "--out", str(exported))
+    assert any(exported.rglob("*.json"))
+
+
+@pytest.mark.parametrize(
+    ("code", "arguments", "extra"),
+    [(COMMAND, ("class", "train", "{}"), "train"), ("from vig.renderer import render", (), "torch")],
+)
+def test_what_needs_torch_says_what_to_install(
+    code: str, arguments: tuple[str, ...], extra: str, tmp_path: Path
+) -> None:
+    ended = run(code, *(each.format(tmp_path) for each in arguments), exits=2 if arguments else 1)
+    assert f"pip install 'vig[{extra}]'" in ended.stderr.splitlines()[-1]
+    assert not arguments or len(ended.stderr.splitlines()) == 1

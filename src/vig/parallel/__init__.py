@@ -8,7 +8,14 @@ from vig.parallel.processes import (
     one_thread_in_children,
     without_interrupts,
 )
-from vig.parallel.threads import map_on_threads, on_one_core, run_on_threads, set_thread_count, thread_count
+from vig.parallel.threads import (
+    map_on_threads,
+    on_one_core,
+    run_on_threads,
+    set_thread_count,
+    thread_count,
+    thread_limit,
+)
 
 __all__ = [
     "Lost",
@@ -21,5 +28,6 @@ __all__ = [
     "run_on_threads",
     "set_thread_count",
     "thread_count",
+    "thread_limit",
     "without_interrupts",
 ]

@@ -13,6 +13,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import Any, TypeVar
 
 Item = TypeVar("Item")
@@ -57,6 +58,22 @@ def _with_threads() -> Any:
     """torch, where the program has loaded it: its threads are one setting with ours."""
     library = sys.modules.get("torch")
     return library if hasattr(library, "get_num_threads") else None
+
+
+@contextmanager
+def thread_limit(count: int) -> Iterator[None]:
+    """Inside, what this thread calls uses so many threads; torch, too, where it is loaded."""
+    library, before = _with_threads(), getattr(_here, "count", None)
+    torch_before = library.get_num_threads() if library is not None else count
+    _here.count = count
+    try:
+        if library is not None:
+            library.set_num_threads(count)
+        yield
+    finally:
+        _here.count = before
+        if library is not None:
+            library.set_num_threads(torch_before)
 
 
 def on_one_core(work: Callable[[], Result]) -> Result:

@@ -12,11 +12,10 @@ from vig.parallel import thread_count
 from vig.scene import Camera, Latents, ObjectClass
 from vig.scene.light import COSINE_LOBE, sh_basis
 from vig_native import engine
+from vig_renderer import NEAR
 from vig_renderer.defaults import with_default_settings
 from vig_renderer.edges import edges_of, smooth_normals, welded
 
-NEAR = 0.01
-"""Metres along the optical axis; nothing nearer is drawn."""
 ATTRIBUTES = 9
 """Of a vertex: normal, albedo, reflected light."""
 

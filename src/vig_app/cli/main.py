@@ -30,6 +30,7 @@ from vig_app.cli.common import (
     ViewCommand,
     verbs_of_packages,
 )
+from vig_app.cli.speed import extra_of
 
 VERBS = (
     Verb("demo", Demo, "vig_app.cli.demo:demo"),
@@ -82,9 +83,13 @@ def main(arguments: list[str] | None = None) -> None:
         code = ExitCode.TERMINATED if by_sigterm else ExitCode.INTERRUPTED
         line = "interrupted; what is finished stays"
     except Exception as error:
-        traceback.print_exc()
-        reason = " ".join(f"{type(error).__name__}: {error}".split())
-        code, line = ExitCode.FAULT, f"a fault of vig, please report it with `vig doctor`: {reason}"
+        if isinstance(error, ModuleNotFoundError) and (extra := extra_of(error.name or "")):
+            code = ExitCode.MISTAKE
+            line = f"expected the package {error.name}; it is not installed. Run pip install 'vig[{extra}]'."
+        else:
+            traceback.print_exc()
+            reason = " ".join(f"{type(error).__name__}: {error}".split())
+            code, line = ExitCode.FAULT, f"a fault of vig, please report it with `vig doctor`: {reason}"
     print(f"vig: {line}", file=sys.stderr)
     if "--json" in arguments:
         _print_error(line)

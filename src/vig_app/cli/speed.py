@@ -39,9 +39,14 @@ EXTRAS = {
     "heic": Extra(("pillow_heif",), "photos of iPhones"),
     "video": Extra(("av",), "videos, cameras and streams"),
     "world": Extra(
-        ("mapbox_earcut", "matplotlib", "OpenImageIO", "plyfile", "pyarrow", "skimage"),
-        "datasets, classes, training, the paper's experiments, results.parquet",
+        (
+            *("mapbox_earcut", "matplotlib", "OpenImageIO", "plyfile"),
+            *("pyarrow", "skimage", "threadpoolctl", "trimesh"),
+        ),
+        "datasets, classes of your own meshes, results.parquet",
     ),
+    "train": Extra(("torch",), "training networks, the paper's experiments"),
+    "torch": Extra(("torch",), "vig.renderer, the differentiable renderer"),
     "draco": Extra(("DracoPy",), "Draco-compressed glTF meshes"),
     "usd": Extra(("pxr",), "vig fit --export usd"),
     "cluster": Extra(("ray",), "--cluster, --ray: several machines"),
@@ -128,6 +133,11 @@ def extras(known: Mapping[str, Extra] = EXTRAS) -> dict[str, dict[str, Any]]:
         }
         for extra_name, extra in known.items()
     }
+
+
+def extra_of(module: str) -> str | None:
+    """The extra that brings a module, if one does."""
+    return next((name for name, extra in EXTRAS.items() if module.split(".")[0] in extra.modules), None)
 
 
 def rows(

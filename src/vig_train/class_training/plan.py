@@ -6,6 +6,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from vig.parallel import thread_limit
 from vig.scene import ObjectClass
 from vig_train.training.class_heads import EPOCHS
 from vig_train.training.class_network import (
@@ -16,7 +17,6 @@ from vig_train.training.class_network import (
     read_images,
 )
 from vig_train.training.collages import PICTURES
-from vig_world.threads import torch_threads
 
 QUICK = 0.0
 """Minutes of a training that stands for the quick recognizer of `vig class build`."""
@@ -74,7 +74,7 @@ def measured_plan(
     begin = time.perf_counter()
     draw_chunks(object_class, images, range(warm, timed), seed, workers, props=props)
     per_chunk = (time.perf_counter() - begin) / (timed - warm)
-    with torch_threads(workers):
+    with thread_limit(workers):
         examples = read_images(images, range(1))
         per_step = DecoderTraining(new_network(object_class), examples, True, seed).seconds_per_step()
     chunks = max(timed, min(MOST_CHUNKS, there + round(IMAGE_SHARE * budget / per_chunk)))

@@ -24,7 +24,7 @@ from vig.io.checks import decode, read_json, reading
 from vig.io.files import atomic_write
 from vig.io.machine import machine
 from vig.io.progress import Meter
-from vig.parallel import map_in_processes
+from vig.parallel import map_in_processes, thread_limit
 from vig.recognition import WEIGHTS_FILE, Recognizer
 from vig.recognition.recognizer import GRAPHS, graph_path
 from vig.recognition.weights import shared_trunk
@@ -63,7 +63,6 @@ from vig_train.training.object_map import MapTraining
 from vig_train.training.studio import Studio
 from vig_world.assets.source_meshes import meshes_fingerprint
 from vig_world.dataset.spec import SPLITS, Split
-from vig_world.threads import torch_threads
 
 RELIABILITY_FILE = "reliability.png"
 QUICK_PHOTOS = 160
@@ -228,13 +227,13 @@ class ClassTraining:
             plan.epochs,
         )
         steps = SIZES.members * heads.steps + plan.decoder_steps
-        with torch_threads(self.workers), Meter(steps, 0, unit="steps") as meter:
+        with thread_limit(self.workers), Meter(steps, 0, unit="steps") as meter:
             network = new_network(self.object_class)
             scale = heads.run(network, self.workers, meter.advance)
             examples = read_images(self.images, range(min(plan.chunks, PIXEL_CHUNKS)))
             decoder = DecoderTraining(network, examples, self.object_class.mirror, self.seed)
             decoder.run(plan.decoder_steps, self.run_folder / "checkpoint.safetensors", meter.advance)
-        with torch_threads(self.workers), Meter(plan.pictures, 0, unit="pictures") as meter:
+        with thread_limit(self.workers), Meter(plan.pictures, 0, unit="pictures") as meter:
             mirror = self.object_class.mirror
             MapTraining(examples, plan.pictures, self.seed, mirror, meter.advance).run(network)
         quick = {"quick": "yes"} if self.quick else {}

@@ -16,8 +16,13 @@ def build(settings: Build) -> int:
     """`vig class build`."""
     from vig.recognition import WEIGHTS_FILE
     from vig_train.building import BuildSettings, build_class
-    from vig_train.class_training import QUICK, ClassTraining
 
+    try:
+        from vig_train import class_training
+    except ModuleNotFoundError as error:
+        if error.name != "torch":
+            raise
+        class_training = None  # type: ignore[assignment]
     check_workers(settings.workers)
 
     turns = [_turn(turn) for turn in settings.turn]
@@ -38,12 +43,13 @@ def build(settings: Build) -> int:
     )
     say = (lambda line: None) if settings.json else (lambda line: print(in_one_line(line), flush=True))
     command = command_line("vig class build", settings, positional=("meshes",))
-    whole = not settings.recognizer
+    trains = settings.recognizer and class_training is not None
     result = build_class(
-        settings.meshes, settings.out, build_settings, say, not settings.json, command, whole
+        settings.meshes, settings.out, build_settings, say, not settings.json, command, not trains
     )
-    if settings.recognizer and not (settings.out / WEIGHTS_FILE).exists():
-        ClassTraining(settings.out, QUICK, workers=settings.workers, say=say).run()
+    if trains and not (settings.out / WEIGHTS_FILE).exists():
+        quick = class_training.QUICK
+        class_training.ClassTraining(settings.out, quick, workers=settings.workers, say=say).run()
     (settings.out / BUILD_COMMAND).unlink(missing_ok=True)
     is_trained = (settings.out / WEIGHTS_FILE).exists()
     if settings.json:
@@ -66,6 +72,8 @@ def build(settings: Build) -> int:
     upright = settings.out / "build" / "2-upright.png"
     print(f"look at {settings.out / 'card.md'}; where {upright} is wrong: --up, --front, --turn, --drop")
     train = f"vig class train {settings.out} gives it a good recognizer"
+    if class_training is None:
+        train = f"pip install 'vig[train]', then {train}"
     taken, refused = len(result.splits), len(result.refused)
     of = f" of {taken} of {taken + refused} meshes, {refused} refused (see {settings.out / 'card.md'})"
     made = "made a class" + (of if refused else "")

@@ -24,10 +24,9 @@ from vig.io.errors import UserError
 from vig.io.files import write_arrays
 from vig.parallel.cluster import map_on_cluster
 from vig.parallel.processes import Lost, map_in_processes
-from vig.parallel.threads import map_on_threads
+from vig.parallel.threads import map_on_threads, thread_limit
 from vig.recognition import Prediction, Recognizer
 from vig.scene import ObjectClass
-from vig_world.threads import torch_threads
 
 CHUNK_PHOTOS = 50
 """Photos per file of the cache."""
@@ -176,7 +175,7 @@ def _photo_fitter(shared: RunContext) -> Callable[[Photo], Fits]:
 def _fit_on_threads(
     photos: list[Photo], object_class: ObjectClass, settings: FitSettings, workers: int
 ) -> FitStream:
-    with torch_threads(workers):
+    with thread_limit(workers):
         yield from enumerate(map_on_threads(_photo_fitter((object_class, settings)), photos))
 
 

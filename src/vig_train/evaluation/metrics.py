@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import torch
 
+from vig.photo.images import numpy_of_tensor
 from vig.scene import angle_difference, linear_from_srgb
 
 _WHITE_XYZ = np.array([0.950456, 1.0, 1.088754])
@@ -129,7 +129,7 @@ def _chroma(linear: np.ndarray) -> np.ndarray:
 
 
 def _numpy(value: Any) -> np.ndarray:
-    return value.detach().cpu().numpy() if isinstance(value, torch.Tensor) else np.asarray(value)
+    return np.asarray(numpy_of_tensor(value))
 
 
 def _pair(a: Any, b: Any, dimensions: int, channels: int | None = None) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ import numpy as np
 from vig.io.checks import check_indices
 from vig.scene import Camera
 from vig_native import engine
-from vig_renderer.scene import NEAR
+from vig_renderer import NEAR
 
 
 @dataclass(frozen=True)

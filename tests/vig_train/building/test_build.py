@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import shutil
+import sys
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -12,9 +13,11 @@ import torch
 import trimesh
 from PIL import Image
 
+import vig_train
 from tests.vig_train.building.conftest import SETTINGS
 from tests.vig_train.building.things import finned
 from vig.io.errors import UserError
+from vig.parallel import thread_limit
 from vig.scene import ObjectClass, Symmetry
 from vig.scene.object_class import BUILD_COMMAND
 from vig_train.building import BuildResult, BuildSettings, build_class
@@ -26,7 +29,6 @@ from vig_train.cli.settings import Build
 from vig_train.packs.transfer import KEPT_SHAPES, SHAPE_SAMPLES, Occlusion
 from vig_world.assets.held_out import held_out_designs_of
 from vig_world.assets.target import nearest_coefficients
-from vig_world.threads import torch_threads
 
 STEPS = (
     "reading meshes of {meshes} ...",
@@ -57,6 +59,22 @@ def test_the_last_line_counts_what_was_refused(
     assert build(Build(Path("meshes"), built[1], recognizer=False)) == 0
     last = capsys.readouterr().err.splitlines()[-1]
     assert f"6 of 8 meshes, 2 refused (see {built[1] / 'card.md'})" in last
+
+
+def test_without_torch_a_class_has_no_network_and_says_what_gives_it_one(
+    built: tuple[BuildResult, Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for name in [name for name in sys.modules if name.startswith("vig_train.class_training")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.delattr(vig_train, "class_training", raising=False)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    monkeypatch.setattr("vig_train.building.build_class", lambda *given: built[0])
+    assert build(Build(Path("meshes"), tmp_path)) == 0
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert "without a recognizer: pip install 'vig[train]', then vig class train" in last
 
 
 def test_a_sheet_has_its_labels_and_an_arrow_to_the_front(tmp_path: Path) -> None:
@@ -137,7 +155,7 @@ def test_a_build_that_was_interrupted_gives_the_same_pack(
         if interrupted and "light" not in stage:
             raise KeyboardInterrupt
 
-    with torch_threads(1), monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+    with thread_limit(1), monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
         patched.setattr(Occlusion, "of", cast_or_stop)
         build_class(folder, pack, SETTINGS, interrupt)
     with pytest.raises(UserError, match=f"unfinished. Run it again: vig class build {folder} --out {pack}"):

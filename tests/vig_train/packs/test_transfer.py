@@ -7,6 +7,7 @@ import trimesh
 from safetensors.numpy import load_file
 
 from tests.support import TEAPOT
+from vig.parallel import thread_limit
 from vig.scene import ObjectClass, irradiance
 from vig.scene.light import Y00, sh_basis
 from vig.scene.object_class import TRANSFER_FILE
@@ -20,7 +21,6 @@ from vig_train.packs.transfer import (
     transfer_model,
     unoccluded,
 )
-from vig_world.threads import torch_threads
 
 RNG = np.random.default_rng(5)
 
@@ -173,6 +173,6 @@ def test_shapes_that_were_kept_are_not_computed_again(monkeypatch: pytest.Monkey
     before, stopped = set(kept), 99
     resumed = transfer_model(model, shapes=9, side=2, keep=keep)
     assert len(kept) == 5 and before < set(kept)
-    with torch_threads(2):
+    with thread_limit(2):
         assert np.array_equal(resumed, transfer_model(model, shapes=9, side=2))
     assert not np.array_equal(resumed, transfer_model(model, shapes=9, side=2, seed=1, keep=keep))
