@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
-import scipy  # which loads `spatial` where that is first used
 
 from vig.recognition import Prediction, box_in_window
 from vig.recognition.prediction import bin_centres
@@ -227,13 +226,22 @@ class PointTerm(PlaceTerm):
         return off.reshape(len(points), -1)
 
 
+def farthest_vertices(vertices: np.ndarray, directions: int = 2000) -> np.ndarray:
+    """Which of vertices (V, 3) are the farthest in directions about 2.5 degrees apart, a spiral's: (N,)."""
+    height = 1 - (2 * np.arange(directions) + 1) / directions
+    turn = np.arange(directions) * math.pi * (3 - math.sqrt(5))
+    radius = np.sqrt(1 - height**2)
+    towards = np.stack([radius * np.cos(turn), radius * np.sin(turn), height], 1)
+    return np.unique((towards @ vertices.T).argmax(1))
+
+
 class BoxTerm(PlaceTerm):
-    """Of the whole object's box (x, y, w, h); its vertices are those of the mean shape's convex hull."""
+    """Of the whole object's box (x, y, w, h): that of the mean shape's farthest vertices in any direction."""
 
     def __init__(self, box: tuple[float, float, float, float], projection: Projection):
         x, y, w, h = box
         self.given = np.array([x, y, x + w, y + h], np.float64)
-        self.places = projection.of(scipy.spatial.ConvexHull(projection.model.mean).vertices)
+        self.places = projection.of(farthest_vertices(projection.model.mean))
 
     def residuals(self, points: np.ndarray) -> np.ndarray:
         """Left, top, right and bottom, (B, 4)."""

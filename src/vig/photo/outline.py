@@ -7,6 +7,7 @@ import math
 import numpy as np
 from PIL import Image
 
+from vig.photo.filters import gaussian_filter
 from vig.photo.masks import box_of
 
 FINER = 4
@@ -28,8 +29,6 @@ def outline_distance(share: np.ndarray, outside: float = REACH, inside: float = 
         outside: Up to which distance they are needed there, at most `REACH`; farther away they stay at that.
         inside: The same of the other side.
     """
-    from scipy import ndimage
-
     size, reach = len(share), math.ceil(max(outside, inside)) + 1
     distance: np.ndarray = np.full((FINER * size, FINER * size), outside, np.float32)
     if (box := box_of(share > 0.25)) is None:
@@ -37,12 +36,12 @@ def outline_distance(share: np.ndarray, outside: float = REACH, inside: float = 
     x, y, width, height = box
     top, left = max(0, y - reach), max(0, x - reach)
     part = share[top : y + height + reach, left : x + width + reach]
-    soft = ndimage.gaussian_filter(part.astype(np.float32), SMOOTH, mode="nearest")
+    soft = gaussian_filter(part.astype(np.float32), SMOOTH)
     shape = part.shape[1] * FINER, part.shape[0] * FINER
     fine = np.asarray(Image.fromarray(soft).resize(shape, Image.Resampling.BICUBIC)) > 0.5
     # From the outline, which runs half a point beside the points next to it.
     within, beyond = _points_to(~fine, inside), _points_to(fine, outside)
-    near = ndimage.gaussian_filter(np.where(fine, 0.5 - within, beyond - 0.5), 1.0, mode="nearest") / FINER
+    near = gaussian_filter(np.where(fine, 0.5 - within, beyond - 0.5), 1.0) / FINER
     high, wide = shape[::-1]
     distance[FINER * top : FINER * top + high, FINER * left : FINER * left + wide] = near
     return distance.clip(-inside, outside)

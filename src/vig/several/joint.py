@@ -20,7 +20,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import scipy  # which loads `ndimage` where that is first used
 
 from vig.explainer import Explainer
 from vig.explanation import Explanation
@@ -28,6 +27,7 @@ from vig.inference import PixelLabel, WindowHints, explain_one, resolve
 from vig.inference.hints import LEAST_VIEW
 from vig.inference.refinement import DISTINCT_AZIMUTH
 from vig.photo import ImagePyramid
+from vig.photo.filters import dilation, gaussian_filter
 from vig.recognition import Prediction
 from vig.recognition.prediction import bin_centres
 from vig.scene.camera import FOCAL_OVER_WIDTH
@@ -173,7 +173,7 @@ class _Refit:
         """Pixels (S, S) bool of the window that objects before this one cover; where others are seen."""
         here = self.alone[self.index].window
         covered = self.alone[self.index].fit.coverage > 0.5
-        own = scipy.ndimage.binary_dilation(covered, iterations=OUTLINE_PIXELS)
+        own = dilation(covered, OUTLINE_PIXELS)
         infront, elsewhere = np.zeros(own.shape, bool), np.zeros(own.shape, bool)
         for index, other in enumerate(self.alone):
             if index == self.index:
@@ -240,13 +240,13 @@ def _of_view(prediction: Prediction, azimuth: np.floating[Any]) -> Prediction:
 
 def _without(cut: np.ndarray, infront: np.ndarray, elsewhere: np.ndarray) -> np.ndarray:
     """A window (S, S, 3) without other objects: grey where one is before this, else what is round them."""
-    painted, holes = cut.copy(), scipy.ndimage.binary_dilation(elsewhere, iterations=2)
+    painted, holes = cut.copy(), dilation(elsewhere, 2)
     filled = ~holes
     for width in (2, 4, 8, 16, 32, 64):
         if filled.all():
             break
-        weight = scipy.ndimage.gaussian_filter((~holes).astype(np.float32), width)
-        colours = scipy.ndimage.gaussian_filter(np.where(holes[..., None], 0, cut), (width, width, 0))
+        weight = gaussian_filter((~holes).astype(np.float32), width, "symmetric")
+        colours = gaussian_filter(np.where(holes[..., None], 0, cut), width, "symmetric")
         colour_known = ~filled & (weight > 0.05)
         painted[colour_known] = colours[colour_known] / weight[colour_known, None]
         filled |= colour_known

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy  # which loads `ndimage` where that is first used
 
 from vig.explanation import Explanation
+from vig.photo.filters import erosion
 from vig.photo.images import coded
 from vig.scene import rotate_z
 from vig_renderer.defaults import with_default_settings
@@ -69,7 +69,7 @@ class SceneExplanation:
             colour = COLOURS[number % len(COLOURS)]
             picture[each.mask] += TINT * (colour - picture[each.mask])
             width = max(1, round(max(picture.shape) / 500))
-            inner = scipy.ndimage.binary_erosion(each.amodal, iterations=width)
+            inner = erosion(each.amodal, width)
             picture[each.amodal & ~inner] = colour
         return np.rint(picture).astype(np.uint8)
 

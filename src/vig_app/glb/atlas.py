@@ -10,7 +10,6 @@ import functools
 from dataclasses import dataclass
 
 import numpy as np
-import scipy  # which loads its parts where they are first used
 
 from vig.renderer.drawing import draw_mesh, mesh_of
 from vig.scene import ObjectClass
@@ -19,6 +18,8 @@ SIDE = 512
 """Texels a side."""
 GAP = 4
 """Texels between charts, at least."""
+WIDENED = 2 * GAP
+"""Texels round a chart that show it, too, for a viewer that reduces the image."""
 AXES = np.repeat(np.eye(3), 2, 0) * np.array([[1], [-1]] * 3)
 """(6, 3), the directions that charts look along, outwards."""
 SMOOTHINGS = 3
@@ -39,10 +40,10 @@ class Atlas:
         source: (U,) the vertex of each of the atlas's own vertices, which are doubled along charts' borders.
         faces: (F, 3) of these, in the mesh's order.
         coordinates: (U, 2) float32 in [0, 1], right and down from the image's corner, as glTF has them.
-        texels: (SIDE^2,) int, of each pixel of the image, row by row, the texel that it shows: its own, or
-            beside a chart the nearest.
+        texels: (SIDE^2,) int, of each pixel of the image, row by row, the texel that it shows: its own,
+            beside a chart one of the nearest, far from all the first.
         face: (T,) of each texel.
-        weights: (T, V) sparse, three numbers a row: those of the corners of its face at the texel's middle.
+        weights: (T, 3) float32 of the corners of its face at the texel's middle.
     """
 
     source: np.ndarray
@@ -50,7 +51,15 @@ class Atlas:
     coordinates: np.ndarray
     texels: np.ndarray
     face: np.ndarray
-    weights: scipy.sparse.csr_array
+    weights: np.ndarray
+
+    def at_texels(self, values: np.ndarray) -> np.ndarray:
+        """Values (T, C) at the texels' middles from those of the vertices (V, C)."""
+        first, second, third = self.source[self.faces[self.face]].T
+        at: np.ndarray = self.weights[:, :1] * values[first]
+        at += self.weights[:, 1:2] * values[second]
+        at += self.weights[:, 2:] * values[third]
+        return at
 
 
 @functools.lru_cache(maxsize=8)
@@ -86,20 +95,27 @@ def _joined(place: np.ndarray, faces: np.ndarray, chart: np.ndarray, seen: np.nd
     middle = np.stack([columns, rows], axis=1) + 0.5 - a
     second, third = np.linalg.solve(to_corner, middle[..., None])[..., 0].T
     shares = np.stack([1 - second - third, second, third], axis=1).astype(np.float32)
-    weights = scipy.sparse.csr_array(
-        (shares.ravel(), faces[face].ravel(), np.arange(0, 3 * len(face) + 1, 3)), (len(face), count)
-    )
-    number = np.zeros(seen.shape, np.int32)
+    number = np.full(seen.shape, -1, np.int32)
     number[rows, columns] = np.arange(len(face))
-    near = scipy.ndimage.distance_transform_edt(seen < 0, return_distances=False, return_indices=True)
     return Atlas(
         source=(keys % count).astype(np.int32),
         faces=corners.reshape(-1, 3).astype(np.int32),
         coordinates=(place.reshape(-1, 2)[first] / SIDE).astype(np.float32),
-        texels=number[*near].ravel(),
+        texels=_widened(number).ravel(),
         face=face,
-        weights=weights,
+        weights=shares,
     )
+
+
+def _widened(number: np.ndarray) -> np.ndarray:
+    """Numbers (SIDE, SIDE), -1 for none, taken over by what is up to `WIDENED` texels beside; 0 elsewhere."""
+    number = number.copy()
+    for _ in range(WIDENED):
+        before = number.copy()
+        for to, off in ((np.s_[1:], np.s_[:-1]), (np.s_[:-1], np.s_[1:])):
+            for target, source in ((number[to], before[off]), (number[:, to], before[:, off])):
+                np.copyto(target, source, where=target < 0)
+    return np.maximum(number, 0)
 
 
 def _directions(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -108,12 +124,11 @@ def _directions(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     normals = np.cross(b - a, c - a)
     own = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
     pairs = _neighbours(faces)
-    rows, columns = np.concatenate([pairs, pairs[:, ::-1]]).T
-    count = len(faces)
-    near = scipy.sparse.csr_array((np.ones(len(rows)), (rows, columns)), (count, count))
     smooth = own
     for _ in range(SMOOTHINGS):
-        smooth = smooth + near @ smooth
+        before, smooth = smooth, smooth.copy()
+        np.add.at(smooth, pairs[:, 0], before[pairs[:, 1]])
+        np.add.at(smooth, pairs[:, 1], before[pairs[:, 0]])
         smooth /= np.maximum(np.linalg.norm(smooth, axis=1, keepdims=True), 1e-30)
     direction = (smooth @ AXES.T).argmax(1)
     steep = (own * AXES[direction]).sum(1) < LEAST_COSINE
@@ -131,10 +146,14 @@ def _neighbours(faces: np.ndarray) -> np.ndarray:
 def _charts(faces: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """(F,) the number of each face's chart."""
     pairs = _neighbours(faces)
-    rows, columns = pairs[direction[pairs[:, 0]] == direction[pairs[:, 1]]].T
-    count = len(faces)
-    graph = scipy.sparse.coo_array((np.ones(len(rows)), (rows, columns)), (count, count))
-    chart: np.ndarray = scipy.sparse.csgraph.connected_components(graph, directed=False)[1]
+    one, other = pairs[direction[pairs[:, 0]] == direction[pairs[:, 1]]].T
+    first = np.arange(len(faces))  # of each face the first face that it is known to be connected to
+    while (apart := first[one] != first[other]).any():
+        low, high = np.sort([first[one[apart]], first[other[apart]]], axis=0)
+        np.minimum.at(first, high, low)
+        while (further := first[first] != first).any():
+            first[further] = first[first[further]]
+    chart: np.ndarray = np.unique(first, return_inverse=True)[1]
     return chart
 
 

@@ -91,7 +91,7 @@ def bake(explanation: Explanation) -> Texture | None:
         normals = smooth_normals(vertices, model.faces)
         sides = [(SEEN, np.ones_like(MIRROR))] + [(MIRRORED, MIRROR)] * object_class.mirror
         placed = np.concatenate([shown.placed(vertices * flip, normals * flip) for _, flip in sides], axis=1)
-        at = atlas.weights @ placed
+        at = atlas.at_texels(placed)
         for number, (source, _) in reversed(list(enumerate(sides))):
             origin[shown.paint(colours, at[:, 4 * number :][:, :4])] = source
     return Texture(atlas, colours, origin)

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 import trimesh
 from PIL import Image
 
@@ -48,8 +47,8 @@ def test_a_positions_deviations_are_across_the_ray_and_along_it(explanation: vig
     """Of what the calibration adds: 2 % and 3 % of the length across the ray to the object, 5 % of the
     distance along it, or as much as the distance where the focal length is a guess.
     """
-    without = replace(explanation, fit=replace(explanation.fit, position_deviation=torch.zeros(3)))
-    widened = torch.tensor([0.02, 0.03, 0.05])
+    without = replace(explanation, fit=replace(explanation.fit, position_deviation=np.zeros(3, np.float32)))
+    widened = np.array([0.02, 0.03, 0.05], np.float32)
     wide = replace(explanation, fit=replace(explanation.fit, position_deviation=widened))
     guessed = replace(wide, focal_from="assumed")
     length = np.ptp(explanation.vertices, axis=0).max()
@@ -126,10 +125,10 @@ def test_a_covariance_is_that_of_many_poses_drawn(explanation: vig.Explanation) 
     """Latents drawn from their deviations, small ones: the spread of the positions is the covariance's."""
     fit, rng = explanation.fit, np.random.default_rng(0)
     layout = vig.scene.latent_layout(explanation.object_class.shape_model.modes)
-    deviation = torch.zeros_like(fit.deviation)
-    deviation[layout.indices("azimuth", "elevation")] = torch.tensor([0.02, 0.01]).to(deviation)
-    framing = torch.tensor([0.005, 0.003, 0.01, 0.02])
-    still = torch.zeros(3)
+    deviation = np.zeros_like(fit.deviation)
+    deviation[layout.indices("azimuth", "elevation")] = 0.02, 0.01
+    framing = np.array([0.005, 0.003, 0.01, 0.02], np.float32)
+    still = np.zeros(3, np.float32)
     narrow = replace(
         explanation,
         fit=replace(fit, deviation=deviation, framing_deviation=framing, position_deviation=still),
@@ -137,7 +136,7 @@ def test_a_covariance_is_that_of_many_poses_drawn(explanation: vig.Explanation) 
     _, pose, covariance = narrow.pinhole_pose()
     places = []
     for _ in range(800):
-        step = torch.from_numpy(rng.standard_normal(6)).float()
+        step = rng.standard_normal(6).astype(np.float32)
         latents = replace(
             fit.latents,
             azimuth=fit.latents.azimuth + 0.02 * step[0],

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
@@ -119,7 +118,7 @@ def test_a_result_saved_again_leaves_no_export_of_the_one_before(
     (tmp_path / "bop" / "mine.txt").write_text("mine")
     explanation.save(tmp_path)
     assert (tmp_path / "bop" / "scene_gt.json").exists() and (tmp_path / "pose.yaml").exists()
-    moved = replace(explanation.fit, framing=explanation.fit.framing + torch.tensor([0.1, 0, 0, 0]))
+    moved = replace(explanation.fit, framing=explanation.fit.framing + np.array([0.1, 0, 0, 0], np.float32))
     replace(explanation, fit=moved).save(tmp_path)
     left = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
     assert left == {

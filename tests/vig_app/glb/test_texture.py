@@ -10,21 +10,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 from PIL import Image
 
 from vig import Explanation
 from vig.inference import Fit, Verdict
 from vig.inference.calibration import CONFIDENCE_FEATURES
 from vig.photo.window import Window
-from vig.renderer import MeshObject, Pinhole, Scene, Topology, render
-from vig.renderer.explained import vertex_irradiance
+from vig.renderer.drawing import draw_mesh, mesh_of, vertex_irradiance
 from vig.scene import Latents, ObjectClass, ShapeModel
 from vig_app.glb import Texture
 from vig_app.glb import bake as bake_any
 from vig_app.glb.atlas import GAP, SIDE, atlas_of
 from vig_app.glb.bake import INVENTED, MIRRORED, SEEN
-from vig_renderer.shading import smooth_normals
+from vig_renderer.edges import smooth_normals
 
 MAGENTA = np.array([1.0, 0.0, 1.0], np.float32)
 
@@ -40,30 +38,31 @@ def painted(object_class: ObjectClass, hidden: slice | None = None) -> Explanati
     """What is right for a drawing of a painted object; columns of the photo may be covered by magenta."""
     modes = object_class.shape_model.modes
     latents = Latents(
-        torch.zeros(1, modes),
-        torch.tensor([0.4]),
-        torch.tensor([0.5]),
-        torch.tensor([[0.4, 0.5, 0.4]]),
-        torch.tensor([[2.6, 0.1, 0.5, -0.3, *[0.05] * 5]]),
+        np.zeros((1, modes), np.float32),
+        np.array([0.4], np.float32),
+        np.array([0.5], np.float32),
+        np.array([[0.4, 0.5, 0.4]], np.float32),
+        np.array([[2.6, 0.1, 0.5, -0.3, *[0.05] * 5]], np.float32),
     )
     vertices = object_class.shape_model.vertices(latents.shape)[0]
-    topology = Topology.of(object_class.shape_model.faces, vertices.numpy())
-    normals = smooth_normals(vertices, topology.faces)
-    colours = torch.from_numpy(paint(vertices.numpy(), object_class))
+    faces, camera = object_class.shape_model.faces, object_class.camera(300)
+    normals = smooth_normals(vertices, faces)
+    colours = paint(vertices, object_class)
     colours = colours * vertex_irradiance(latents, normals, object_class)[:, None]
-    camera = Pinhole.on_sphere(object_class.camera(300), latents.azimuth[0], latents.elevation[0])
-    drawn = render(Scene([MeshObject(vertices, topology, colours, normals=normals)], camera))
-    photo = drawn.rgb[0].numpy()
-    coverage = drawn.coverage[0].reshape(150, 2, 150, 2).mean((1, 3))
-    visible = coverage.clone()
+    rotation, translation = camera.pose(latents.azimuth, latents.elevation)
+    eye = rotation[0], translation[0], (camera.focal,) * 2, (camera.cx, camera.cy)
+    drawn = draw_mesh(mesh_of(faces, vertices), vertices, normals, colours, eye, 300, 300)
+    photo = drawn.rgb
+    coverage = drawn.coverage.reshape(150, 2, 150, 2).mean((1, 3))
+    visible = coverage.copy()
     if hidden is not None:
         photo[:, hidden] = MAGENTA
         visible[:, hidden.start // 2 : hidden.stop // 2] = 0
     fit = Fit(
         latents=latents,
-        framing=torch.zeros(4),
-        deviation=torch.ones(14 + modes) / 100,
-        framing_deviation=torch.ones(4) / 100,
+        framing=np.zeros(4, np.float32),
+        deviation=np.ones(14 + modes, np.float32) / 100,
+        framing_deviation=np.ones(4, np.float32) / 100,
         visible=visible,
         mask=visible > 0.5,
         mask_by_pixel=visible > 0.5,
@@ -73,12 +72,12 @@ def painted(object_class: ObjectClass, hidden: slice | None = None) -> Explanati
         confidence=0.9,
         mask_confidence=0.9,
         mask_trusted=True,
-        confidence_features=torch.zeros(len(CONFIDENCE_FEATURES)),
+        confidence_features=np.zeros(len(CONFIDENCE_FEATURES), np.float32),
         evidence=0.0,
         start_evidence=0.0,
         evaluations=1,
         alternatives=(),
-        descent=torch.cat([latents.to_vector(), torch.zeros(1, 4)], dim=1),
+        descent=np.concatenate([latents.to_vector(), np.zeros((1, 4), np.float32)], axis=1),
     )
     return Explanation(photo, Window.of(300, 300), fit, object_class)
 
@@ -92,7 +91,7 @@ def bake(explanation: Explanation) -> Texture:
 
 def points_of(texture: Texture, explanation: Explanation) -> np.ndarray:
     """(T, 3) where on the object the texels lie."""
-    points: np.ndarray = texture.atlas.weights @ explanation.vertices
+    points: np.ndarray = texture.atlas.at_texels(explanation.vertices)
     return points
 
 
@@ -106,7 +105,7 @@ def test_texels_of_a_face_are_where_its_coordinates_say(object_class: ObjectClas
     atlas, model = atlas_of(object_class), object_class.shape_model
     assert atlas is not None
     np.testing.assert_array_equal(atlas.source[atlas.faces], model.faces)
-    shares = atlas.weights.data.reshape(-1, 3)
+    shares = atlas.weights
     assert shares.min() > -1e-4 and np.abs(shares.sum(1) - 1).max() < 1e-5
     corners = SIDE * atlas.coordinates[atlas.faces]
     places = (corners[atlas.face] * shares[..., None]).sum(1)

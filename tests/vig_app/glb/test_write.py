@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 import trimesh
 
 from vig import Camera
@@ -19,9 +18,15 @@ from vig_app.glb.files import MOST_SCALED, on_one_ground
 
 
 def latents() -> Latents:
-    light = torch.tensor([[2.356, *[0.1] * 8]])
-    albedo = torch.tensor([[0.8, 0.4, 0.1]])
-    return Latents(torch.full((1, 10), 0.5), torch.tensor([-1.0]), torch.tensor([0.5]), albedo, light)
+    light = np.array([[2.356, *[0.1] * 8]], np.float32)
+    albedo = np.array([[0.8, 0.4, 0.1]], np.float32)
+    return Latents(
+        np.full((1, 10), 0.5, np.float32),
+        np.array([-1.0], np.float32),
+        np.array([0.5], np.float32),
+        albedo,
+        light,
+    )
 
 
 def write(
@@ -42,9 +47,9 @@ def write(
 def test_the_object_stands_upright_and_is_seen_from_the_front(teapot: ObjectClass, tmp_path: Path) -> None:
     """Y up, metres; what was towards the eye is towards +Z; positions as stored are in the object's frame."""
     one, model = latents(), teapot.shape_model
-    z_up = model.vertices(one.shape)[0].numpy()
+    z_up = model.vertices(one.shape)[0]
     colours = np.linspace(0.1, 0.9, 3 * len(model.part_names)).reshape(-1, 3)
-    azimuth, elevation = float(one.azimuth), float(one.elevation)
+    azimuth, elevation = one.azimuth.item(), one.elevation.item()
     camera = Camera(640, 480, 900.0, 300.0, 250.0, distance=0.5, target_height=0.08)
     write(tmp_path / "object.glb", z_up, colours, teapot, camera, azimuth, elevation)
     scene = trimesh.load(tmp_path / "object.glb")
@@ -70,9 +75,9 @@ def test_the_object_stands_upright_and_is_seen_from_the_front(teapot: ObjectClas
 def test_the_cameras_node_sees_the_photo(teapot: ObjectClass, tmp_path: Path) -> None:
     """Through glTF's own camera a vertex comes to lie where K and camera_from_object put it."""
     one = latents()
-    vertices = teapot.shape_model.vertices(one.shape)[0].numpy()
+    vertices = teapot.shape_model.vertices(one.shape)[0]
     camera = Camera(640, 480, 900.0, 300.0, 250.0, distance=0.5, target_height=0.08, roll=0.2)
-    azimuth, elevation = float(one.azimuth), float(one.elevation)
+    azimuth, elevation = one.azimuth.item(), one.elevation.item()
     colours = np.full((len(teapot.shape_model.part_names), 3), 0.5)
     write(tmp_path / "object.glb", vertices, colours, teapot, camera, azimuth, elevation)
     data = (tmp_path / "object.glb").read_bytes()

@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 
 import vig
 from tests.support import LOW_CONTRAST
 from vig.inference import OtherView
 from vig.photo.images import coded
 from vig.renderer import render_latents
+from vig.renderer.drawing import draw_latents
 from vig.scene import Latents
 from vig.scene.light import srgb_from_linear
 from vig_app.cli.main import main
@@ -98,7 +98,7 @@ def test_nothing_of_a_name_is_markup(explanation: vig.Explanation) -> None:
 
 def test_an_azimuth_that_is_known_of_the_right_view_alone_is_said_so(explanation: vig.Explanation) -> None:
     layout = vig.scene.latent_layout(explanation.object_class.shape_model.modes)
-    deviation = explanation.fit.deviation.clone()
+    deviation = explanation.fit.deviation.copy()
     deviation[layout["azimuth"]] = math.pi
     wide = replace(explanation, fit=replace(explanation.fit, deviation=deviation))
     rows = dict(words.table_rows(wide.to_dict()))
@@ -189,7 +189,7 @@ def test_the_object_is_drawn_as_the_photo_shows_it(
 ) -> None:
     """Not mirrored, upright: the page's silhouette, mirrored or not, beside that of the renderer."""
     latents = explanation.fit.latents  # from the side, and nearly black before the page's grey
-    latents = replace(latents, azimuth=torch.tensor([0.2]), light=1e-3 * latents.light)
+    latents = replace(latents, azimuth=np.array([0.2], np.float32), light=1e-3 * latents.light)
     explanation = replace(explanation, fit=replace(explanation.fit, latents=latents))
     (tmp_path / "report.html").write_text(explanation.report(), encoding="utf-8")
     shown = browser.new_page()
@@ -202,20 +202,20 @@ def test_the_object_is_drawn_as_the_photo_shows_it(
           found.push(Math.hypot(bytes[i] - 138, bytes[i + 1] - 144, bytes[i + 2] - 153) > 8);
         return found; }"""
     )
-    page = torch.tensor(drawn).view(90, 90)
+    page = np.array(drawn).reshape(90, 90)
     spread = explanation.vertices.max(0) - explanation.vertices.min(0)
     middle = explanation.vertices.min(0) + spread / 2
     # The page's camera: six sizes away, looking at the middle of the object's box. Ours looks at its axis.
     focal, away = 6 * 0.8 * 90, 6 * float(spread.max())
     beside = focal * float(middle[0] * math.cos(0.2) + middle[1] * math.sin(0.2)) / away
     camera = vig.Camera(90, 90, focal, 45 - beside, 45, away, float(middle[2]))
-    expected = torch.from_numpy(explanation.render(camera=camera)[..., 3] > 0.5)
+    expected = explanation.render(camera=camera)[..., 3] > 0.5
 
-    def iou(other: torch.Tensor) -> float:
+    def iou(other: np.ndarray) -> float:
         return float((page & other).sum() / (page | other).sum())
 
     assert iou(expected) > 0.94, "as the renderer draws it"
-    assert iou(expected) > 0.03 + max(iou(expected.flip(1)), iou(expected.flip(0)))
+    assert iou(expected) > 0.03 + max(iou(expected[:, ::-1]), iou(expected[::-1]))
 
 
 PIXELS = """(canvas, size) => {
@@ -244,7 +244,7 @@ def test_views_and_steps_are_drawn_as_the_renderer_draws_them(
     """Turned, off the middle, of another shape, before the window's photo: in place, shaded and shadowed."""
     first = explanation.fit.descent[0]
     latents = replace(explanation.latents, shape=explanation.latents.shape + 0.5)
-    framing = torch.tensor([0.06, -0.04, -0.1, 0.4])
+    framing = np.array([0.06, -0.04, -0.1, 0.4], np.float32)
     other = OtherView(latents, framing, 0.25)
     explanation = replace(explanation, fit=replace(explanation.fit, alternatives=(other,)))
     shown = opened(browser, explanation, tmp_path)
@@ -280,11 +280,11 @@ def test_the_hidden_part_and_the_outline_lie_where_the_overlay_has_them(
     drawn = pixels(shown, "#whole", width, height)
     # Measured: .0027, all at edges.
     assert np.mean((drawn[..., 3] > 0.5) != hidden) < 0.005 < 0.02 < hidden.mean()
-    model, albedo = explanation.object_class.shape_model, explanation.latents.albedo[0].numpy()
-    rendered = render_latents(explanation.latents, explanation.object_class, explanation.camera)
-    part = model.parts[model.faces[rendered.triangle_id[0].numpy(), 0]]
-    colours = srgb_from_linear(rendered.rgb[0].numpy() / albedo * explanation.part_albedo[part])
-    surely = hidden & (drawn[..., 3] > 0.99) & (rendered.coverage[0].numpy() > 0.99)
+    model, albedo = explanation.object_class.shape_model, explanation.latents.albedo[0]
+    rendered = draw_latents(explanation.latents, explanation.object_class, explanation.camera)
+    part = model.parts[model.faces[rendered.triangle_id, 0]]
+    colours = srgb_from_linear(rendered.rgb / albedo * explanation.part_albedo[part])
+    surely = hidden & (drawn[..., 3] > 0.99) & (rendered.coverage > 0.99)
     off = np.abs(drawn[..., :3] - 255 * colours)[surely]
     assert surely.sum() > 500 and off.mean() < 1  # measured: .32 of 255
     lines, photo = pixels(shown, "#outline", width, height), coded(explanation.picture).astype(float)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
-import torch
 
 import vig
 from vig.scene import Latents
@@ -20,7 +20,9 @@ def described() -> dict:
 
 
 def test_a_views_probability_says_of_what_it_is() -> None:
-    view = Latents.from_vector(torch.tensor([[*[0.0] * 3, math.radians(-90.2), 0.5, *[0.5] * 3, *[0.0] * 9]]))
+    view = Latents.from_vector(
+        np.array([[*[0.0] * 3, math.radians(-90.2), 0.5, *[0.5] * 3, *[0.0] * 9]], np.float32)
+    )
     assert words.view_words(view, 0.456) == "azimuth 270°, elevation 29°, 46% likely right"
     assert words.view_words(view, math.nan) == "azimuth 270°, elevation 29°"
 

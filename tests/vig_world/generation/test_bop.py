@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 import trimesh
 from PIL import Image
 from scipy.spatial.distance import pdist
@@ -36,8 +35,8 @@ def picture(made: Path, kind: str, number: int) -> np.ndarray:
 
 def projected(scene: dict[str, dict], key: str, dataset: Dataset, teapot: ObjectClass) -> np.ndarray:
     """Pixel coordinates and depth in mm (V, 3) of the sample's own mesh, by the BOP files."""
-    shape = torch.tensor(dataset.latents[int(key), :10])[None]
-    model = 1000 * teapot.shape_model.vertices(shape)[0].double().numpy()
+    shape = np.array(dataset.latents[int(key), :10], np.float32)[None]
+    model = 1000 * teapot.shape_model.vertices(shape)[0].astype(np.float64)
     (truth,) = scene["scene_gt"][key]
     rotation, translation = np.array(truth["cam_R_m2c"]).reshape(3, 3), np.array(truth["cam_t_m2c"])
     matrix = np.array(scene["scene_camera"][key]["cam_K"]).reshape(3, 3)

@@ -89,10 +89,10 @@ def test_the_object_alone_looks_as_the_model_shades_it(teapot: ObjectClass, self
     azimuth, elevation = 0.7, 0.5
     picture = draw([], target_of(known, shape, albedo, LIGHT), View.of(known, azimuth, elevation), LIGHT)
 
-    geometry = Geometry(known.shape_model, torch.float64, transfer=known.transfer)
+    geometry = Geometry(known.shape_model, np.float64, transfer=known.transfer)
     camera = Camera.standard(target_height=known.target_height)
     point = torch.tensor([*shape, azimuth, elevation, *albedo, *LIGHT, 0, 0, 0, 0], dtype=torch.float64)
-    vertices = known.shape_model.vertices(torch.from_numpy(shape)[None].float())[0].numpy()
+    vertices = known.shape_model.vertices(shape[None].astype(np.float32))[0]
     faces, view = known.shape_model.faces, View.of(known, azimuth, elevation, 300)
     seen = rasterize(vertices, faces, view.rotation, view.translation, view.camera, cull=True)
     corners = shade(geometry, camera, point).irradiances.numpy()[faces[seen.face]]
@@ -157,7 +157,7 @@ def test_a_textured_floor_shows_its_texels_lit_by_the_light(teapot: ObjectClass)
     picture = draw(
         [floor(stuff(texture, "floor"), -0.4)], target(teapot), View.of(teapot, 0.0, np.pi / 2), LIGHT
     )
-    expected = irradiance(torch.tensor(LIGHT), torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64)).item()
+    expected = irradiance(np.array(LIGHT, np.float32), np.array([0.0, 0.0, 1.0], np.float64)).item()
     view, seen = View.of(teapot, 0.0, np.pi / 2), linear(picture)
     for x in np.arange(-0.3625, 0.4, 0.25):  # texture coordinates start at -1, and a repeat is 1 m
         for y in (-0.375, 0.375):
@@ -189,7 +189,7 @@ def test_round_things_are_shaded_by_their_interpolated_normals(teapot: ObjectCla
     across = (vertex_normals(mesh.vertices, faces)[corners] * seen.barycentric[..., None]).sum(2)
     across /= np.linalg.norm(across, axis=-1, keepdims=True) + 1e-12
     square = (((mesh.vertices + place)[corners] * seen.barycentric[..., None]).sum(2) ** 2).sum(-1)
-    light = irradiance(torch.tensor(LIGHT), torch.from_numpy(across)).numpy()
+    light = irradiance(np.array(LIGHT, np.float32), across)
     light += EVEN * square / (square + 1) * (LIGHT[0] * Y00 - light)
     expected = srgb8_from_linear((0.5 * light).clip(0, 1).reshape(150, 2, 150, 2).mean(axis=(1, 3)))
     whole = (seen.face >= 0).reshape(150, 2, 150, 2).all(axis=(1, 3))

@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 import trimesh
 
 from vig.scene import Camera, ObjectClass
@@ -60,11 +59,11 @@ def soup(rng: np.random.Generator, count: int = 60) -> tuple[np.ndarray, np.ndar
 
 def teapot_points(teapot: ObjectClass, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """World vertices, rotation and translation of a random teapot before a random eye."""
-    coefficients = torch.from_numpy(rng.normal(size=(1, teapot.shape_model.modes)).clip(-2, 2))
-    angles = torch.from_numpy(rng.uniform((0, 0.1), (6.3, 1.2)))
+    coefficients = rng.normal(size=(1, teapot.shape_model.modes)).clip(-2, 2)
+    angles = rng.uniform((0, 0.1), (6.3, 1.2))
     rotation, translation = Camera.standard(target_height=teapot.target_height).pose(angles[:1], angles[1:])
-    vertices = teapot.shape_model.vertices(coefficients)[0].numpy()
-    return vertices, rotation[0].numpy(), translation[0].numpy()
+    vertices = teapot.shape_model.vertices(coefficients)[0]
+    return vertices, rotation[0], translation[0]
 
 
 def compare(found: Fragments, expected: Fragments) -> float:

@@ -19,12 +19,10 @@ FILES = (POSE, CAMERA)
 
 def write(folder: Path, explanation: Explanation, photo: str) -> None:
     """As JSON, which YAML holds."""
-    from scipy.spatial.transform import Rotation
-
     intrinsics, pose, covariance = explanation.pinhole_pose()
     stamp = {"header": {"frame_id": "camera_optical_frame"}}
     position = dict(zip("xyz", pose[:3, 3].tolist(), strict=True))
-    quaternion = Rotation.from_matrix(pose[:3, :3]).as_quat().tolist()
+    quaternion = quaternion_of(pose[:3, :3]).tolist()
     orientation = dict(zip("xyzw", quaternion, strict=True))
     placed = {"position": position, "orientation": orientation}
     estimate = {"pose": placed, "covariance": covariance.ravel().tolist()}
@@ -39,3 +37,16 @@ def write(folder: Path, explanation: Explanation, photo: str) -> None:
         "p": np.c_[intrinsics, np.zeros(3)].ravel().tolist(),
     }
     write_json(folder, stamp | info, CAMERA)
+
+
+def quaternion_of(rotation: np.ndarray) -> np.ndarray:
+    """x, y, z, w of a rotation matrix, w at least 0: the first eigenvector of Bar-Itzhack's matrix (2000)."""
+    (a, b, c), (d, e, f), (g, h, i) = rotation
+    lower = [
+        [a - e - i, 0, 0, 0],
+        [b + d, e - a - i, 0, 0],
+        [c + g, f + h, i - a - e, 0],
+        [h - f, c - g, d - b, a + e + i],
+    ]
+    quaternion: np.ndarray = np.linalg.eigh(np.array(lower))[1][:, -1]
+    return quaternion if quaternion[3] >= 0 else -quaternion
