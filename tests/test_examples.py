@@ -50,7 +50,7 @@ def test_truth_is_complete_and_in_range(example: Example) -> None:
     truth = example.truth
     modes = ObjectClass.load(example.class_name).shape_model.modes
     assert truth.to_vector().shape == (1, modes + 14)
-    assert truth.shape.abs().max() <= SHAPE_LIMIT
+    assert np.abs(truth.shape).max() <= SHAPE_LIMIT
     assert 0 <= float(truth.azimuth[0]) < 2 * np.pi
     assert 0.05 <= float(truth.elevation[0]) <= np.pi / 2
     assert truth.albedo.min() >= 0.2 and truth.albedo.max() <= 0.8
@@ -82,7 +82,7 @@ def test_truth_projects_onto_the_mask(example: Example) -> None:
     rotation, translation = camera.pose(example.truth.azimuth, example.truth.elevation)
     vertices = example.vertices
     faces = object_class.shape_model.faces
-    fragments = rasterize(vertices, faces, rotation[0].numpy(), translation[0].numpy(), camera)
+    fragments = rasterize(vertices, faces, rotation[0], translation[0], camera)
     amodal, drawn = mask(example.amodal_mask), fragments.face >= 0
     assert (amodal & drawn).sum() / (amodal | drawn).sum() > 0.96
 

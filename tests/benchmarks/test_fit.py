@@ -3,13 +3,14 @@
 import math
 import time
 
+import numpy as np
 import pytest
-import torch
 
 from benchmarks import fit, inputs, throughput
 from benchmarks.measuring import Time, timed
 from benchmarks.throughput import Fits, Rate, descent_budget, members, runs, table
 from vig.inference import ExplainSettings, objective_of
+from vig.parallel import set_thread_count, thread_count
 from vig.scene import ObjectClass, linear_from_srgb
 
 SIGMA = ExplainSettings().likelihood.sigma
@@ -19,7 +20,7 @@ SIGMA = ExplainSettings().likelihood.sigma
 def fits() -> Fits:
     teapot = ObjectClass.load("teapot")
     images, _ = inputs.made(teapot, 2, seed=12)
-    return Fits(teapot, torch.from_numpy(linear_from_srgb(images / 255)).float())
+    return Fits(teapot, linear_from_srgb(images / 255).astype(np.float32))
 
 
 def test_batches_go_on_from_photo_to_photo_until_each_was_in_one() -> None:
@@ -60,10 +61,10 @@ def test_waiting_takes_no_processor_time() -> None:
 
 
 def test_a_batch_of_photos_is_valued_and_fitted_as_one_by_one(fits: Fits) -> None:
-    which = torch.tensor([1, 0, 1])
+    which = np.array([1, 0, 1])
     objective, starts = fits.together(which)
-    photo = torch.arange(3, dtype=torch.int32)
-    values = objective(starts, photo, torch.full((3,), SIGMA)).value
+    photo = np.arange(3, dtype=np.int32)
+    values = objective(starts, photo, np.full(3, SIGMA)).value
     budget = descent_budget(fits.settings)
     ends = fits.settings.optimizer(objective, starts, photo, SIGMA, budget)
     for at, index in enumerate(which.tolist()):
@@ -72,9 +73,9 @@ def test_a_batch_of_photos_is_valued_and_fitted_as_one_by_one(fits: Fits) -> Non
         alone = objective_of(
             fits.photos[index], of_photo, fits.object_class, ExplainSettings(recognition_weight=0)
         )
-        zero, start = torch.zeros(1, dtype=torch.int32), alone.point(of_photo.best())
-        torch.testing.assert_close(starts[at : at + 1], start)
-        assert math.isclose(values[at], alone(start, zero, torch.tensor([SIGMA])).value, rel_tol=1e-6)
+        zero, start = np.zeros(1, np.int32), alone.point(of_photo.best())
+        np.testing.assert_allclose(starts[at : at + 1], start, rtol=1e-6)
+        assert math.isclose(values[at], alone(start, zero, np.array([SIGMA])).value, rel_tol=1e-6)
         end = fits.settings.optimizer(alone, start, zero, SIGMA, budget)
         assert end.converged and ends.converged[at]
         # Rounding, over tens of steps past kinks: some hundred nats of eighty thousand.
@@ -86,7 +87,7 @@ def test_a_batch_of_photos_is_valued_and_fitted_as_one_by_one(fits: Fits) -> Non
 
 def test_the_measurements_carry_the_kept_names(fits: Fits, monkeypatch) -> None:
     monkeypatch.setattr(throughput, "THREADS", (1,))
-    before = torch.get_num_threads()
+    before = thread_count()
     found = fit.measure(fits, 1)
     rows = {row["name"]: row for row in fit.metrics_of(found)}
     assert {"fit_ms_per_core", "whole_fit_ms_per_core", "evaluations_per_fit", "full_evaluation_ms"} <= set(
@@ -95,9 +96,9 @@ def test_the_measurements_carry_the_kept_names(fits: Fits, monkeypatch) -> None:
     assert len(found.whole) == 2 and all(found.converged)
     # A whole fit values each of 8 starts at least once in its first stage; one start is a part of that.
     assert min(found.evaluations) > 8 and rows["whole_fit_ms_per_core"]["value"] > 0
-    torch.set_num_threads(before)
+    set_thread_count(before)
     rates = throughput.throughput(fits, (2,))
-    assert torch.get_num_threads() == before
+    assert thread_count() == before
     assert [rate.metric()["name"] for rate in rates] == [
         "fits_per_s_one_start_threads1_batch2",
         "fits_per_s_whole_threads1_batch2",

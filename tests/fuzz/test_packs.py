@@ -48,7 +48,7 @@ def pack(tmp_path: Path) -> Path:
     ObjectClass("box", model, 0.05, mean, np.eye(9)).save(tmp_path / "pack")
     save_file({"transfer": np.zeros((3, 8, 9), np.float16)}, tmp_path / "pack" / TRANSFER_FILE)
     calibration = FitCalibration.load(PACKAGED / "teapot" / "calibration.json")
-    rows = torch.ones(2, 16, dtype=torch.float64)
+    rows = np.ones((2, 16))
     replace(calibration, scale=rows, floor=rows).save(tmp_path / "pack" / "calibration.json")
     torch.manual_seed(0)
     small = replace(SMALL, modes=2, azimuth_bins=8)
@@ -71,8 +71,8 @@ def mutants(
 def drawn(folder: Path) -> None:
     """Read a class and draw it: what was read must not lead a kernel out of its arrays."""
     model = ObjectClass.load(folder).shape_model
-    Geometry(model, torch.float32)
-    points = model.vertices(torch.ones(1, model.modes)).numpy()[0] + [-0.05, -0.05, 0.4]
+    Geometry(model)
+    points = model.vertices(np.ones((1, model.modes), np.float32))[0] + [-0.05, -0.05, 0.4]
     seen = rasterize(points, model.faces, np.eye(3), np.zeros(3), CAMERA)
     assert seen.face.max() < len(model.faces)
 
@@ -96,7 +96,7 @@ def test_damaged_weights(pack: Path) -> None:
     path = pack / "recognition.safetensors"
 
     def predicted(path: Path) -> None:
-        Recognizer(path)(torch.full((1, 150, 150, 3), 0.5))
+        Recognizer(path)(np.full((1, 150, 150, 3), 0.5, np.float32))
 
     predicted(path)
     counts = outcomes(mutants(path, damaged_tensors, 300, 2), predicted)
@@ -117,12 +117,13 @@ def test_damaged_weights_of_the_papers_networks(tmp_path: Path) -> None:
 
 def test_damaged_calibrations(pack: Path) -> None:
     path = pack / "calibration.json"
-    features = torch.zeros(len(CONFIDENCE_FEATURES), dtype=torch.float64)
+    features = np.zeros(len(CONFIDENCE_FEATURES))
 
     def used(path: Path) -> None:
         calibration = FitCalibration.load(path)
         assert 0 <= calibration.confidence(features) <= 1
-        assert calibration.widened(torch.ones(calibration.scale.shape[1]), features, True).isfinite().all()
+        widened = calibration.widened(np.ones(calibration.scale.shape[1]), features, True)
+        assert np.isfinite(widened).all()
 
     used(path)
     counts = outcomes(mutants(path, damaged_json, 400, 4), used)

@@ -21,10 +21,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 from vig import Explainer, Hints, explain_together
 from vig.inference import ExplainSettings
+from vig.parallel import set_thread_count
 from vig.photo import Window
 from vig.scene import IMAGE_SIZE
 from vig_app.examples import example_photos
@@ -50,7 +50,7 @@ Between AVX512, AVX2 and plain arithmetic azimuths of trusted views differ by 2.
 def machine() -> str:
     """The kind of processor and the numpy on which rounding depends."""
     found = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
-    kind = [platform.machine(), torch.backends.cpu.get_cpu_capability(), *found[-1:]]
+    kind = [platform.machine(), *found[-1:]]
     return f"{' '.join(kind)}, numpy {np.__version__}"
 
 
@@ -149,7 +149,7 @@ def main() -> None:
         "--write", action="store_true", help="write the results of this code as the golden ones"
     )
     write = parser.parse_args().write
-    torch.set_num_threads(1)
+    set_thread_count(1)
     found = []
     for path, compute in ((EXPLANATIONS, explanations), (WORLDS, worlds)):
         actual = compute()

@@ -79,7 +79,7 @@ def with_others(samples: CalibrationSamples, off: float) -> CalibrationSamples:
 def test_the_clue_that_matters_is_found_and_confidence_is_a_probability(samples: CalibrationSamples) -> None:
     learned = learn(samples)
     assert learned.view_weights[0] == pytest.approx(3, rel=0.15)
-    assert learned.view_weights[1:].abs().max() < 0.2
+    assert np.abs(learned.view_weights[1:]).max() < 0.2
     assert learned.mask_weights[MASK_CLUE] == pytest.approx(2, rel=0.15)
     assert learned.mask_bias == pytest.approx(1, abs=0.2)
     confidence = np.array([learned.confidence(row) for row in samples.features])

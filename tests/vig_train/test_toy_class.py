@@ -84,7 +84,7 @@ def test_without_calibration_the_symmetry_makes_nothing_ambiguous(pack: Path, ph
             assert explanation.verdict is not Verdict.AMBIGUOUS
         for other in explanation.alternatives:
             turned = symmetry.difference(other.latents.azimuth, explanation.latents.azimuth)
-            assert abs(float(turned)) > 0.3
+            assert abs(turned.item()) > 0.3
 
 
 def test_errors_are_between_views_that_look_the_same(pack: Path, photos: Dataset) -> None:

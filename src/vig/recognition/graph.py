@@ -1,171 +1,339 @@
-"""Graphs of networks in ONNX's format without their weights, as class packs hold them.
+"""The recognition network as a model in ONNX's format, put together from its settings and weights.
 
-A file is read by what is written here, not by ONNX Runtime: it sees a model that is put together anew of the
-nodes that were read and of the pack's own weights. Nothing in a file can name another file.
+It does what `vig_train.network.network.RecognitionNetwork` does; weights have the names that they have there.
+ONNX Runtime is given what is written here alone: no file in ONNX's format is ever read.
 """
 
 from __future__ import annotations
 
+import functools
+import math
 import struct
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
+from vig.recognition.network import (
+    ATTENTION_HEADS,
+    ATTENTION_LAYERS,
+    CELLS,
+    KERNELS,
+    MASK_CLASSES,
+    MASK_STRIDE,
+    STRIDES,
+    NetworkSettings,
+)
+from vig.recognition.object_map import NUMBERS
+from vig.scene import IMAGE_SIZE, regressed_layout
+
 OPSET, IR_VERSION = 17, 8
 """Versions of ONNX's operators and of its format."""
-MOST_BYTES, MOST_NODES = 1 << 20, 4000
-"""Limits of a file: bytes and operations."""
-MOST_RESIZES, MOST_JOINS = 8, 40
-"""Limits of a graph: operations that enlarge maps, `Resize` and `Concat`."""
-SMALL, LARGE = 16, 1 << 16
-"""Bounds of a node's numbers: paddings, strides and factors; sizes."""
+INPUT = "image"
+"""Name of a model's image: (N, 3, H, W), sRGB in [0, 1]."""
 
 Value = float | int | str | tuple[float, ...] | tuple[int, ...]
-Size = int | str
-"""The length of a dimension: a number, or a letter for one that varies."""
-
-_OPERATORS: dict[str, dict[str, type]] = {
-    "Add": {},
-    "BatchNormalization": {"epsilon": float},
-    "Clip": {},
-    "Concat": {"axis": int},
-    "Constant": {"value_float": float, "value_floats": float, "value_ints": int},
-    "Conv": dict.fromkeys(("dilations", "group", "kernel_shape", "pads", "strides"), int),
-    "Flatten": {"axis": int},
-    "Gemm": {"transB": int},
-    "LayerNormalization": {"axis": int, "epsilon": float},
-    "MatMul": {},
-    "Mul": {},
-    "Relu": {},
-    "Reshape": {},
-    "Resize": {"coordinate_transformation_mode": str, "mode": str, "nearest_mode": str},
-    "Slice": {},
-    "Softmax": {"axis": int},
-    "Split": {"axis": int},
-    "Squeeze": {},
-    "Transpose": {"perm": int},
-}
-"""Operators that a graph may have, and the types of their attributes."""
+Shape = tuple[int | str, ...]
+"""Sizes of an array; a letter where one varies."""
 
 
-@dataclass(frozen=True)
-class Tensor:
-    """Name and shape of a float32 array that enters or leaves a graph."""
+def window_outputs(settings: NetworkSettings) -> dict[str, tuple[int, ...]]:
+    """Return the outputs of the network for windows, by name, and the shape of each for one window."""
+    cells = -(-IMAGE_SIZE // MASK_STRIDE)
+    return {
+        "azimuth": (settings.azimuth_bins,),
+        "numbers": (2 * regressed_layout(settings.modes).size,),
+        "others": (2,),
+        "mask": (len(MASK_CLASSES), cells, cells),
+    }
+
+
+def weight_shapes(settings: NetworkSettings) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of all weights of a network, by name."""
+    writers = [_window(settings)] + ([_map(settings)] if settings.object_map else [])
+    return {name: shape for writer in writers for name, shape in writer.weights.items()}
+
+
+def window_model(settings: NetworkSettings, weights: Mapping[str, np.ndarray]) -> bytes:
+    """Write the model from windows (N, 3, 150, 150) to what `window_outputs` names."""
+    outputs: dict[str, Shape] = {name: ("N", *shape) for name, shape in window_outputs(settings).items()}
+    return _window(settings).model(("N", 3, IMAGE_SIZE, IMAGE_SIZE), outputs, weights)
+
+
+def map_model(settings: NetworkSettings, weights: Mapping[str, np.ndarray]) -> bytes:
+    """Write the model from an image (1, 3, H, W) to `NUMBERS` of each cell."""
+    return _map(settings).model((1, 3, "H", "W"), {"numbers": (1, NUMBERS, "h", "w")}, weights)
+
+
+class _Array(NamedTuple):
+    """An array (N, C, ...) within a model: its name, and C."""
 
     name: str
-    shape: tuple[Size, ...]
+    channels: int
 
 
-@dataclass(frozen=True)
-class Node:
-    """One operation."""
+class _Writer:
+    """Operations one after the other, and the shapes of the weights that they use."""
 
-    operator: str
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    attributes: tuple[tuple[str, Value], ...] = ()
+    def __init__(self) -> None:
+        self.nodes: list[bytes] = []
+        self.weights: dict[str, tuple[int, ...]] = {}
+        self.constants: dict[str, str] = {}
+
+    def model(self, image: Shape, outputs: Mapping[str, Shape], weights: Mapping[str, np.ndarray]) -> bytes:
+        graph = [_field(1, node) for node in self.nodes]
+        graph += [_field(2, "vig"), *(_field(5, _initializer(name, weights[name])) for name in self.weights)]
+        graph += [_field(11, _array(INPUT, image)), *(_field(12, _array(*each)) for each in outputs.items())]
+        opset = _field(1, "") + _field(2, OPSET)
+        parts = (_field(1, IR_VERSION), _field(2, "vig"), _field(8, opset), _field(7, b"".join(graph)))
+        return b"".join(parts)
+
+    def op(self, operator: str, *inputs: str, result: str = "", **attributes: Value) -> str:
+        return self.operation(operator, inputs, attributes, result)
+
+    def operation(
+        self, operator: str, inputs: Iterable[str], attributes: Mapping[str, Value], result: str = ""
+    ) -> str:
+        result = result or f"{operator}_{len(self.nodes)}"
+        parts = [*(_field(1, name) for name in inputs), _field(2, result)]
+        # Named after its output: ONNX Runtime 1.20 fails on models whose operations have no names.
+        parts += [_field(3, result), _field(4, operator)]
+        parts += [_field(5, _attribute(*each)) for each in attributes.items()]
+        self.nodes.append(b"".join(parts))
+        return result
+
+    def weight(self, name: str, *shape: int) -> str:
+        self.weights[name] = shape
+        return name
+
+    def constant(self, value: Value) -> str:
+        key = repr(value)
+        if key not in self.constants:
+            kind = "value_float"
+            if isinstance(value, tuple):
+                kind = "value_ints" if isinstance(value[0], int) else "value_floats"
+            self.constants[key] = self.operation("Constant", (), {kind: value})
+        return self.constants[key]
+
+    def convolution(
+        self,
+        x: _Array,
+        name: str,
+        outputs: int,
+        kernel: int = 1,
+        stride: int = 1,
+        groups: int = 1,
+        biased: bool = False,
+        result: str = "",
+    ) -> _Array:
+        inputs = [x.name, self.weight(f"{name}.weight", outputs, x.channels // groups, kernel, kernel)]
+        if biased:
+            inputs.append(self.weight(f"{name}.bias", outputs))
+        how: dict[str, Value] = {"group": groups, "kernel_shape": (kernel, kernel)}
+        how |= {"pads": (kernel // 2,) * 4, "strides": (stride, stride)}
+        return _Array(self.operation("Conv", inputs, how, result), outputs)
+
+    def normalised(
+        self, x: _Array, name: str, outputs: int, kernel: int = 1, stride: int = 1, groups: int = 1
+    ) -> _Array:
+        """A convolution with normalisation."""
+        x = self.convolution(x, f"{name}.0", outputs, kernel, stride, groups)
+        parts = ("weight", "bias", "running_mean", "running_var")
+        scales = [self.weight(f"{name}.1.{part}", outputs) for part in parts]
+        return _Array(self.op("BatchNormalization", x.name, *scales, epsilon=1e-3), outputs)
+
+    def block(
+        self, x: _Array, name: str, outputs: int, kernel: int = 1, stride: int = 1, groups: int = 1
+    ) -> _Array:
+        """A convolution with normalisation and ReLU6."""
+        x = self.normalised(x, name, outputs, kernel, stride, groups)
+        return _Array(self.op("Clip", x.name, self.constant(0.0), self.constant(6.0)), outputs)
+
+    def residual(self, x: _Array, name: str) -> _Array:
+        """Two convolutions beside the identity."""
+        change = self.block(x, f"{name}.first", x.channels, 3)
+        return self.sum(x, self.normalised(change, f"{name}.second", x.channels, 3), "Relu")
+
+    def sum(self, x: _Array, other: _Array, after: str = "") -> _Array:
+        total = self.op("Add", x.name, other.name)
+        return _Array(self.op(after, total) if after else total, x.channels)
+
+    def linear(self, x: _Array, name: str, outputs: int, result: str = "") -> _Array:
+        """A linear layer of vectors (N, C)."""
+        parts = self.weight(f"{name}.weight", outputs, x.channels), self.weight(f"{name}.bias", outputs)
+        return _Array(self.op("Gemm", x.name, *parts, result=result, transB=1), outputs)
+
+    def linear_of_rows(self, x: _Array, name: str, outputs: int, separator: str = ".") -> _Array:
+        """A linear layer of each row of (N, R, C)."""
+        weight = self.weight(f"{name}{separator}weight", outputs, x.channels)
+        product = self.op("MatMul", x.name, self.op("Transpose", weight, perm=(1, 0)))
+        return _Array(self.op("Add", product, self.weight(f"{name}{separator}bias", outputs)), outputs)
+
+    def concat(self, parts: Sequence[_Array]) -> _Array:
+        joined = self.op("Concat", *(part.name for part in parts), axis=1)
+        return _Array(joined, sum(part.channels for part in parts))
+
+    def flat(self, x: _Array, size: int) -> _Array:
+        """Of so many numbers a channel."""
+        return _Array(self.op("Flatten", x.name, axis=1), size * x.channels)
+
+    def reshape(self, x: str, *shape: int) -> str:
+        """To a shape; 0 keeps a size, one -1 takes what is left."""
+        return self.op("Reshape", x, self.constant(shape))
+
+    def cells(self, x: _Array) -> _Array:
+        """Vectors as channels of `CELLS` a side."""
+        return _Array(self.reshape(x.name, 0, -1, CELLS, CELLS), x.channels // CELLS**2)
+
+    def doubled(self, x: _Array, side: int, linear: bool) -> _Array:
+        """A map of twice the size, of which the first `side` rows and columns are kept."""
+        places, mode = ("half_pixel", "linear") if linear else ("asymmetric", "nearest")
+        how: dict[str, Value] = {"coordinate_transformation_mode": places, "mode": mode}
+        if not linear:
+            how["nearest_mode"] = "floor"
+        large = self.operation("Resize", (x.name, "", self.constant((1.0, 1.0, 2.0, 2.0))), how)
+        part = self.constant((0, 0)), self.constant((side, side)), self.constant((2, 3))
+        return _Array(self.op("Slice", large, *part), x.channels)
 
 
-@dataclass(frozen=True)
-class Graph:
-    """Operations in the order in which they are done.
-
-    Attributes:
-        inputs: The image first, then the weights, by the names of a weights file.
-        outputs: The results.
-        nodes: The operations.
-    """
-
-    inputs: tuple[Tensor, ...]
-    outputs: tuple[Tensor, ...]
-    nodes: tuple[Node, ...]
-
-    @property
-    def weights(self) -> tuple[Tensor, ...]:
-        """The inputs that a weights file holds."""
-        return self.inputs[1:]
-
-    def to_bytes(self) -> bytes:
-        """Write an ONNX file without weights."""
-        return _model(self.inputs, self.outputs, self.nodes, ())
-
-    def with_weights(self, weights: Mapping[str, np.ndarray]) -> bytes:
-        """Write a whole ONNX model. ValueError where weights are missing, or have other shapes or types."""
-        for wanted in self.weights:
-            if wanted.name not in weights:
-                raise ValueError(f"weights are missing: '{wanted.name[:100]}'")
-            held = weights[wanted.name]
-            if held.shape != wanted.shape or held.dtype != np.float32:
-                raise ValueError(
-                    f"'{wanted.name[:100]}' must be {wanted.shape} float32; it is {held.shape} {held.dtype}"
-                )
-        stored = (_initializer(each.name, weights[each.name]) for each in self.weights)
-        return _model(self.inputs[:1], self.outputs, self.nodes, stored)
-
-    @staticmethod
-    def from_bytes(data: bytes) -> Graph:
-        """Read what `to_bytes` wrote. ValueError for anything else."""
-        graph = b""
-        for number, value in _fields(data, "model"):
-            if number == 7:
-                graph += _part(value)
-            elif number == 8:
-                opset = dict(_fields(_part(value), "set of operators"))
-                if opset.keys() - {1, 2} or opset.get(1, b"") != b"" or opset.get(2) != OPSET:
-                    raise ValueError(f"its operators are not those of ONNX's set {OPSET}")
-            elif number == 1:
-                if value != IR_VERSION:
-                    raise ValueError(f"it is of ONNX's format {value!r:.20}, where {IR_VERSION} is read")
-            elif number not in (2, 3):
-                raise ValueError(f"its model has a field {number} that no graph of vig has")
-        inputs: list[Tensor] = []
-        outputs: list[Tensor] = []
-        nodes = []
-        for number, value in _fields(graph, "graph"):
-            if number == 1:
-                nodes.append(_read_node(_part(value)))
-            elif number in (11, 12):
-                (inputs if number == 11 else outputs).append(_read_tensor(_part(value)))
-            elif number in (5, 15):
-                raise ValueError("it holds or names weights, which belong into the weights file")
-            elif number != 2:
-                raise ValueError(f"it has a field {number} that no graph of vig has")
-        read = Graph(tuple(inputs), tuple(outputs), tuple(nodes))
-        read._check()
-        return read
-
-    def _check(self) -> None:
-        """ValueError unless each node's inputs come before it. Memory is bounded in `recognizer`."""
-        if not self.inputs or not self.outputs or len(self.nodes) > MOST_NODES:
-            raise ValueError(f"it has {len(self.inputs)} inputs and {len(self.nodes)} operations")
-        known: set[str] = set()
-        for name in [each.name for each in self.inputs]:
-            _check_new(name, known)
-        for node in self.nodes:
-            for name in node.inputs:
-                if name and name not in known:
-                    raise ValueError(f"'{name[:100]}' is used before it is there")
-            for name in node.outputs:
-                _check_new(name, known)
-        for each in self.outputs:
-            if each.name not in known:
-                raise ValueError(f"its output '{each.name[:100]}' is never made")
-        used = [node.operator for node in self.nodes]
-        if used.count("Resize") > MOST_RESIZES or used.count("Concat") > MOST_JOINS:
-            raise ValueError("it enlarges maps more often than any network of vig")
+@functools.lru_cache(maxsize=8)
+def _window(settings: NetworkSettings) -> _Writer:
+    writer = _Writer()
+    *finer, sixteenth, coarse = _trunk(writer, settings)
+    features = _dense(writer, settings, coarse)
+    for name, (outputs, *cells) in window_outputs(settings).items():
+        if not cells:
+            writer.linear(features, name, outputs, result=name)
+    if settings.context:
+        merged = _context_decoder(writer, settings, coarse, sixteenth, finer)
+    else:
+        merged = _plain_decoder(writer, settings, features, coarse, finer)
+    writer.convolution(merged, "mask", len(MASK_CLASSES), biased=True, result="mask")
+    return writer
 
 
-def _check_new(name: str, known: set[str]) -> None:
-    if not name or len(name) > 200 or name in known:
-        raise ValueError(f"it names '{name[:100]}' twice or not at all")
-    known.add(name)
+@functools.lru_cache(maxsize=8)
+def _map(settings: NetworkSettings) -> _Writer:
+    writer, width = _Writer(), settings.object_map
+    x = writer.concat(_trunk(writer, settings)[-2:])
+    for layer in range(7):
+        deep = {"kernel": 3, "groups": width} if layer % 2 else {}
+        x = writer.block(x, f"object_map.layers.{layer}", width, **deep)
+    writer.convolution(x, "object_map.numbers", NUMBERS, biased=True, result="numbers")
+    return writer
 
 
-# -- the wire format of protocol buffers ------------------------------------------------------------------
+def _trunk(writer: _Writer, settings: NetworkSettings) -> list[_Array]:
+    """Maps of the trunk's stages, from fine to coarse."""
+    doubled = writer.op("Mul", INPUT, writer.constant(2.0))
+    x = _Array(writer.op("Add", doubled, writer.constant(-1.0)), 3)
+    x = writer.block(x, "stem", settings.channels[0], 3, stride=2)
+    maps = []
+    for stage, (outputs, count) in enumerate(zip(settings.channels[1:], settings.blocks, strict=True)):
+        expansion = settings.expansion if stage else 1
+        for number in range(count):
+            name, stride = f"stages.{stage}.{number}", STRIDES[stage] if number == 0 else 1
+            wide = writer.block(x, f"{name}.expand", x.channels * expansion) if expansion > 1 else x
+            width = wide.channels
+            wide = writer.block(wide, f"{name}.filter", width, KERNELS[stage], stride, groups=width)
+            projected = writer.normalised(wide, f"{name}.project", outputs)
+            same = stride == 1 and x.channels == outputs
+            x = writer.sum(x, projected) if same else projected
+        maps.append(x)
+    return maps
 
 
+def _dense(writer: _Writer, settings: NetworkSettings, coarse: _Array) -> _Array:
+    """Features (N, D) of the dense layer."""
+    x = writer.flat(writer.block(coarse, "dense.0", settings.squeezed), CELLS**2)
+    groups, outputs = settings.members, settings.features
+    if groups == 1:
+        return _Array(writer.op("Relu", writer.linear(x, "dense.2", outputs).name), outputs)
+    inputs = x.channels // groups
+    weight = writer.weight("dense.2.weight", outputs, inputs)
+    weight = writer.reshape(weight, groups, outputs // groups, inputs)
+    weight = writer.op("Transpose", weight, perm=(0, 2, 1))
+    rows = writer.op("Transpose", writer.reshape(x.name, -1, groups, inputs), perm=(1, 0, 2))
+    rows = writer.op("Transpose", writer.op("MatMul", rows, weight), perm=(1, 0, 2))
+    rows = writer.op("Add", writer.reshape(rows, -1, outputs), writer.weight("dense.2.bias", outputs))
+    return _Array(writer.op("Relu", rows), outputs)
+
+
+def _sides(finer: Sequence[_Array]) -> list[tuple[int, int, _Array]]:
+    """Numbers, sides in pixels and maps, from coarse to fine."""
+    sides = [-(-IMAGE_SIZE // 2**halved) for halved in range(len(finer), 0, -1)]
+    return list(zip(range(len(finer)), sides, reversed(finer), strict=True))
+
+
+def _plain_decoder(
+    writer: _Writer, settings: NetworkSettings, features: _Array, coarse: _Array, finer: Sequence[_Array]
+) -> _Array:
+    wide, narrow = settings.decoder, settings.decoder // 2
+    recalled = writer.cells(writer.linear(features, "recalled", settings.recalled * CELLS**2))
+    x = writer.block(writer.concat([coarse, recalled]), "deep.0", wide)
+    x = writer.block(x, "deep.1", wide, 3)
+    for number, side, seen in _sides(finer):
+        beside = writer.block(seen, f"side.{number}", x.channels)
+        x = writer.sum(writer.doubled(x, side, linear=False), beside)
+        x = writer.block(x, f"merge.{number}", narrow if number else wide, 3)
+    return x
+
+
+def _context_decoder(
+    writer: _Writer, settings: NetworkSettings, coarse: _Array, sixteenth: _Array, finer: Sequence[_Array]
+) -> _Array:
+    """`vig_train.network.decoder.ContextDecoder`."""
+    width, *narrower = settings.context
+    x = writer.flat(writer.block(coarse, "context.recall.0", settings.squeezed), CELLS**2)
+    x = writer.linear(x, "context.recall.2", settings.features)
+    x = _Array(writer.op("Relu", x.name), x.channels)
+    recalled = writer.cells(writer.linear(x, "context.recall.4", settings.recalled * CELLS**2))
+    x = writer.block(writer.concat([coarse, sixteenth, recalled]), "context.enter", width)
+    rows = writer.op("Transpose", writer.reshape(x.name, 0, 0, -1), perm=(0, 2, 1))
+    place = writer.weight("context.place", 1, CELLS**2, width)
+    x = _Array(writer.op("Add", rows, place), width)
+    for layer in range(ATTENTION_LAYERS):
+        x = _attention(writer, x, f"context.attention.{layer}")
+    rows = writer.op("Transpose", x.name, perm=(0, 2, 1))
+    x = writer.residual(_Array(writer.reshape(rows, 0, 0, CELLS, CELLS), width), "context.mix")
+    for (number, side, seen), outputs in zip(_sides(finer), narrower, strict=True):
+        x = writer.doubled(writer.block(x, f"context.down.{number}", outputs), side, linear=True)
+        x = writer.sum(x, writer.block(seen, f"context.side.{number}", outputs))
+        x = writer.residual(x, f"context.merge.{number}")
+    return x
+
+
+def _attention(writer: _Writer, rows: _Array, name: str) -> _Array:
+    """A layer of a transformer's encoder whose normalisation comes first; rows (N, R, C)."""
+    width = rows.channels
+
+    def normalised(x: _Array, number: int) -> _Array:
+        parts = [writer.weight(f"{name}.norm{number}.{part}", width) for part in ("weight", "bias")]
+        return _Array(writer.op("LayerNormalization", x.name, *parts, axis=-1, epsilon=1e-5), width)
+
+    seen = writer.linear_of_rows(normalised(rows, 1), f"{name}.self_attn.in_proj", 3 * width, "_")
+    depth = width // ATTENTION_HEADS
+    ends = [writer.constant((place,)) for place in (0, width, 2 * width, 3 * width)]
+    axis = writer.constant((2,))
+    parts = []
+    for begin, end, perm in zip(ends, ends[1:], ((0, 2, 1, 3), (0, 2, 3, 1), (0, 2, 1, 3)), strict=False):
+        part = writer.reshape(writer.op("Slice", seen.name, begin, end, axis), 0, 0, ATTENTION_HEADS, depth)
+        parts.append(writer.op("Transpose", part, perm=perm))
+    query, key, value = parts
+    query = writer.op("Mul", query, writer.constant(1 / math.sqrt(depth)))
+    weights = writer.op("Softmax", writer.op("MatMul", query, key), axis=-1)
+    mixed = writer.op("Transpose", writer.op("MatMul", weights, value), perm=(0, 2, 1, 3))
+    mixed = writer.reshape(mixed, 0, 0, width)
+    rows = writer.sum(rows, writer.linear_of_rows(_Array(mixed, width), f"{name}.self_attn.out_proj", width))
+    wide = writer.linear_of_rows(normalised(rows, 2), f"{name}.linear1", 2 * width)
+    wide = _Array(writer.op("Relu", wide.name), wide.channels)
+    return writer.sum(rows, writer.linear_of_rows(wide, f"{name}.linear2", width))
+
+
+# -- messages of ONNX as protocol buffers write them ------------------------------------------------------
+
+
+@functools.lru_cache(maxsize=4096)
 def _varint(number: int) -> bytes:
     number &= 0xFFFF_FFFF_FFFF_FFFF
     parts = bytearray()
@@ -176,7 +344,7 @@ def _varint(number: int) -> bytes:
     return bytes(parts)
 
 
-def _field(number: int, value: int | float | str | bytes | memoryview) -> bytes:
+def _field(number: int, value: float | str | bytes) -> bytes:
     if isinstance(value, int):
         return _varint(number << 3) + _varint(value)
     if isinstance(value, float):
@@ -185,150 +353,20 @@ def _field(number: int, value: int | float | str | bytes | memoryview) -> bytes:
     return b"".join((_varint(number << 3 | 2), _varint(len(data)), data))
 
 
-def _fields(data: bytes, what: str) -> Iterator[tuple[int, int | float | bytes]]:
-    """Numbers and values of a message; a fixed 32-bit value as a float."""
-    at = 0
-
-    def varint() -> int:
-        nonlocal at
-        value = 0
-        for shift in range(0, 64, 7):
-            if at >= len(data):
-                break
-            byte = data[at]
-            at += 1
-            value |= (byte & 0x7F) << shift
-            if byte < 0x80:
-                return value
-        raise ValueError(f"its {what} is cut off")
-
-    while at < len(data):
-        key = varint()
-        kind = key & 7
-        if kind == 0:
-            yield key >> 3, varint()
-            continue
-        if kind not in (2, 5):
-            raise ValueError(f"its {what} is no message of ONNX")
-        size = varint() if kind == 2 else 4
-        if at + size > len(data):
-            raise ValueError(f"its {what} is cut off")
-        value = data[at : at + size]
-        at += size
-        yield key >> 3, value if kind == 2 else struct.unpack("<f", value)[0]
-
-
-def _part(value: int | float | bytes) -> bytes:
-    if not isinstance(value, bytes):
-        raise ValueError("a number stands where a message of ONNX should")
-    return value
-
-
-def _text(value: int | float | bytes) -> str:
-    return _part(value).decode()
-
-
-def _signed(number: int) -> int:
-    return number - (1 << 64) if number >> 63 else number
-
-
-# -- what it carries --------------------------------------------------------------------------------------
-
-
-def _model(
-    inputs: Iterable[Tensor], outputs: Iterable[Tensor], nodes: Iterable[Node], stored: Iterable[bytes]
-) -> bytes:
-    graph = [_field(1, _written_node(node)) for node in nodes]
-    graph += [_field(2, "vig"), *(_field(5, each) for each in stored)]
-    graph += [_field(11, _written_tensor(each)) for each in inputs]
-    graph += [_field(12, _written_tensor(each)) for each in outputs]
-    opset = _field(1, "") + _field(2, OPSET)
-    return b"".join((_field(1, IR_VERSION), _field(2, "vig"), _field(8, opset), _field(7, b"".join(graph))))
-
-
 def _initializer(name: str, array: np.ndarray) -> bytes:
     dims = b"".join(_field(1, size) for size in array.shape)
     return b"".join((dims, _field(2, 1), _field(8, name), _field(9, np.ascontiguousarray(array).tobytes())))
 
 
-def _written_tensor(tensor: Tensor) -> bytes:
-    dims = [_field(1, _field(2 if isinstance(size, str) else 1, size)) for size in tensor.shape]
+def _array(name: str, shape: Shape) -> bytes:
+    dims = [_field(1, _field(2 if isinstance(size, str) else 1, size)) for size in shape]
     kind = _field(1, 1) + _field(2, b"".join(dims))
-    return _field(1, tensor.name) + _field(2, _field(1, kind))
+    return _field(1, name) + _field(2, _field(1, kind))
 
 
-def _read_tensor(data: bytes) -> Tensor:
-    held = dict(_fields(data, "input"))
-    kind = dict(_fields(_part(dict(_fields(_part(held.get(2, b"")), "type")).get(1, b"")), "type"))
-    if held.keys() != {1, 2} or kind.keys() - {1, 2} or kind.get(1) != 1:
-        raise ValueError("its inputs and outputs must be arrays of float32")
-    shape: list[Size] = []
-    for number, value in _fields(_part(kind.get(2, b"")), "shape"):
-        size = list(_fields(_part(value), "shape"))
-        if number != 1 or len(size) != 1 or size[0][0] not in (1, 2):
-            raise ValueError("the shape of an input or output is none")
-        shape.append(size[0][1] if isinstance(size[0][1], int) else _text(size[0][1]))
-    return Tensor(_text(held[1]), tuple(shape))
-
-
-def _written_node(node: Node) -> bytes:
-    parts = [_field(1, name) for name in node.inputs] + [_field(2, name) for name in node.outputs]
-    # Named after its first output: ONNX Runtime 1.20 fails on graphs whose nodes have no names.
-    parts += [_field(3, node.outputs[0]), _field(4, node.operator)]
-    for name, value in node.attributes:
-        many = value if isinstance(value, tuple) else (value,)
-        kind = 1 if isinstance(many[0], float) else 2 if isinstance(many[0], int) else 3
-        number = (kind + 1) if not isinstance(value, tuple) else kind + 6
-        held = b"".join(_field(number, each) for each in many)
-        code = kind if not isinstance(value, tuple) else kind + 5
-        parts.append(_field(5, _field(1, name) + held + _field(20, code)))
-    return b"".join(parts)
-
-
-def _read_node(data: bytes) -> Node:
-    inputs: list[str] = []
-    outputs: list[str] = []
-    operator, attributes = "", []
-    for number, value in _fields(data, "operation"):
-        if number in (1, 2):
-            (inputs if number == 1 else outputs).append(_text(value))
-        elif number == 4:
-            operator = _text(value)
-        elif number == 5:
-            attributes.append(_part(value))
-        elif number != 3:
-            raise ValueError(f"an operation has a field {number} that none of vig has")
-    if operator not in _OPERATORS:
-        raise ValueError(f"it has the operation '{operator[:40]}', which no network of vig has")
-    return Node(
-        operator, tuple(inputs), tuple(outputs), tuple(_read_attribute(operator, each) for each in attributes)
-    )
-
-
-def _read_attribute(operator: str, data: bytes) -> tuple[str, Value]:
-    name, code = "", 0
-    values: list[Any] = []
-    for number, value in _fields(data, "attribute"):
-        if number == 1:
-            name = _text(value)
-        elif number == 20 and isinstance(value, int):
-            code = value
-        elif number in (2, 7) and isinstance(value, float):
-            values.append(value)
-        elif number in (3, 8) and isinstance(value, int):
-            values.append(_signed(value))
-        elif number == 4:
-            values.append(_text(value))
-        else:
-            raise ValueError(f"an attribute of '{operator}' is neither numbers nor a word")
-    kind = {1: float, 2: int, 3: str, 6: float, 7: int}.get(code)
-    if kind is None or kind is not _OPERATORS[operator].get(name) or not values:
-        raise ValueError(f"'{operator}' has an attribute '{name[:40]}' that no network of vig has")
-    most = LARGE if operator == "Constant" or name == "group" else SMALL
-    for each in values:
-        bound = most if kind is int else SMALL
-        if not isinstance(each, kind) or (isinstance(each, int | float) and not abs(each) <= bound):
-            raise ValueError(f"'{name}' of '{operator}' has the value {str(each)[:40]}")
-    if code < 6 and len(values) > 1:
-        raise ValueError(f"'{name}' of '{operator}' has several values")
-    return name, tuple(values) if code > 5 else values[0]
+def _attribute(name: str, value: Value) -> bytes:
+    many = value if isinstance(value, tuple) else (value,)
+    kind = 1 if isinstance(many[0], float) else 2 if isinstance(many[0], int) else 3
+    several = isinstance(value, tuple)
+    held = b"".join(_field(kind + (6 if several else 1), each) for each in many)
+    return _field(1, name) + held + _field(20, kind + 5 * several)

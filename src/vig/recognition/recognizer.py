@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import functools
 import hashlib
-import shlex
 import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,14 +14,12 @@ from weakref import WeakValueDictionary
 import numpy as np
 import onnxruntime
 
-from vig.io.checks import decode, parse_json, read_bytes, read_tensors, reading
+from vig.io.checks import decode, parse_json, read_tensors, reading
 from vig.io.errors import UserError
 from vig.parallel.threads import map_on_threads, on_one_core
-from vig.recognition.graph import MOST_BYTES, Graph
+from vig.recognition.graph import INPUT, map_model, weight_shapes, window_model, window_outputs
 from vig.recognition.network import (
     LOG_VARIANCE,
-    MASK_CLASSES,
-    MASK_STRIDE,
     Heads,
     NetworkCalibration,
     NetworkSettings,
@@ -31,43 +28,20 @@ from vig.recognition.network import (
 from vig.recognition.object_map import NUMBERS
 from vig.recognition.prediction import Prediction
 from vig.recognition.weights import FORMAT, network_weights, whole_tensors
-from vig.scene import IMAGE_SIZE, ObjectClass, Symmetry, regressed_layout, srgb_from_linear
+from vig.scene import ObjectClass, Symmetry, regressed_layout, srgb_from_linear
 from vig.scene.functions import sigmoid, softmax
 
 BOTH_SIDES = False, True
 """A photo and its mirror image."""
 WEIGHTS_FILE = "recognition.safetensors"
 """The file's name in a class pack or a training run."""
-GRAPHS = {"window": ".onnx", "map": "_map.onnx"}
-"""Ends of the names of the graphs beside a weights file: the network for windows, the map of whole photos."""
 AT_ONCE = 8
 """Images that pass the network in one call; more need more memory and no less time."""
-INPUT = "image"
-"""Name of a graph's image: (N, 3, H, W), sRGB in [0, 1]."""
-
 MOST_MEMORY = 1 << 30
-"""Bytes that all networks of a process may hold, results of their operations included; a graph that asks for
-more is refused.
-"""
+"""Bytes that all networks of a process may hold, results of their operations included."""
 
 _sessions: WeakValueDictionary[bytes, onnxruntime.InferenceSession] = WeakValueDictionary()
 _creating = threading.Lock()
-
-
-def graph_path(weights: Path, which: str) -> Path:
-    """Return the path of a graph beside a weights file; see `GRAPHS`."""
-    return weights.with_name(weights.name.removesuffix(".safetensors") + GRAPHS[which])
-
-
-def window_outputs(settings: NetworkSettings) -> dict[str, tuple[int, ...]]:
-    """Return the outputs of the network for windows, by name, and the shape of each for one window."""
-    cells = -(-IMAGE_SIZE // MASK_STRIDE)
-    return {
-        "azimuth": (settings.azimuth_bins,),
-        "numbers": (2 * regressed_layout(settings.modes).size,),
-        "others": (2,),
-        "mask": (len(MASK_CLASSES), cells, cells),
-    }
 
 
 @functools.cache
@@ -95,10 +69,7 @@ def _session(model: bytes) -> onnxruntime.InferenceSession:
 
 
 class Recognizer:
-    """A trained recognition network, from `recognition.safetensors` of a class pack or a training run.
-
-    Its graphs lie beside it, see `GRAPHS`.
-    """
+    """A trained recognition network, from `recognition.safetensors` of a class pack or a training run."""
 
     informed = True
     """Whether it says something of a photo."""
@@ -147,22 +118,23 @@ class Recognizer:
                 raise ValueError("the scale does not fit the network")
         if not (self.deviation > 0).all():
             raise ValueError("a standard deviation of the scale is not positive")
-        self._graphs = {"window": _read_graph(path, "window", tuple(window_outputs(self.settings)))}
-        if self.has_map:
-            self._graphs["map"] = _read_graph(path, "map", ("numbers",))
-        used = {each.name for graph in self._graphs.values() for each in graph.weights}
-        if odd := sorted(used ^ self.weights.keys()):
+        shapes = weight_shapes(self.settings)
+        if odd := sorted(shapes.keys() ^ self.weights.keys()):
             raise ValueError(f"weights are missing or unknown: {', '.join(odd)[:100]}")
+        for name, shape in shapes.items():
+            if self.weights[name].shape != shape:
+                raise ValueError(f"'{name}' must be {shape}; it is {self.weights[name].shape}")
         self._session_of("window")
 
     @functools.cached_property
     def _held(self) -> dict[str, onnxruntime.InferenceSession]:
-        """Sessions of the graphs that were needed."""
+        """Sessions of the models that were needed: `window`, of the whole photo `map`."""
         return {}
 
     def _session_of(self, which: str) -> onnxruntime.InferenceSession:
         if which not in self._held:
-            self._held[which] = _session(self._graphs[which].with_weights(self.weights))
+            model = window_model if which == "window" else map_model
+            self._held[which] = _session(model(self.settings, self.weights))
         return self._held[which]
 
     def __getstate__(self) -> dict[str, Any]:
@@ -235,7 +207,7 @@ class Recognizer:
     def _heads(self, pixels: np.ndarray) -> Heads:
         """Return the outputs for images as they are, without mirror images."""
         shapes = window_outputs(self.settings)
-        # Graphs take one image or more; no images have empty outputs.
+        # Models take one image or more; no images have empty outputs.
         parts = [[np.zeros((0, *shape), np.float32) for shape in shapes.values()]]
         for start in range(0, len(pixels), AT_ONCE):
             image = np.ascontiguousarray(pixels[start : start + AT_ONCE], np.float32)
@@ -253,13 +225,13 @@ class Recognizer:
         return self._run("map", image, {"numbers": (1, NUMBERS, height, width)})[0]
 
     def _run(self, which: str, image: np.ndarray, shapes: Mapping[str, tuple[int, ...]]) -> list[np.ndarray]:
-        """Compute outputs of these names and shapes from an image; UserError where the graph does not fit."""
+        """Compute outputs of these names and shapes from an image; UserError where they are no numbers."""
         try:
             found: list[np.ndarray] = self._session_of(which).run(list(shapes), {INPUT: image})
             got = [each.shape for each in found]
             if got != list(shapes.values()) or not all(np.isfinite(each).all() for each in found):
                 raise ValueError(f"outputs of shapes {got}, or some that are not finite")
-        except Exception as error:  # ONNX Runtime raises what it likes on a graph that does not fit
+        except Exception as error:  # ONNX Runtime raises what it likes, without memory for one
             told = " ".join(str(error).split())[:200]
             if not np.isfinite(image).all():
                 raise UserError(
@@ -282,23 +254,3 @@ class Recognizer:
             sigmoid(heads.presence),
         )
         return Prediction(*(np.array(each, np.float32) for each in predicted))
-
-
-def _read_graph(weights: Path, which: str, outputs: tuple[str, ...]) -> Graph:
-    """A graph beside weights; UserError when it is missing or none of vig's."""
-    path = graph_path(weights, which)
-    command = (
-        f"vig class convert {shlex.quote(str(weights.parent if weights.name == WEIGHTS_FILE else weights))}"
-    )
-    if not path.exists():
-        raise UserError(
-            f"expected the network's graph at '{path}'; got nothing of that name, as in packs of an older"
-            f" version. Convert it: {command}"
-        )
-    with reading(path, "the graph of a recognition network", f"Write it again: {command}"):
-        graph = Graph.from_bytes(read_bytes(path, MOST_BYTES))
-        if graph.inputs[0].name != INPUT or len(graph.inputs[0].shape) != 4:
-            raise ValueError(f"its first input is '{graph.inputs[0].name[:40]}', not '{INPUT}' (N, 3, H, W)")
-        if (names := tuple(each.name for each in graph.outputs)) != outputs:
-            raise ValueError(f"its outputs are {', '.join(names)[:100]}, not {', '.join(outputs)}")
-        return graph

@@ -16,7 +16,6 @@ from vig.io.errors import UserError
 from vig.io.files import atomic_write
 from vig.io.progress import Meter
 from vig.recognition import Recognizer
-from vig.recognition.recognizer import GRAPHS, graph_path
 from vig.recognition.weights import TRUNK_FILE
 from vig.scene import ObjectClass
 from vig_paper.ablation import ablation_markdown, run_ablations, variants
@@ -176,9 +175,7 @@ def take_weights(run: Run) -> None:
     weights = run.settings.weights
     assert weights is not None
     recognizer_of(run.object_class, weights)  # refuses invalid weights
-    graphs = [(graph_path(weights, which), graph_path(run.folder.weights, which)) for which in GRAPHS]
     for path, copy in (
-        *graphs,
         (weights.with_name(FILE), run.folder.calibration),
         (weights, run.folder.weights),
     ):

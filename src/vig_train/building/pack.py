@@ -10,7 +10,6 @@ import numpy as np
 
 from vig.io.files import atomic_write
 from vig.recognition import WEIGHTS_FILE
-from vig.recognition.recognizer import GRAPHS, graph_path
 from vig_train.building import pictures
 from vig_train.building.card import card
 from vig_train.building.object_class import ClassShapes
@@ -24,7 +23,6 @@ from vig_world.assets.source_meshes import FILE, SourceMesh, save
 
 TRAINED_FILES = (
     WEIGHTS_FILE,
-    *(graph_path(Path(WEIGHTS_FILE), which).name for which in GRAPHS),
     "calibration.json",
     "reliability.png",
 )

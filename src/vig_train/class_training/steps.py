@@ -26,7 +26,6 @@ from vig.io.machine import machine
 from vig.io.progress import Meter
 from vig.parallel import map_in_processes, thread_limit
 from vig.recognition import WEIGHTS_FILE, Recognizer
-from vig.recognition.recognizer import GRAPHS, graph_path
 from vig.recognition.weights import shared_trunk
 from vig.scene import ObjectClass
 from vig.scene.object_class import BUILD_COMMAND
@@ -323,8 +322,7 @@ class ClassTraining:
         """Put weights, calibration and card into the pack."""
         # Killed in between it leaves weights without a calibration, not with that of others.
         (self.pack / CALIBRATION_FILE).unlink(missing_ok=True)
-        graphs = [path.name for which in GRAPHS if (path := graph_path(self._weights, which)).exists()]
-        for name in (*graphs, WEIGHTS_FILE, RELIABILITY_FILE, CALIBRATION_FILE):
+        for name in (WEIGHTS_FILE, RELIABILITY_FILE, CALIBRATION_FILE):
             with atomic_write(self.pack / name) as temporary:
                 shutil.copyfile(self.run_folder / name, temporary)
         (self.pack / BUILD_COMMAND).unlink(missing_ok=True)

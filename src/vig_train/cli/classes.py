@@ -9,7 +9,7 @@ from vig.io.errors import UserError
 from vig.io.printing import end, in_one_line
 from vig.scene.object_class import BUILD_COMMAND
 from vig_train.cli.common import check_workers, command_line
-from vig_train.cli.settings import Build, Convert
+from vig_train.cli.settings import Build
 
 
 def build(settings: Build) -> int:
@@ -81,24 +81,6 @@ def build(settings: Build) -> int:
         end(settings.out, f"{made}: vig fit photo.jpg --class {settings.out} takes it; {train}")
     else:
         end(settings.out, f"{made}, without a recognizer: {train}")
-    return 0
-
-
-def convert(settings: Convert) -> int:
-    """`vig class convert`."""
-    from vig.recognition import WEIGHTS_FILE, Recognizer
-    from vig_train.network.graphs import convert as write
-
-    if not settings.packs:
-        raise UserError("expected a class pack whose network is to be converted; got none. Name its folder.")
-    weights = [pack / WEIGHTS_FILE if pack.is_dir() else pack for pack in settings.packs]
-    for path in weights:
-        write(path)
-        Recognizer(path)  # says what does not fit
-    if settings.json:
-        print(json.dumps({"weights": [str(path) for path in weights]}))
-        return 0
-    end(weights[-1].parent, f"converted {', '.join(str(path) for path in weights)}")
     return 0
 
 

@@ -61,16 +61,6 @@ class Build:
 
 
 @dataclass(frozen=True)
-class Convert:
-    """Write the graphs of recognition networks that an older vig trained, beside their weights."""
-
-    packs: tyro.conf.Positional[tuple[Path, ...]]
-    """Class packs or folders of a training, or files of weights."""
-    json: bool = False
-    """Print one JSON object at the end."""
-
-
-@dataclass(frozen=True)
 class Train:
     """Train a recognition network on datasets; continues where it was stopped."""
 

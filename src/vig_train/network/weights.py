@@ -56,11 +56,6 @@ def read_network(path: Path) -> RecognitionNetwork:
     return network.eval().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
 
-def shapes_of(network: nn.Module) -> dict[str, tuple[int, ...]]:
-    """Shapes of a network's weights, by name."""
-    return {name: tuple(value.shape) for name, value in network.state_dict().items()}
-
-
 def packed(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A matrix (R, 2 C) in 4 bits each: (R, C) uint8, and (R,) float16 steps, a row's largest over 7."""
     steps = np.maximum(np.abs(matrix).max(1) / np.float32(7), np.float32(1e-7)).astype(np.float16)

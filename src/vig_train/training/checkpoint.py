@@ -17,7 +17,6 @@ from vig.io.files import atomic_write
 from vig.recognition.weights import FORMAT, PACKED, STEPS, TRUNK_PREFIXES
 from vig.recognition.weights import shared_trunk as trunk_of_classes
 from vig_train.network import weights
-from vig_train.network.graphs import write_graphs
 from vig_train.network.network import RecognitionNetwork
 
 MOMENTS = ("step", "exp_avg", "exp_avg_sq")
@@ -35,7 +34,7 @@ def save_weights(
     more: Mapping[str, str] | None = None,
     packed: Sequence[str] = (),
 ) -> None:
-    """Write a network in half precision with its settings and the targets' scale, and its graphs beside it.
+    """Write a network in half precision with its settings and the targets' scale.
 
     Args:
         network: To write.
@@ -64,7 +63,6 @@ def save_weights(
             temporary,
             metadata=metadata | dict(more or {}),
         )
-    write_graphs(path, network.settings, weights.shapes_of(network))
 
 
 def save_checkpoint(

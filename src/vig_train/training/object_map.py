@@ -19,10 +19,9 @@ from torch.nn import functional
 from vig.io.checks import read_tensors, reading
 from vig.io.files import atomic_write
 from vig.recognition.object_map import BOX_SIDES, MAP_STRIDE
-from vig_train.network.graphs import write_graphs
 from vig_train.network.network import RecognitionNetwork, bfloat16
 from vig_train.network.object_map import ObjectMap
-from vig_train.network.weights import read_network, shapes_of
+from vig_train.network.weights import read_network
 from vig_train.training.collages import PICTURES, SIDE, Box, draw_pictures
 from vig_train.training.examples import Examples
 from vig_train.training.presence import fit_presence
@@ -161,7 +160,6 @@ def add_object_map(start: Path, path: Path, training: MapTraining) -> None:
     described = json.dumps(asdict(settings))
     with atomic_write(path) as temporary:
         save_file(tensors, temporary, metadata=metadata | {"settings": described})
-    write_graphs(path, settings, shapes_of(network))
 
 
 def map_loss(numbers: torch.Tensor, targets: MapTargets) -> torch.Tensor:

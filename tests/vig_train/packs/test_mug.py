@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import torch
 
 from vig.scene import ObjectClass
 from vig.scene.symmetry import Symmetry
@@ -73,8 +72,8 @@ def test_shapes_of_scenes_stand_and_rarely_cut_into_themselves(mug: ObjectClass)
 def test_extremes_of_every_component_keep_a_wall(mug: ObjectClass) -> None:
     """Two deviations each way the volume of the walls stays positive, and below that of a filled mug."""
     model = mug.shape_model
-    ends = 2.0 * torch.cat([torch.eye(model.modes), -torch.eye(model.modes)])
-    for shape in model.vertices(ends).numpy().astype(np.float64):
+    ends = 2.0 * np.concatenate([np.eye(model.modes), -np.eye(model.modes)])
+    for shape in model.vertices(ends).astype(np.float64):
         a, b, c = (shape[MUG_FACES[:, k]] for k in range(3))
         filled = np.pi / 4.0 * np.ptp(shape[:, 1]) ** 2 * shape[:, 2].max()
         assert 0.03 < np.sum(a * np.cross(b, c)) / 6.0 / filled < 0.6
