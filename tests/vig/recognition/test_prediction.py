@@ -7,27 +7,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from tests.support import assert_close
+from tests.vig.recognition.predictions import BINS, prediction_of, view_probabilities
 from vig.recognition import Prediction
-from vig_train.training.targets import azimuth_labels
 
-BINS = 72
 WIDTH = 360 / BINS
 
 
 def of_azimuth(*rows: np.ndarray) -> Prediction:
-    azimuth = np.stack(rows)
-    count = len(azimuth)
-    numbers, mask = np.zeros((count, 23), np.float32), np.zeros((count, 2, 2, 3), np.float32)
-    return Prediction(
-        azimuth, numbers, numbers + 1, mask, np.zeros(count, np.float32), np.ones(count, np.float32)
-    )
+    return prediction_of(np.stack(rows), np.zeros((len(rows), 23), np.float32), 1.0)
 
 
 def bump(degrees: float, weight: float = 1.0) -> np.ndarray:
-    return weight * azimuth_labels(torch.tensor([math.radians(degrees)]), BINS)[0].numpy()
+    return weight * view_probabilities(math.radians(degrees))[0]
 
 
 def turn(a: float, degrees: float) -> float:
