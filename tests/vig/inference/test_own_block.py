@@ -46,7 +46,7 @@ class Toy:
         images: bool = False,
     ) -> Evaluation:
         residual = self.residual(points) / sigma[:, None]
-        # An imaginary step is the derivative, to rounding.
+        # (B, P', 8): the imaginary part of a small imaginary step is the derivative, exactly.
         steps = 1e-20j * np.eye(points.shape[1])
         slope = self.residual(points[:, None] + steps).imag / 1e-20 / sigma[:, None, None]
         gradient = -(slope @ residual[..., None])[..., 0]
