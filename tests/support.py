@@ -25,6 +25,16 @@ def points_of(latents: Latents, framing: np.ndarray | None = None) -> np.ndarray
     return points
 
 
+def assert_close(
+    actual: np.ndarray, expected: np.ndarray, rtol: float | None = None, atol: float | None = None
+) -> None:
+    """Arrays of one shape and dtype are alike, by default but for rounding; NaN is like nothing."""
+    assert actual.shape == expected.shape and actual.dtype == expected.dtype
+    if rtol is None or atol is None:
+        rtol, atol = (1.3e-6, 1e-5) if expected.dtype == np.float32 else (1e-7, 1e-7)
+    np.testing.assert_allclose(actual, expected, rtol, atol, equal_nan=False)
+
+
 LOW_CONTRAST = """
 () => {
   const luminance = ([r, g, b]) => [[r, 0.2126], [g, 0.7152], [b, 0.0722]].reduce((sum, [c, weight]) => {

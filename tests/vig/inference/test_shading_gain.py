@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-import torch
 
-from tests.tensors import arrays, replace, wrap
+from tests.support import assert_close
+from tests.vig.recognition.predictions import prediction_of_latents
 from vig.inference import FitSettings, explain_one
 from vig.inference.posterior import objective_of
 from vig.inference.refinement import Selection
@@ -20,47 +20,31 @@ from vig.recognition import Prediction
 from vig.scene import Latents, ObjectClass
 from vig.search.levenberg_marquardt import LevenbergMarquardt
 from vig.search.optimizer import Descent
-from vig_train.training.targets import azimuth_labels, numbers_of
-
-explain_one, objective_of, _bumps, _divided, _gain, with_shading_gain, Prediction = map(
-    wrap, (explain_one, objective_of, _bumps, _divided, _gain, with_shading_gain, Prediction)
-)
-
-
-@pytest.fixture(scope="module")
-def studio(studio):
-    return wrap(studio)
-
 
 SETTINGS = FitSettings(**PICTURE | {"decoration": 0.0}, self_shadow=False, calibrated=False)
-BINS = 72
 NOISE = 0.05
 VISIBLE = replace(SETTINGS, likelihood=GAUSSIAN)
 """Every pixel of the object is visible, however dark its shadow."""
 
 
-def shaded(studio, shadow: torch.Tensor | float = 1.0) -> tuple[torch.Tensor, Latents, Prediction]:
+def shaded(studio, shadow: np.ndarray | float = 1.0) -> tuple[np.ndarray, Latents, Prediction]:
     """A photo (H, W, 3) of the studio's whose object is in `shadow` (H, W), its truth, and that predicted."""
     rng = np.random.default_rng(3)
     truth = studio.latents(rng)
     _, coverage, _ = studio.render(truth)
-    photo = studio.photo(rng, truth, noise=0.005)[0].float()
-    amodal = (coverage[0] > 0.5).float()
-    photo = photo * (1 + amodal * (torch.as_tensor(shadow) - 1))[..., None].float()
-    latents = Latents.from_vector(truth.to_vector().float())
-    numbers = numbers_of(latents)
-    mask = 0.7 * torch.stack([amodal, 0 * amodal, 1 - amodal], -1) + 0.1
-    labels = azimuth_labels(latents.azimuth, BINS)
-    unsure = torch.full_like(numbers, 0.3)
-    return photo, truth, Prediction(labels, numbers, unsure, mask[None], torch.zeros(1), torch.ones(1))
+    photo = studio.photo(rng, truth, noise=0.005)[0].astype(np.float32)
+    amodal = (coverage[0] > 0.5).astype(np.float32)
+    photo = photo * (1 + amodal * (shadow - 1))[..., None].astype(np.float32)
+    mask = 0.7 * np.stack([amodal, 0 * amodal, 1 - amodal], -1) + 0.1
+    return photo, truth, prediction_of_latents(truth, mask)
 
 
-def falling(side: int = 150) -> torch.Tensor:
+def falling(side: int = 150) -> np.ndarray:
     """A shadow (H, W) that falls from the left to the right."""
-    return torch.linspace(1.1, 0.6, side).expand(side, side)
+    return np.tile(np.linspace(1.1, 0.6, side), (side, 1))
 
 
-def selected(point: torch.Tensor, start_evidence: float = 0.0) -> Selection:
+def selected(point: np.ndarray, start_evidence: float = 0.0) -> Selection:
     """The selection of one point, as if a search had ended there."""
     return Selection(point, point, False, start_evidence, 1, math.inf, False, 0.0, point[:0], ())
 
@@ -72,27 +56,27 @@ def test_a_shadow_bends_the_shape_less_with_a_gain(studio, teapot: ObjectClass) 
 
     def off(latents: Latents) -> float:
         model = teapot.shape_model
-        return float((model.vertices(latents.shape) - model.vertices(truth.shape)).norm(dim=2).mean())
+        return np.linalg.norm(model.vertices(latents.shape) - model.vertices(truth.shape), axis=2).mean()
 
     assert off(found.latents) < 0.8 * off(plain.latents)
     assert found.evaluations > plain.evaluations
-    assert torch.equal(found.descent[-1:, :-4], found.latents.to_vector())
+    assert np.array_equal(found.descent[-1:, :-4], found.latents.to_vector())
 
 
 def test_the_gain_is_the_shadow(studio, teapot: ObjectClass) -> None:
     photo, truth, prediction = shaded(studio)
-    latents = Latents.from_vector(truth.to_vector().float())
     objective = objective_of(photo, prediction, teapot, VISIBLE)
-    point = objective.point(latents)
+    point = objective.point(truth)
     rendered = objective.of_one(point, NOISE, derivatives=False).evaluation
-    darkened = falling()[..., None] * rendered.irradiance[0][..., None] * latents.albedo[0]
+    darkened = falling()[..., None] * rendered.irradiance[0][..., None] * truth.albedo[0]
     covered = rendered.coverage[0] > 0.99
-    objective = objective_of(torch.where(covered[..., None], darkened, photo), prediction, teapot, VISIBLE)
+    darkened = np.where(covered[..., None], darkened, photo).astype(np.float32)
+    objective = objective_of(darkened, prediction, teapot, VISIBLE)
     gain = _gain(objective, objective, point, NOISE, 1e-6)
-    assert gain is not None and float((gain.factor - falling())[covered].abs().max()) < 0.03
+    assert gain is not None and np.abs((gain.factor - falling())[covered]).max() < 0.03
     assert gain.residual < 0.005
     certain = _gain(objective, objective, point, NOISE, 1e12)
-    assert certain is not None and torch.allclose(certain.factor, torch.ones_like(certain.factor), atol=1e-4)
+    assert certain is not None and np.allclose(certain.factor, 1, atol=1e-4)
     assert certain.residual > 10 * gain.residual and certain.penalty < 0.1
 
 
@@ -100,23 +84,23 @@ def test_a_divided_photo_has_the_density_of_the_photo(studio, teapot: ObjectClas
     """log p(c) = log N(c / g; mu, s) - 3 log g."""
     photo, truth, prediction = shaded(studio)
     objective = objective_of(photo, prediction, teapot, SETTINGS)
-    point = objective.point(Latents.from_vector(truth.to_vector().float()))
-    half = _divided(objective, torch.full(photo.shape[:2], 0.5, dtype=torch.float64))
+    point = objective.point(truth)
+    half = _divided(objective, np.full(photo.shape[:2], 0.5))
     expected = objective_of(2 * photo, prediction, teapot, SETTINGS).likelihood.observed
-    torch.testing.assert_close(half.likelihood.observed, expected)
+    assert_close(half.likelihood.observed, expected)
     difference = half.likelihood.log_prior - objective.likelihood.log_prior
-    torch.testing.assert_close(difference[..., 0], torch.full_like(difference[..., 0], -3 * math.log(0.5)))
+    assert_close(difference[..., 0], np.full_like(difference[..., 0], -3 * math.log(0.5)))
     assert not difference[..., 1:].any()
-    one = _divided(objective, torch.ones(photo.shape[:2], dtype=torch.float64))
-    assert float(one.of_one(point, 0.03).value) == float(objective.of_one(point, 0.03).value)
+    one = _divided(objective, np.ones(photo.shape[:2]))
+    assert one.of_one(point, 0.03).value == objective.of_one(point, 0.03).value
 
 
 def test_where_nothing_is_visible_all_stays(studio, teapot: ObjectClass) -> None:
     photo, truth, prediction = shaded(studio)
     objective = objective_of(0.01 * photo, prediction, teapot, SETTINGS)
-    begun = selected(objective.point(Latents.from_vector(truth.to_vector().float())))
+    begun = selected(objective.point(truth))
     divided, refined = with_shading_gain(objective, begun, SETTINGS)
-    assert arrays(divided) is arrays(objective) and torch.equal(refined.point, begun.point)
+    assert divided is objective and np.array_equal(refined.point, begun.point)
 
 
 @dataclass(frozen=True)
@@ -133,48 +117,44 @@ def test_evidence_counts_the_gain_and_curvature_is_under_the_photos_noise(
 ) -> None:
     photo, truth, prediction = shaded(studio, falling())
     # Strong texture, which no gain explains: more noise than the pixel model's.
-    noise = 0.1 * torch.randn(photo.shape, generator=torch.Generator().manual_seed(1))
+    noise = np.float32(0.1) * np.random.default_rng(1).standard_normal(photo.shape, np.float32)
     settings = replace(SETTINGS, optimizer=optimizer)
-    objective = objective_of((photo + noise).clamp(0, 1), prediction, teapot, settings)
-    point = objective.point(Latents.from_vector(truth.to_vector().float()))
+    objective = objective_of((photo + noise).clip(0, 1), prediction, teapot, settings)
+    point = objective.point(truth)
     divided, refined = with_shading_gain(objective, selected(point, -math.inf), settings)
-    assert (
-        arrays(divided) is not arrays(objective)
-        and refined.evidence is not None
-        and refined.normal is not None
-    )
+    assert divided is not objective and refined.evidence is not None and refined.normal is not None
     without_prior = divided.of_one(refined.point, settings.likelihood.sigma)
-    assert refined.evidence < float(without_prior.value)
+    assert refined.evidence < without_prior.value
     assert without_prior.normal is not None
     ratio = refined.normal.diagonal() / without_prior.normal[0].diagonal()
-    assert float(ratio[:23].median()) < 0.8
-    assert torch.equal(refined.path[-1:], refined.point)
+    assert np.median(ratio[:23]) < 0.8
+    assert np.array_equal(refined.path[-1:], refined.point)
     # Where the guess has more evidence the search's own end stays.
     begun = selected(point, refined.evidence)
     divided, refined = with_shading_gain(objective, begun, settings)
-    assert arrays(divided) is arrays(objective) and torch.equal(refined.point, begun.point)
+    assert divided is objective and np.array_equal(refined.point, begun.point)
 
 
 @pytest.mark.parametrize("factor", [0.01, 20.0])
 def test_the_gain_keeps_its_bounds(factor: float, studio, teapot: ObjectClass) -> None:
     photo, truth, prediction = shaded(studio)
-    objective = objective_of((factor * photo).clamp_max(8.0), prediction, teapot, VISIBLE)
-    point = objective.point(Latents.from_vector(truth.to_vector().float()))
+    objective = objective_of((factor * photo).clip(None, 8.0), prediction, teapot, VISIBLE)
+    point = objective.point(truth)
     gain = _gain(objective, objective, point, NOISE, 1e-9)
-    assert gain is not None and float(gain.factor.min()) >= LEAST and float(gain.factor.max()) <= MOST
-    assert float(_divided(objective, gain.factor).likelihood.observed.max()) <= BRIGHTEST
+    assert gain is not None and gain.factor.min() >= LEAST and gain.factor.max() <= MOST
+    assert _divided(objective, gain.factor).likelihood.observed.max() <= BRIGHTEST
 
 
 def test_bumps_cover_the_box_evenly() -> None:
-    silhouette = torch.zeros(40, 60, dtype=torch.bool)
+    silhouette = np.zeros((40, 60), bool)
     silhouette[10:30, 20:50] = True
     bumps = _bumps(silhouette)
-    assert bumps.shape == (40, 60, 16) and bumps.dtype == torch.float64
+    assert bumps.shape == (40, 60, 16) and bumps.dtype == np.float64
     # The highest pixels of a row of bumps are a third of the longer side apart, about the middle of the box.
-    peaks = bumps[20].amax(0).view(4, 4)
-    places = [int(bumps[20, :, 4 + column].argmax()) for column in range(4)]
+    peaks = bumps[20].max(0).reshape(4, 4)
+    places = [bumps[20, :, 4 + column].argmax() for column in range(4)]
     assert places == pytest.approx([19.5, 29.5, 39.5, 49.5], abs=1)
-    assert float(peaks[1, 0]) == pytest.approx(float(peaks[1, 3]), rel=0.01)
+    assert peaks[1, 0] == pytest.approx(peaks[1, 3], rel=0.01)
 
 
 def test_photographs_frames_and_the_gaussian_model_are_without(studio, teapot: ObjectClass) -> None:
@@ -183,4 +163,4 @@ def test_photographs_frames_and_the_gaussian_model_are_without(studio, teapot: O
     paper = replace(SETTINGS, likelihood=GAUSSIAN)
     found = explain_one(photo, prediction, teapot, paper)
     plain = explain_one(photo, prediction, teapot, replace(paper, gain_deviation=0.0))
-    assert torch.equal(found.latents.to_vector(), plain.latents.to_vector())
+    assert np.array_equal(found.latents.to_vector(), plain.latents.to_vector())

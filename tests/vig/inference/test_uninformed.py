@@ -9,10 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 
 import vig
-from tests.tensors import wrap
 from tests.toys import toy
 from vig.io.errors import UserError
 from vig.output.json import camera_from_mesh
@@ -20,9 +18,6 @@ from vig.recognition import WEIGHTS_FILE, Recognizer, UninformedRecognizer
 from vig.renderer import render_latents
 from vig.scene import EXPOSURE_L00, Latents, ObjectClass, Symmetry
 from vig.scene.object_class import PACKAGED
-
-render_latents = wrap(render_latents)
-
 
 TURN, SCALE = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), 0.001
 FIN = toy("fin")
@@ -42,14 +37,13 @@ RIGID = replace(
 
 def photo_of(object_class: ObjectClass, azimuth_deg: float) -> tuple[np.ndarray, np.ndarray]:
     """A picture (150, 150, 3) of the mean shape on grey, and where it shows the object."""
-    light = torch.tensor([[EXPOSURE_L00, 0.4, 0.9, 0.7, 0.0, 0.0, 0.0, 0.0, 0.0]])
-    shape = torch.zeros(1, object_class.shape_model.modes)
-    azimuth, elevation = torch.tensor([math.radians(azimuth_deg)]), torch.tensor([0.5])
-    truth = Latents(shape, azimuth, elevation, torch.tensor([[0.6, 0.2, 0.1]]), light)
+    light = np.float32([[EXPOSURE_L00, 0.4, 0.9, 0.7, 0.0, 0.0, 0.0, 0.0, 0.0]])
+    shape = np.zeros((1, object_class.shape_model.modes), np.float32)
+    azimuth, elevation = np.float32([math.radians(azimuth_deg)]), np.float32([0.5])
+    truth = Latents(shape, azimuth, elevation, np.float32([[0.6, 0.2, 0.1]]), light)
     image = render_latents(truth, object_class, object_class.camera())
-    coverage = image.coverage[0, ..., None]
-    photo = image.rgb[0] + 0.35 * (1 - coverage)
-    return photo.numpy().astype(np.float32), coverage[..., 0].numpy() > 0.5
+    coverage = image.coverage[0].numpy()
+    return image.rgb[0].numpy() + np.float32(0.35) * (1 - coverage[..., None]), coverage > 0.5
 
 
 def off(found_deg: float, azimuth_deg: float) -> float:
@@ -125,7 +119,7 @@ def test_what_is_not_told_where_it_is_is_refused() -> None:
 
 
 def test_every_class_is_predicted_alike_whatever_its_symmetry() -> None:
-    photos = torch.zeros(2, 150, 150, 3)
+    photos = np.zeros((2, 150, 150, 3), np.float32)
     for symmetry, bins in ((Symmetry.NONE, 72), (Symmetry.HALF_TURN, 36), (Symmetry.ANY_TURN, 1)):
         prediction = UninformedRecognizer(replace(FIN, symmetry=symmetry))(photos)
         assert prediction.azimuth.shape == (2, bins)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 
 from vig.likelihood import Geometry
@@ -89,6 +90,24 @@ def value(
     for axis in (0, 1):
         total = total + _crossings(geometry, shaded, target, seen, axis)
     return total
+
+
+def value_and_gradient(
+    geometry: Geometry,
+    camera: Camera,
+    point: np.ndarray,
+    photo: np.ndarray,
+    log_prior: np.ndarray,
+    sigma: float,
+    held: np.ndarray | None = None,
+) -> tuple[float, np.ndarray]:
+    """`value` of arrays, and its gradient (P',)."""
+    at = torch.tensor(point, requires_grad=True)
+    faces = None if held is None else torch.from_numpy(held)
+    found = value(geometry, camera, at, torch.from_numpy(photo), torch.from_numpy(log_prior), sigma, faces)
+    found.backward()
+    assert at.grad is not None
+    return found.item(), at.grad.numpy()
 
 
 BLOCKS = ("shape", "azimuth", "elevation", "albedo", "light", "framing")

@@ -4,39 +4,29 @@ import math
 
 import numpy as np
 import pytest
-import torch
 
-from tests.tensors import wrap
+from tests.support import assert_close, points_of
 from vig.likelihood import GAUSSIAN, Geometry, Likelihood, Photos, mixture
 from vig.recognition.network import latents_of, mirrored
 from vig.scene import EXPOSURE_L00, Latents
 from vig_train.training.targets import numbers_of
 from vig_world.raster.rasterize import rasterize
 
-Geometry, Likelihood, Photos, mixture = map(wrap, (Geometry, Likelihood, Photos, mixture))
+STILL = np.zeros((1, 4))
+"""Framing that leaves the image as it is."""
 
 
-@pytest.fixture(scope="module")
-def studio(studio):
-    return wrap(studio)
-
-
-def still(count: int = 1) -> torch.Tensor:
-    return torch.zeros(count, 4, dtype=torch.float64)
-
-
-def random_prior(studio, rng: np.random.Generator) -> torch.Tensor:
-    weights = rng.dirichlet((5, 2, 3), (1, studio.camera.height, studio.camera.width))
-    return torch.from_numpy(np.log(weights))
+def random_prior(studio, rng: np.random.Generator) -> np.ndarray:
+    return np.log(rng.dirichlet((5, 2, 3), (1, studio.camera.height, studio.camera.width)))
 
 
 def covered_centres(studio, latents: Latents, factor: int = 1) -> np.ndarray:
     """Which pixels of an image `factor` times as large have their centre on the object: (H, W) bool."""
     model = studio.geometry.model
     rotation, translation = studio.camera.pose(latents.azimuth, latents.elevation)
-    vertices = model.vertices(latents.shape)[0].numpy()
+    vertices = model.vertices(latents.shape)[0]
     camera = studio.camera.scaled(factor)
-    return rasterize(vertices, model.faces, rotation[0].numpy(), translation[0].numpy(), camera).face >= 0
+    return rasterize(vertices, model.faces, rotation[0], translation[0], camera).face >= 0
 
 
 def test_with_the_papers_silhouette_the_value_is_eq_4_summed_plainly(studio) -> None:
@@ -46,35 +36,35 @@ def test_with_the_papers_silhouette_the_value_is_eq_4_summed_plainly(studio) -> 
         photo = studio.photo(rng, studio.near(rng, latents))
         log_prior = random_prior(studio, rng)
         likelihood = Likelihood(studio.geometry, studio.camera, Photos(photo, log_prior), "paper")
-        found = likelihood(latents, still(), *studio.whose(1))
-        inside = torch.from_numpy(covered_centres(studio, latents))
+        found = likelihood(latents, STILL, *studio.whose(1))
+        inside = covered_centres(studio, latents)
         rendered = latents.albedo * found.irradiance[0, inside][:, None]
         value, posterior = mixture(photo[0, inside], rendered, log_prior[0, inside], studio.pixels.sigma)
         expected = value.sum() + log_prior[0, ~inside][:, 2].sum()
-        assert found.value.item() == pytest.approx(expected.item(), rel=1e-10)
-        torch.testing.assert_close(found.posterior[0, inside], posterior)
+        assert found.value == pytest.approx(expected, rel=1e-10)
+        assert_close(found.posterior[0, inside], posterior)
         assert not found.posterior[0, ~inside].any() and not found.irradiance[0, ~inside].any()
-        torch.testing.assert_close(found.coverage[0], inside.double())
+        assert_close(found.coverage[0], inside.astype(np.float64))
 
 
 def test_where_all_colours_are_flat_the_value_is_affine_in_the_covered_area(studio) -> None:
     # Light from everywhere makes one colour of the object, so edges inside it change nothing and Eq. 4 is
     # area x log p(c | fg) + the rest x log U, whatever the silhouette.
     rng = np.random.default_rng(1)
-    sphere = torch.zeros(1, 9, dtype=torch.float64)
+    sphere = np.zeros((1, 9))
     sphere[0, 0] = EXPOSURE_L00
     height, width = studio.camera.height, studio.camera.width
-    photo = torch.full((1, height, width, 3), 0.3, dtype=torch.float64)
+    photo = np.full((1, height, width, 3), 0.3)
     likelihood = studio.likelihood(photo)
     for _ in range(5):
         latents = studio.latents(rng)
         latents = Latents(latents.shape, latents.azimuth, latents.elevation, latents.albedo, sphere)
-        found = likelihood(latents, still(), *studio.whose(1))
+        found = likelihood(latents, STILL, *studio.whose(1))
         rendered = latents.albedo[0] * EXPOSURE_L00 * 0.5 / math.sqrt(math.pi)
         log_prior = studio.pixels.log_prior(1, 1)[0, 0]
         gain, _ = mixture(photo[0, 0, 0], rendered, log_prior, studio.pixels.sigma)
         # Coverage is clamped to [0, 1], which costs a little area where a thin part lies in one pixel.
-        assert found.value.item() == pytest.approx((gain * found.coverage.sum()).item(), rel=1e-3)
+        assert found.value == pytest.approx(gain * found.coverage.sum(), rel=1e-3)
 
 
 def test_coverage_is_the_area_of_the_silhouette(studio) -> None:
@@ -86,8 +76,8 @@ def test_coverage_is_the_area_of_the_silhouette(studio) -> None:
         fine = covered_centres(studio, latents, 8)
         area = fine.reshape(studio.camera.height, 8, studio.camera.width, 8).mean((1, 3))
         rim = (area > 0) & (area < 1)
-        error = np.abs(coverage[0].numpy() - area)
-        relative.append(coverage.sum().item() / area.sum() - 1)
+        error = np.abs(coverage[0] - area)
+        relative.append(coverage.sum() / area.sum() - 1)
         largest.append(error.max())
         typical.append(error[rim].mean())
         one_sample.append(np.abs(covered_centres(studio, latents) - area)[rim].mean())
@@ -100,15 +90,14 @@ def test_coverage_is_the_area_of_the_silhouette(studio) -> None:
     assert np.mean(typical) < 0.045 < 0.19 < np.mean(one_sample)
 
 
-def jumps_along_azimuth(studio, photo: torch.Tensor, guess: Latents, silhouette: str) -> torch.Tensor:
+def jumps_along_azimuth(studio, photo: np.ndarray, guess: Latents, silhouette: str) -> np.ndarray:
     """How far the objective's steps along 0.2 degrees of azimuth, 0.002 each, are off their median: nats."""
-    path = guess.to_vector().repeat(101, 1)
-    path[:, studio.geometry.model.modes] += torch.arange(101) * math.radians(0.002)
+    path = np.tile(guess.to_vector(), (101, 1))
+    path[:, studio.geometry.model.modes] += np.arange(101) * math.radians(0.002)
     likelihood = studio.likelihood(photo, silhouette)
-    parts = (Latents.from_vector(part) for part in path.split(20))
-    values = [likelihood(p, still(len(p)), *studio.whose(len(p)), derivatives=False).value for p in parts]
-    steps = torch.cat(values).diff()
-    return (steps - steps.median()).abs()
+    points = points_of(Latents.from_vector(path))
+    steps = np.diff(likelihood.at(points, *studio.whose(len(path)), derivatives=False).value)
+    return np.abs(steps - np.median(steps))
 
 
 def test_the_silhouettes_motion_makes_no_jumps(studio) -> None:
@@ -121,14 +110,14 @@ def test_the_silhouettes_motion_makes_no_jumps(studio) -> None:
     count = {"exact": 0, "paper": 0}
     for _ in range(5):
         latents = studio.latents(rng)
-        flat = torch.zeros_like(latents.light)
+        flat = np.zeros_like(latents.light)
         flat[:, 0] = EXPOSURE_L00
         latents = Latents(latents.shape, latents.azimuth, latents.elevation, latents.albedo, flat)
         photo = studio.photo(rng, latents)
         for silhouette in total:
             jumps = jumps_along_azimuth(studio, photo, latents, silhouette)
-            total[silhouette] += jumps[jumps > 0.5].sum().item()
-            count[silhouette] += int((jumps > 0.5).sum())
+            total[silhouette] += jumps[jumps > 0.5].sum()
+            count[silhouette] += np.count_nonzero(jumps > 0.5)
     assert total["exact"] * 20 < total["paper"]
     assert count["exact"] * 10 < count["paper"]
 
@@ -141,7 +130,7 @@ def test_under_any_light_the_objective_jumps_less_than_the_papers(studio) -> Non
         latents = studio.latents(rng)
         photo, guess = studio.photo(rng, latents), studio.near(rng, latents)
         for silhouette in count:
-            count[silhouette] += int((jumps_along_azimuth(studio, photo, guess, silhouette) > 0.5).sum())
+            count[silhouette] += np.count_nonzero(jumps_along_azimuth(studio, photo, guess, silhouette) > 0.5)
     assert count["exact"] * 2 < count["paper"]
 
 
@@ -149,49 +138,45 @@ def test_the_mirrored_explanation_renders_the_mirrored_photo(studio) -> None:
     # The class is its own mirror image in y = 0: azimuth becomes pi - azimuth, light flips in y.
     rng = np.random.default_rng(4)
     latents = studio.latents(rng, 4)
-    light = latents.light.clone()
+    light = latents.light.copy()
     light[:, [1, 4, 5]] *= -1  # Y_1-1, Y_2-2, Y_2-1: odd in y
     flipped = Latents(latents.shape, math.pi - latents.azimuth, latents.elevation, latents.albedo, light)
-    irradiance, coverage, colour = studio.render(latents)
-    again = studio.render(flipped)
-    for ours, theirs in zip((irradiance, coverage, colour), again, strict=True):
-        off = (ours - theirs.flip(2)).abs()
-        assert (off > 1e-9).double().mean() < 1e-4  # a centre exactly on an edge may go either way
-    mirror_image = mirrored(latents.azimuth.numpy(), numbers_of(latents).numpy())
-    azimuth, numbers = map(torch.from_numpy, mirror_image)
+    for ours, theirs in zip(studio.render(latents), studio.render(flipped), strict=True):
+        off = np.abs(ours - theirs[:, :, ::-1]) > 1e-9
+        assert off.mean() < 1e-4  # a centre exactly on an edge may go either way
+    azimuth, numbers = mirrored(latents.azimuth, numbers_of(latents))
     targets = latents_of(numbers, azimuth)
-    torch.testing.assert_close(targets.light, flipped.light)
-    torch.testing.assert_close(targets.azimuth, torch.remainder(flipped.azimuth, 2 * math.pi))
-    torch.testing.assert_close(targets.to_vector()[:, :10], flipped.to_vector()[:, :10])
+    assert_close(targets.light, flipped.light)
+    assert_close(targets.azimuth, flipped.azimuth % (2 * math.pi))
+    assert_close(targets.to_vector()[:, :10], flipped.to_vector()[:, :10])
 
 
 def test_a_shift_by_whole_pixels_shifts_the_image(studio) -> None:
     latents = studio.latents(np.random.default_rng(5))
     irradiance, coverage, _ = studio.render(latents)
-    shifted, covered, _ = studio.render(
-        latents, torch.tensor([[4 / 150, -3 / 150, 0.0, 0.0]], dtype=torch.float64)
-    )
-    torch.testing.assert_close(shifted[0, :-3, 4:], irradiance[0, 3:, :-4], atol=1e-9, rtol=0)
-    torch.testing.assert_close(covered[0, :-3, 4:], coverage[0, 3:, :-4], atol=1e-9, rtol=0)
+    shifted, covered, _ = studio.render(latents, np.array([[4 / 150, -3 / 150, 0.0, 0.0]]))
+    assert_close(shifted[0, :-3, 4:], irradiance[0, 3:, :-4], atol=1e-9, rtol=0)
+    assert_close(covered[0, :-3, 4:], coverage[0, 3:, :-4], atol=1e-9, rtol=0)
 
 
 def test_a_batch_is_its_members_and_scratch_is_not_seen(studio) -> None:
     rng = np.random.default_rng(6)
-    latents, framing = studio.latents(rng, 3), torch.from_numpy(rng.normal(0, 0.02, (3, 4)))
-    photos = torch.cat([studio.photo(rng, latents[i : i + 1]) for i in range(2)])
-    photo, sigma = torch.tensor([1, 0, 1]), torch.tensor([0.03, 0.1, 0.05], dtype=torch.float64)
+    latents, framing = studio.latents(rng, 3), rng.normal(0, 0.02, (3, 4))
+    photos = np.concatenate([studio.photo(rng, latents[i : i + 1]) for i in range(2)])
+    photo, sigma = np.array([1, 0, 1]), np.array([0.03, 0.1, 0.05])
     likelihood = studio.likelihood(photos)
     together = likelihood(latents, framing, photo, sigma)
     again = likelihood(latents, framing, photo, sigma)
-    torch.testing.assert_close(vars(again), vars(together), rtol=1e-10, atol=1e-9)
+    for name, value in vars(together).items():
+        assert_close(vars(again)[name], value, rtol=1e-10, atol=1e-9)
     for i in range(3):
         one = slice(i, i + 1)
         alone = likelihood(latents[one], framing[one], photo[one], sigma[one])
         for name, value in vars(alone).items():
-            torch.testing.assert_close(value, vars(together)[name][one], rtol=1e-9, atol=1e-6)
+            assert_close(value, vars(together)[name][one], rtol=1e-9, atol=1e-6)
     plain = likelihood(latents, framing, photo, sigma, derivatives=False)
     assert plain.gradient is None and plain.normal is None
-    torch.testing.assert_close(plain.value, together.value)
+    assert_close(plain.value, together.value)
 
 
 def test_the_gaussian_model_explains_every_covered_pixel(studio) -> None:
@@ -200,57 +185,55 @@ def test_the_gaussian_model_explains_every_covered_pixel(studio) -> None:
     photo = studio.photo(rng, latents)
     log_prior = GAUSSIAN.log_prior(studio.camera.height, studio.camera.width)[None]
     likelihood = Likelihood(studio.geometry, studio.camera, Photos(photo, log_prior))
-    found = likelihood(latents, still(), *studio.whose(1, GAUSSIAN.sigma))
-    inside = torch.from_numpy(covered_centres(studio, latents))
+    found = likelihood(latents, STILL, *studio.whose(1, GAUSSIAN.sigma))
+    inside = covered_centres(studio, latents)
     assert (found.posterior[0, inside] == 1).all()
-    assert torch.isfinite(found.value).all() and torch.isfinite(found.gradient).all()
+    assert np.isfinite(found.value).all() and np.isfinite(found.gradient).all()
 
 
 def test_single_precision_agrees(studio) -> None:
     rng = np.random.default_rng(8)
-    single = Geometry(studio.geometry.model, torch.float32)
+    single = Geometry(studio.geometry.model, np.float32)
     for _ in range(6):
         latents = studio.latents(rng)
         photo = studio.photo(rng, latents)
         guess = studio.near(rng, latents)
         photos = Photos(photo, studio.pixels.log_prior(studio.camera.height, studio.camera.width)[None])
-        exact = studio.likelihood(photo)(guess, still(), *studio.whose(1))
-        short = Likelihood(single, studio.camera, photos)(guess, still(), *studio.whose(1))
-        assert short.gradient.dtype == torch.float32 and short.value.dtype == torch.float64
-        assert short.value.item() == pytest.approx(exact.value.item(), rel=1e-5)
-        cosine = torch.cosine_similarity(short.gradient.double(), exact.gradient).item()
-        assert cosine > 0.99999
+        exact = studio.likelihood(photo)(guess, STILL, *studio.whose(1))
+        short = Likelihood(single, studio.camera, photos)(guess, STILL, *studio.whose(1))
+        assert short.gradient.dtype == np.float32 and short.value.dtype == np.float64
+        assert short.value == pytest.approx(exact.value, rel=1e-5)
+        ours, exactly = short.gradient[0].astype(np.float64), exact.gradient[0]
+        assert ours @ exactly > 0.99999 * np.linalg.norm(ours) * np.linalg.norm(exactly)
 
 
 def test_an_object_out_of_the_frame_leaves_the_background(studio) -> None:
     rng = np.random.default_rng(9)
     photo = studio.blocks(rng)[None]
-    away = torch.tensor([[5.0, 0.0, 0.0, 0.0]], dtype=torch.float64)
+    away = np.array([[5.0, 0.0, 0.0, 0.0]])
     found = studio.likelihood(photo)(studio.latents(rng), away, *studio.whose(1))
-    assert found.value.item() == 0
+    assert found.value == 0
     assert not found.coverage.any() and not found.gradient.any() and not found.normal.any()
 
 
 def test_what_does_not_fit_is_refused(studio) -> None:
     with pytest.raises(ValueError, match='"exact" or "paper"; got "soft"'):
-        studio.likelihood(torch.zeros(1, 150, 150, 3), "soft")
+        studio.likelihood(np.zeros((1, 150, 150, 3)), "soft")
     with pytest.raises(ValueError, match=r"photos of \(100, 150\) do not fit a camera of \(150, 150\)"):
         Likelihood(
-            studio.geometry, studio.camera, Photos(torch.zeros(1, 100, 150, 3), torch.zeros(1, 100, 150, 3))
+            studio.geometry, studio.camera, Photos(np.zeros((1, 100, 150, 3)), np.zeros((1, 100, 150, 3)))
         )
 
 
 @pytest.mark.parametrize(
     ("linear", "log_prior", "message"),
     [
-        (torch.zeros(150, 150, 3), torch.zeros(150, 150, 3), r"photos must be \(N, H, W, 3\)"),
-        (torch.zeros(1, 4, 4, 3), torch.zeros(1, 4, 5, 3), "log_prior must be"),
-        (torch.full((1, 4, 4, 3), math.nan), torch.zeros(1, 4, 4, 3), "NaN or infinity"),
-        (torch.full((1, 4, 4, 3), 214.0), torch.zeros(1, 4, 4, 3), "maximum of 214. Are these 8-bit"),
+        (np.zeros((150, 150, 3)), np.zeros((150, 150, 3)), r"photos must be \(N, H, W, 3\)"),
+        (np.zeros((1, 4, 4, 3)), np.zeros((1, 4, 5, 3)), "log_prior must be"),
+        (np.full((1, 4, 4, 3), math.nan), np.zeros((1, 4, 4, 3)), "NaN or infinity"),
+        (np.full((1, 4, 4, 3), 214.0), np.zeros((1, 4, 4, 3)), "maximum of 214. Are these 8-bit"),
     ],
 )
-def test_photos_that_are_none_are_refused(
-    linear: torch.Tensor, log_prior: torch.Tensor, message: str
-) -> None:
+def test_photos_that_are_none_are_refused(linear: np.ndarray, log_prior: np.ndarray, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         Photos(linear, log_prior)

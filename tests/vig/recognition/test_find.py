@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-import torch
 from scipy import ndimage
 
 import vig
@@ -39,18 +38,17 @@ class SeesDiscs:
         return numbers
 
     def __call__(self, photos: np.ndarray, twice: bool = True) -> Prediction:
-        photos = torch.from_numpy(photos)
-        bright = (photos.mean(-1) > 0.5).float()
-        count = len(photos)
-        mask = torch.stack([bright, torch.zeros_like(bright), 1 - bright], -1)
-        rolls = torch.tensor([self.roll(photo) for photo in photos])
-        presence = (bright.mean((1, 2)) > 0.01).float()
-        numbers = torch.zeros(count, 23)
-        return Prediction(torch.ones(count, 72) / 72, numbers, numbers + 1, mask, rolls, presence)
+        bright = (photos.mean(-1) > 0.5).astype(np.float32)
+        mask = np.stack([bright, np.zeros_like(bright), 1 - bright], -1)
+        rolls = np.array([self.roll(photo) for photo in photos], np.float32)
+        presence = (bright.mean((1, 2)) > 0.01).astype(np.float32)
+        numbers = np.zeros((len(photos), 23), np.float32)
+        azimuth = np.full((len(photos), 72), 1 / 72, np.float32)
+        return Prediction(azimuth, numbers, numbers + 1, mask, rolls, presence)
 
     @staticmethod
-    def roll(photo: torch.Tensor) -> float:
-        red = torch.nonzero((photo[..., 0] > 0.5) & (photo[..., 2] < 0.2)).float()
+    def roll(photo: np.ndarray) -> float:
+        red = np.argwhere((photo[..., 0] > 0.5) & (photo[..., 2] < 0.2))
         if not len(red):
             return 0.0
         y, x = (red.mean(0) - 75).tolist()
@@ -143,7 +141,7 @@ def test_a_window_is_turned_on_where_only_a_part_of_a_roll_is_seen() -> None:
         looks = 0
 
         @classmethod
-        def roll(cls, photo: torch.Tensor) -> float:
+        def roll(cls, photo: np.ndarray) -> float:
             cls.looks += 1
             return 0.6 * SeesDiscs.roll(photo)
 

@@ -4,23 +4,19 @@ import math
 
 import numpy as np
 import pytest
-import torch
 
+from tests.support import assert_close
 from vig.scene import Camera, camera_rotation
 
 
-def angles(azimuth: float, elevation: float) -> tuple[torch.Tensor, torch.Tensor]:
-    return torch.tensor([azimuth], dtype=torch.float64), torch.tensor([elevation], dtype=torch.float64)
-
-
 def eye(camera: Camera, azimuth: float, elevation: float) -> np.ndarray:
-    rotation, translation = camera.pose(*angles(azimuth, elevation))
-    return -(rotation[0].T @ translation[0]).numpy()
+    rotation, translation = camera.pose(np.array([azimuth]), np.array([elevation]))
+    return -rotation[0].T @ translation[0]
 
 
 def pixel(camera: Camera, azimuth: float, elevation: float, point: tuple[float, float, float]) -> np.ndarray:
-    rotation, translation = camera.pose(*angles(azimuth, elevation))
-    seen = camera.K @ (rotation[0] @ torch.tensor(point, dtype=torch.float64) + translation[0]).numpy()
+    rotation, translation = camera.pose(np.array([azimuth]), np.array([elevation]))
+    seen = camera.K @ (rotation[0] @ point + translation[0])
     return seen[:2] / seen[2]
 
 
@@ -44,11 +40,9 @@ def test_the_eye_is_on_its_sphere(azimuth: float, elevation: float, expected: tu
 
 def test_rotations_are_proper() -> None:
     rng = np.random.default_rng(0)
-    rotation = camera_rotation(
-        torch.from_numpy(rng.uniform(-9, 9, 20)), torch.from_numpy(rng.uniform(-2, 2, 20))
-    )
-    torch.testing.assert_close(rotation @ rotation.mT, torch.eye(3, dtype=torch.float64).expand(20, 3, 3))
-    torch.testing.assert_close(torch.linalg.det(rotation), torch.ones(20, dtype=torch.float64))
+    rotation = camera_rotation(rng.uniform(-9, 9, 20), rng.uniform(-2, 2, 20))
+    assert_close(rotation @ rotation.swapaxes(1, 2), np.broadcast_to(np.eye(3), (20, 3, 3)))
+    assert_close(np.linalg.det(rotation), np.ones(20))
 
 
 def test_the_target_is_at_the_centre_and_up_is_up() -> None:

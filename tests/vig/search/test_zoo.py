@@ -7,7 +7,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import torch
 
 from vig.search.annealing import Annealed
 from vig.search.levenberg_marquardt import LevenbergMarquardt
@@ -182,8 +181,8 @@ def test_a_step_that_meets_a_bound_is_solved_again_along_it(optimizer: Optimizer
 
     Unbounded it leads to m; on x_0 = 1 the slope in x_1 is -0.5 (1 - 3) - x_1: one step ends at (1, 1).
     """
-    root = torch.tensor([[1.0, 0.5], [0.0, math.sqrt(0.75)]], dtype=torch.float64)
-    mean = torch.tensor([3.0, 0.0], dtype=torch.float64)
+    root = np.array([[1.0, 0.5], [0.0, math.sqrt(0.75)]])
+    mean = np.array([3.0, 0.0])
     problem = least_squares(lambda x: (x - mean) @ root.T, [-5.0, -5.0], [1.0, 5.0])
     start, none = np.zeros((1, 2)), np.zeros(1, np.int64)
     end = optimizer(problem, start, none, 1.0, Budget(1))
@@ -220,7 +219,7 @@ def test_the_doglegs_first_step_keeps_to_its_radius(least_squares) -> None:
 
 def test_annealing_passes_a_local_maximum(least_squares) -> None:
     """Half of the data say 0, a fifth say 3: from 3.2 only a search at wide noise leaves 3."""
-    data = torch.cat([torch.linspace(-0.1, 0.1, 50), torch.linspace(2.9, 3.1, 20)]).double()
+    data = np.concatenate([np.linspace(-0.1, 0.1, 50), np.linspace(2.9, 3.1, 20)])
     problem = least_squares(lambda x: x - data, [-10.0], [10.0], inliers=0.9)
     start, none = np.full((1, 1), 3.2), np.zeros(1, np.int64)
     sharp = LevenbergMarquardt()(problem, start, none, 0.2, Budget(60, 1e-6))
@@ -232,7 +231,7 @@ def test_annealing_passes_a_local_maximum(least_squares) -> None:
 
 def test_annealing_that_ends_lower_ends_at_the_start(least_squares) -> None:
     """Two lone data at 3 are the best answer at sharp noise when nothing else is to be explained by one x."""
-    data = torch.cat([torch.linspace(-40, 40, 9), torch.tensor([3.0, 3.0])]).double()
+    data = np.array([*np.linspace(-40, 40, 9), 3.0, 3.0])
     problem = least_squares(lambda x: x - data, [-50.0], [50.0], inliers=0.9)
     start, none = np.full((1, 1), 3.0), np.zeros(1, np.int64)
     wide = LevenbergMarquardt()(problem, start, none, 30.0, Budget(60, 1e-6))
