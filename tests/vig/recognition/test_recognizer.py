@@ -1,4 +1,4 @@
-"""Both of a photo and its mirror image are asked; graphs and weights that do not go together are refused."""
+"""Both of a photo and its mirror image are asked; weights of another network are refused."""
 
 from __future__ import annotations
 
@@ -6,18 +6,20 @@ import copy
 import math
 import pickle
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from safetensors import safe_open
+from safetensors.numpy import save_file
 
 from tests.support import assert_close
 from vig.io.errors import UserError
 from vig.recognition import Recognizer
-from vig.recognition.graph import Graph, Node
 from vig.recognition.network import Heads, mirrored
-from vig.recognition.recognizer import AT_ONCE, BOTH_SIDES, WEIGHTS_FILE, graph_path
+from vig.recognition.recognizer import AT_ONCE, BOTH_SIDES, WEIGHTS_FILE
 from vig.scene import ObjectClass, Symmetry
 from vig.scene.object_class import PACKAGED
 
@@ -138,75 +140,24 @@ def pack(tmp_path: Path) -> Path:
     return Path(shutil.copytree(PACKAGED / "mug", tmp_path / "mug"))
 
 
-def test_a_pack_without_a_graph_says_how_it_is_converted(pack: Path) -> None:
-    for name in ("recognition.onnx", "recognition_map.onnx"):
-        whole = (pack / name).read_bytes()
-        (pack / name).unlink()
-        with pytest.raises(UserError, match=rf"{name}'; .* older version.* vig class convert {pack}$"):
-            Recognizer(pack / "recognition.safetensors")
-        (pack / name).write_bytes(whole)
-
-
-def test_a_graph_of_another_network_is_refused(pack: Path) -> None:
-    shutil.copy(PACKAGED / "car" / "recognition.onnx", pack)
-    with pytest.raises(UserError, match="expected recognition weights .* missing or unknown"):
-        Recognizer(pack / "recognition.safetensors")
-    shutil.copy(PACKAGED / "teapot" / "recognition.onnx", pack)  # of other shape components
-    with pytest.raises(UserError, match="expected recognition weights .* '.*' must be"):
-        Recognizer(pack / "recognition.safetensors")
-
-
-def test_a_graph_that_is_cut_off_is_refused(pack: Path) -> None:
-    path = pack / "recognition.onnx"
-    path.write_bytes(path.read_bytes()[:-100])
-    with pytest.raises(UserError, match="expected the graph of .* cut off.* vig class convert"):
-        Recognizer(pack / "recognition.safetensors")
-
-
-def _with_sum_of_all_pairs(pack: Path, pixels: int) -> None:
-    """Put the sums of pairs of `pixels` numbers of the image, (pixels, pixels), into a pack's graph."""
-    path = graph_path(pack / WEIGHTS_FILE, "window")
-    graph = Graph.from_bytes(path.read_bytes())
-
-    def constant(name: str, *value: int) -> Node:
-        return Node("Constant", (), (name,), (("value_ints", value),))
-
-    before = (
-        constant("column", -1, 1), constant("row", 1, -1), constant("zero", 0), constant("count", pixels),
-        constant("first", 0), constant("second", 1), constant("origin", 0, 0), constant("one", 1, 1),
-        constant("both", 0, 1), constant("cell", 1, 1, 1, 1),
-        Node("Reshape", ("image", "column"), ("upright",)), Node("Reshape", ("image", "row"), ("level",)),
-        Node("Slice", ("upright", "zero", "count", "first"), ("some",)),
-        Node("Slice", ("level", "zero", "count", "second"), ("rest",)),
-        Node("Add", ("some", "rest"), ("pairs",)),
-        Node("Slice", ("pairs", "origin", "one", "both"), ("pair",)),
-        Node("Reshape", ("pair", "cell"), ("added",)), Node("Add", ("image", "added"), ("changed",)),
-    )  # fmt: skip
-    after = [
-        replace(node, inputs=tuple("changed" if name == "image" else name for name in node.inputs))
-        for node in graph.nodes
-    ]
-    path.write_bytes(replace(graph, nodes=(*before, *after)).to_bytes())
-
-
-def test_a_graph_that_asks_for_gigabytes_is_refused(pack: Path) -> None:
-    photo = np.full((1, 150, 150, 3), 0.5, np.float32)
-    _with_sum_of_all_pairs(pack, 10)
-    Recognizer(pack / WEIGHTS_FILE)(photo)
-    path = graph_path(pack / WEIGHTS_FILE, "window")
-    shutil.copy(PACKAGED / pack.name / path.name, path)
-    _with_sum_of_all_pairs(pack, 30_000)
-    with pytest.raises(UserError, match="expected a recognition network that predicts"):
-        Recognizer(pack / WEIGHTS_FILE)(photo)
-
-
-def test_a_factor_beyond_that_of_any_network_is_refused(pack: Path) -> None:
-    path = graph_path(pack / WEIGHTS_FILE, "window")
-    graph = Graph.from_bytes(path.read_bytes())
-    scale = Node("Constant", (), ("scale",), (("value_floats", (1.0, 1.0, 60.0, 60.0)),))
-    path.write_bytes(replace(graph, nodes=(scale, *graph.nodes)).to_bytes())
-    with pytest.raises(UserError, match="has the value 60"):
-        Recognizer(pack / WEIGHTS_FILE)
+@pytest.mark.parametrize(
+    ("name", "change", "why"),
+    [
+        ("mask.bias", lambda value: None, "missing or unknown: mask.bias"),
+        ("mask.more", lambda value: np.zeros(3, np.float32), "missing or unknown: mask.more"),
+        ("mask.weight", lambda value: value[:2], r"'mask.weight' must be \(3, \d+, 1, 1\); it is \(2, "),
+    ],
+)
+def test_weights_of_another_network_are_refused(
+    pack: Path, name: str, change: Callable[[np.ndarray], np.ndarray | None], why: str
+) -> None:
+    path = pack / WEIGHTS_FILE
+    with safe_open(path, framework="np") as file:
+        metadata, arrays = file.metadata(), {key: file.get_tensor(key) for key in file.keys()}
+    changed = change(arrays.pop(f"network.{name}", None))
+    save_file(arrays | ({} if changed is None else {f"network.{name}": changed}), path, metadata)
+    with pytest.raises(UserError, match=f"expected recognition weights .*{why}"):
+        Recognizer(path)
 
 
 def test_no_photos_give_no_predictions() -> None:

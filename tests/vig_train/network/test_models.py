@@ -1,8 +1,7 @@
-"""The graph that is written does what the network in torch does, whatever its sizes."""
+"""The model that is put together does what the network in torch does, whatever its sizes."""
 
 from __future__ import annotations
 
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,10 +11,10 @@ import torch
 
 from tests.support import SMALL
 from vig.recognition import NetworkSettings, Recognizer
+from vig.recognition.graph import weight_shapes
 from vig.recognition.network import mask_at_pixels
+from vig.recognition.weights import COUNTER
 from vig.scene.object_class import PACKAGED
-from vig_app.cli.main import main
-from vig_train.network.graphs import convert
 from vig_train.network.network import RecognitionNetwork
 from vig_train.network.weights import read_network
 from vig_train.training.checkpoint import save_weights
@@ -58,27 +57,23 @@ def agrees(network: RecognitionNetwork, recognizer: Recognizer) -> None:
 
 
 @pytest.mark.parametrize("name", SIZES)
-def test_a_graph_is_the_network(name: str, tmp_path: Path) -> None:
+def test_a_model_is_the_network(name: str, tmp_path: Path) -> None:
     path = tmp_path / "recognition.safetensors"
     written(path, SIZES[name])
     agrees(read_network(path), Recognizer(path))
 
 
 @pytest.mark.parametrize("name", ["teapot", "mug", "car"])
-def test_graphs_of_packaged_classes_are_their_networks(name: str) -> None:
+def test_models_of_packaged_classes_are_their_networks(name: str) -> None:
     path = PACKAGED / name / "recognition.safetensors"
     agrees(read_network(path), Recognizer(path))
 
 
-def test_conversion_writes_the_graphs_that_training_does(tmp_path: Path) -> None:
-    path = tmp_path / "recognition.safetensors"
-    written(path, SIZES["context"])
-    graphs = sorted(tmp_path.glob("*.onnx"))
-    before = [graph.read_bytes() for graph in graphs]
-    for graph in graphs:
-        graph.unlink()
-    convert(path)
-    assert [graph.read_bytes() for graph in graphs] == before and len(before) == 2
+@pytest.mark.parametrize("name", SIZES)
+def test_the_weights_of_a_model_are_the_networks(name: str) -> None:
+    held = RecognitionNetwork(SIZES[name]).state_dict()
+    shapes = {key: tuple(value.shape) for key, value in held.items() if not key.endswith(COUNTER)}
+    assert weight_shapes(SIZES[name]) == shapes
 
 
 def test_a_mask_at_pixels_is_interpolated_as_by_torch() -> None:
@@ -86,21 +81,3 @@ def test_a_mask_at_pixels_is_interpolated_as_by_torch() -> None:
     full = torch.nn.functional.interpolate(logits, scale_factor=2, mode="bilinear", align_corners=False)
     expected = full[:, :, :149, :].softmax(1).permute(0, 2, 3, 1)
     np.testing.assert_allclose(mask_at_pixels(logits.numpy(), 149, 150), expected, atol=1e-6)
-
-
-def test_the_command_converts_packs_and_says_what_is_none(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    pack = Path(shutil.copytree(PACKAGED / "car", tmp_path / "car"))
-    before = {path.name: path.read_bytes() for path in pack.glob("*.onnx")}
-    for name in before:
-        (pack / name).unlink()
-    with pytest.raises(SystemExit) as ended:
-        main(["class", "convert", str(pack)])
-    assert not ended.value.code and "converted" in capsys.readouterr().err
-    assert {path.name: path.read_bytes() for path in pack.glob("*.onnx")} == before
-    for given, why in ((tmp_path, "nothing of that name"), (pack / "class.json", "a damaged file")):
-        with pytest.raises(SystemExit) as ended:
-            main(["class", "convert", str(given)])
-        lines = capsys.readouterr().err.strip().splitlines()
-        assert ended.value.code == 2 and len(lines) == 1 and why in lines[0]
