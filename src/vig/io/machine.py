@@ -20,26 +20,32 @@ PACKAGES = (
 def machine() -> dict[str, Any]:
     """What vig runs on, as plain data.
 
-    `{"vig", "python", "platform", "processor", "cpus", "packages": {name: version or None}}`.
+    `{"vig", "python", "platform", "architecture", "processor", "cpus", "packages": {name: version or None}}`.
     """
     return {
         "vig": vig.__version__,
         "python": platform.python_version(),
         "platform": platform.platform(),
+        "architecture": platform.machine(),
         "processor": processor(),
         "cpus": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
         "packages": {name: _version(name) for name in PACKAGES},
     }
 
 
-def processor() -> str:
-    """The processor's model, its architecture where the system does not report it."""
+def processor(root: Path = Path("/")) -> str:
+    """The processor's model; on arm64 that of the board, the architecture where the system reports neither.
+
+    root: Of the files that state it.
+    """
     try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        lines = (root / "proc/cpuinfo").read_text().splitlines()
+        for line in lines:
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+        return (root / "proc/device-tree/model").read_text().strip(" \0\n")
     except OSError:
-        lines = []
-    models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return models[0] if models else platform.processor() or platform.machine()
+        return platform.processor() or platform.machine()
 
 
 def _version(name: str) -> str | None:

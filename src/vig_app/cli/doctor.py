@@ -87,6 +87,7 @@ def report_lines(report: dict[str, Any]) -> str:
         ("vig", report["vig"]),
         ("python", report["python"]),
         ("platform", report["platform"]),
+        ("architecture", report["architecture"]),
         ("processor", f"{report['cpus']} x {report['processor']}"),
         *((name, version or "not installed") for name, version in report["packages"].items()),
         ("native code", f"for {report['instruction_set']}"),

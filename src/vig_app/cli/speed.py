@@ -9,8 +9,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-WORKER_MEMORY = 740 << 20
-"""Bytes of a process of `vig fit`; docs/many.md."""
+WORKER_MEMORY = 480 << 20
+"""Bytes of a process of `vig fit` on photos of up to 12 million pixels; docs/boards.md."""
 CGROUPS = (
     ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory.current"),
     ("/sys/fs/cgroup/memory/memory.limit_in_bytes", "/sys/fs/cgroup/memory/memory.usage_in_bytes"),
@@ -90,27 +90,33 @@ def load(cpus: int) -> Finding:
 
 def memory(cpus: int) -> Finding:
     """How many processes of `vig fit` there is memory for."""
-    free = free_memory()
-    if free is None:
-        return Finding("free memory", "unknown on this system")
+    there = memory_of()
+    if there is None:
+        return Finding("memory", "unknown on this system")
+    total, free = there
     workers = free // WORKER_MEMORY
-    state = f"{free / 1e9:.1f} GB, for {workers} processes of vig fit"
+    state = f"{free / 1e9:.1f} of {total / 1e9:.1f} GB free, for {workers} processes of vig fit"
     if workers >= cpus:
-        return Finding("free memory", state)
+        return Finding("memory", state)
     need = f"{WORKER_MEMORY / 1e9:.1f} GB each"
+    if total < WORKER_MEMORY:
+        return Finding("memory", state, f"too small for a fit, which may be killed: {need}; add swap")
     if not workers:
-        return Finding("free memory", state, f"free some, or fits may be killed: {need}")
-    return Finding("free memory", state, f"no more than --workers {workers}: {need}")
+        return Finding("memory", state, f"free some, or fits may be killed: {need}")
+    return Finding("memory", state, f"no more than --workers {workers}: {need}")
 
 
-def free_memory(root: Path = Path("/")) -> int | None:
-    """Bytes that are free without swapping, within a container's limit; None where the system tells none.
+def memory_of(root: Path = Path("/")) -> tuple[int, int] | None:
+    """Bytes in all and those free without swapping, within a container's limit; None where unknown.
 
-    root: Of the files that tell it.
+    root: Of the files that state it.
     """
     try:
         lines = (root / "proc/meminfo").read_text().splitlines()
-        free = 1024 * next(int(line.split()[1]) for line in lines if line.startswith("MemAvailable:"))
+        total, free = (
+            1024 * next(int(line.split()[1]) for line in lines if line.startswith(name))
+            for name in ("MemTotal:", "MemAvailable:")
+        )
     except (OSError, StopIteration, ValueError):
         return None
     for limit, used in CGROUPS:
@@ -118,8 +124,8 @@ def free_memory(root: Path = Path("/")) -> int | None:
             most, now = (int((root / path.lstrip("/")).read_text()) for path in (limit, used))
         except (OSError, ValueError):  # no such file, or "max"
             continue
-        free = min(free, max(0, most - now))
-    return free
+        total, free = min(total, most), min(free, max(0, most - now))
+    return total, free
 
 
 def extras(known: Mapping[str, Extra] = EXTRAS) -> dict[str, dict[str, Any]]:

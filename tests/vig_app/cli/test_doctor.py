@@ -1,11 +1,12 @@
 import json
+import platform
+import re
 import shutil
 from pathlib import Path
 
 import pytest
 
 import vig
-import vig.renderer
 from vig.scene.object_class import PACKAGED
 from vig_app.cli import doctor as module
 from vig_app.cli.common import Doctor
@@ -25,6 +26,9 @@ def test_text_and_json_say_the_same(capsys: pytest.CaptureFixture[str]) -> None:
     report = json.loads(capsys.readouterr().out)
     assert run_doctor(Doctor()) == 0
     text = capsys.readouterr().out
+    assert report["architecture"] == platform.machine()
+    assert re.search(rf"^architecture +{report['architecture']}$", text, re.MULTILINE)
+    assert re.search(rf"^processor +{report['cpus']} x ", text, re.MULTILINE)
     for value in (report["python"], report["packages"]["numpy"], "renderer", "ok: 171 of 171"):
         assert value in text
 
@@ -35,7 +39,7 @@ def test_a_renderer_that_fails_is_a_line_and_an_exit_code(
     def broken(*arguments):
         raise RuntimeError("no kernel\nfor this machine")
 
-    monkeypatch.setattr(vig.renderer, "render", broken)
+    monkeypatch.setattr("vig.renderer.drawing.draw_mesh", broken)
     assert run_doctor(Doctor()) == 1
     assert "NOT OK: failed: RuntimeError: no kernel for this machine" in capsys.readouterr().out
 

@@ -15,9 +15,9 @@ from vig_app.cli.speed import (
     EXTRAS,
     Extra,
     extras,
-    free_memory,
     load,
     memory,
+    memory_of,
     rows,
     threads,
 )
@@ -49,12 +49,23 @@ def test_load(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(
-    ("free", "cpus", "said"),
-    [(8 << 30, 2, ""), (1 << 30, 2, "no more than --workers 1: 0.8 GB each"), (1 << 28, 1, "may be killed")],
+    ("total", "free", "cpus", "said"),
+    [
+        (9 << 30, 8 << 30, 2, ""),
+        (4 << 30, 1 << 30, 4, "no more than --workers 2: 0.5 GB each"),
+        (1 << 30, 1 << 28, 1, "free some, or fits may be killed"),
+        (1 << 28, 1 << 27, 4, "too small for a fit, which may be killed: 0.5 GB each; add swap"),
+    ],
 )
-def test_memory(free: int, cpus: int, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(speed, "free_memory", lambda: free)
+def test_memory(total: int, free: int, cpus: int, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(speed, "memory_of", lambda: (total, free))
     assert said in memory(cpus).do and bool(said) == bool(memory(cpus).do)
+    assert f"of {total / 1e9:.1f} GB free" in memory(cpus).state
+
+
+def test_memory_that_the_system_does_not_state_is_no_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(speed, "memory_of", lambda: None)
+    assert memory(2).state == "unknown on this system" and memory(2).do == ""
 
 
 def write(path: Path, text: str) -> None:
@@ -62,17 +73,17 @@ def write(path: Path, text: str) -> None:
     path.write_text(text)
 
 
-def test_free_memory_is_within_a_containers_limit(tmp_path: Path) -> None:
-    assert free_memory(tmp_path) is None
+def test_memory_is_within_a_containers_limit(tmp_path: Path) -> None:
+    assert memory_of(tmp_path) is None
     write(tmp_path / "proc/meminfo", "MemTotal: 9000 kB\nMemAvailable:    4000 kB\n")
-    assert free_memory(tmp_path) == 4000 * 1024
+    assert memory_of(tmp_path) == (9000 * 1024, 4000 * 1024)
     write(tmp_path / "sys/fs/cgroup/memory.max", "max\n")
     write(tmp_path / "sys/fs/cgroup/memory.current", "1000\n")
-    assert free_memory(tmp_path) == 4000 * 1024
+    assert memory_of(tmp_path) == (9000 * 1024, 4000 * 1024)
     write(tmp_path / "sys/fs/cgroup/memory.max", "3000\n")
-    assert free_memory(tmp_path) == 2000
+    assert memory_of(tmp_path) == (3000, 2000)
     write(tmp_path / "sys/fs/cgroup/memory.current", "5000\n")
-    assert free_memory(tmp_path) == 0
+    assert memory_of(tmp_path) == (3000, 0)
 
 
 def test_extras_are_those_of_the_project() -> None:
