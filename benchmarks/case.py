@@ -185,8 +185,8 @@ class Rendered:
         self.topology = Topology.of(model.faces, model.mean)
         self.points = [torch.from_numpy(points).float() for points in case.points()]
         self.inputs = {
-            "albedo": case.truth.albedo[0].float().repeat(len(model.mean), 1),
-            "light": case.truth.light[0].float(),
+            "albedo": torch.from_numpy(case.truth.albedo[0]).float().repeat(len(model.mean), 1),
+            "light": torch.from_numpy(case.truth.light[0]).float(),
             "focal": torch.full((2,), camera.focal),
             "centre": torch.tensor([camera.cx, camera.cy]),
             "rotation": torch.eye(3),

@@ -43,7 +43,7 @@ def test_the_photo_is_seeded_and_shows_the_object_only_in_part(standard) -> None
     ours = Ours(standard)
     found = ours.images()
     covered = found.coverage[0] > 0.5
-    explained = float((found.posterior[0][covered] > 0.5).float().mean())
+    explained = float((found.posterior[0][covered] > 0.5).mean())
     assert 0.5 < explained < 0.95  # the rest is the occluder's
 
 

@@ -75,11 +75,11 @@ def test_a_batch_of_photos_is_valued_and_fitted_as_one_by_one(fits: Fits) -> Non
         )
         zero, start = np.zeros(1, np.int32), alone.point(of_photo.best())
         np.testing.assert_allclose(starts[at : at + 1], start, rtol=1e-6)
-        assert math.isclose(values[at], alone(start, zero, np.array([SIGMA])).value, rel_tol=1e-6)
+        assert math.isclose(values[at], alone(start, zero, np.array([SIGMA])).value.item(), rel_tol=1e-6)
         end = fits.settings.optimizer(alone, start, zero, SIGMA, budget)
         assert end.converged and ends.converged[at]
         # Rounding, over tens of steps past kinks: some hundred nats of eighty thousand.
-        assert math.isclose(ends.value[at], end.value, rel_tol=1e-2)
+        assert math.isclose(ends.value[at], end.value.item(), rel_tol=1e-2)
     # The same photo at two places of a batch: matrix products may round by the place.
     assert math.isclose(values[0], values[2], rel_tol=1e-6)
     assert math.isclose(ends.value[0], ends.value[2], rel_tol=1e-2)

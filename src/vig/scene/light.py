@@ -61,7 +61,8 @@ def rotate_z(light: Array, angle: Array | float) -> Array:
     The turned light in direction d is the given light in direction Rz(-angle) d.
     """
     functions = namespace(light)
-    angle = functions.asarray(angle, dtype=light.dtype)
+    # A tensor's own method: `torch.asarray` up to 2.12 cuts the derivative.
+    angle = angle.to(light.dtype) if hasattr(angle, "to") else functions.asarray(angle, dtype=light.dtype)
     c1, s1, c2, s2 = (of(times * angle) for times in (1, 2) for of in (functions.cos, functions.sin))
     l00, y, z, x, xy, yz, zz, xz, x2y2 = (light[..., number] for number in range(L_COUNT))
     turned = [

@@ -71,7 +71,7 @@ def test_the_animation_ends_with_the_answer(
     answer = explain_one(photo, prediction, teapot, replace(settings))
     assert words[0] == "recognition model" and words[-1] == answer.verdict.name.lower()
     assert words[1].startswith("evaluation 1 of ")
-    assert (drawn[-1] == answer.amodal.numpy()).mean() > 0.999
+    assert (drawn[-1] == answer.amodal).mean() > 0.999
     with Image.open(path) as image:
         assert image.format == "WEBP" and 10 < image.n_frames <= len(words) <= animation.MAX_FRAMES
         assert image.size == (2 * animation.PICTURE_PIXELS + 4, animation.PICTURE_PIXELS + 22)
