@@ -81,12 +81,15 @@ class _Writer:
         self.constants: dict[str, str] = {}
 
     def model(self, image: Shape, outputs: Mapping[str, Shape], weights: Mapping[str, np.ndarray]) -> bytes:
-        graph = [_field(1, node) for node in self.nodes]
-        graph += [_field(2, "vig"), *(_field(5, _initializer(name, weights[name])) for name in self.weights)]
+        graph: list[bytes | memoryview] = [_field(1, node) for node in self.nodes]
+        graph.append(_field(2, "vig"))
+        for name in self.weights:
+            graph += _initializer(name, weights[name])
         graph += [_field(11, _array(INPUT, image)), *(_field(12, _array(*each)) for each in outputs.items())]
         opset = _field(1, "") + _field(2, OPSET)
-        parts = (_field(1, IR_VERSION), _field(2, "vig"), _field(8, opset), _field(7, b"".join(graph)))
-        return b"".join(parts)
+        head = _field(1, IR_VERSION) + _field(2, "vig") + _field(8, opset)
+        # All is joined once: the weights are megabytes.
+        return b"".join((head, *_headed(7, graph)))
 
     def op(self, operator: str, *inputs: str, result: str = "", **attributes: Value) -> str:
         return self.operation(operator, inputs, attributes, result)
@@ -353,9 +356,16 @@ def _field(number: int, value: float | str | bytes) -> bytes:
     return b"".join((_varint(number << 3 | 2), _varint(len(data)), data))
 
 
-def _initializer(name: str, array: np.ndarray) -> bytes:
-    dims = b"".join(_field(1, size) for size in array.shape)
-    return b"".join((dims, _field(2, 1), _field(8, name), _field(9, np.ascontiguousarray(array).tobytes())))
+def _headed(number: int, parts: Sequence[bytes | memoryview]) -> list[bytes | memoryview]:
+    """`_field` of the parts together, which are not copied."""
+    size = sum(len(part) for part in parts)
+    return [_varint(number << 3 | 2) + _varint(size), *parts]
+
+
+def _initializer(name: str, array: np.ndarray) -> list[bytes | memoryview]:
+    head = [*(_field(1, size) for size in array.shape), _field(2, 1), _field(8, name)]
+    numbers = np.ascontiguousarray(array, np.float32).data.cast("B")
+    return _headed(5, [*head, *_headed(9, [numbers])])
 
 
 def _array(name: str, shape: Shape) -> bytes:

@@ -50,6 +50,8 @@ def _session(model: bytes) -> onnxruntime.InferenceSession:
             options.intra_op_num_threads = options.inter_op_num_threads = 1
             options.log_severity_level = 4  # what fails is raised
             options.enable_cpu_mem_arena = False  # as fast, and what is not needed is given back
+            # As fast for windows, at once in half the time, and the weights are held but once.
+            options.add_session_config_entry("session.disable_prepacking", "1")
             session = onnxruntime.InferenceSession(model, options, ["CPUExecutionProvider"])
             _sessions[digest] = session
         return session

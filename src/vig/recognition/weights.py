@@ -36,7 +36,7 @@ def network_weights(tensors: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
             continue
         if not np.issubdtype(held.dtype, np.floating):
             raise ValueError(f"'{name[:100]}' must be floating-point numbers; it is {held.dtype}")
-        value = held.astype(np.float32)
+        value = held.astype(np.float32, copy=False)
         if not np.isfinite(value).all() or (name.endswith(VARIANCE) and (value < 0).any()):
             raise ValueError(f"'{name[:100]}' has numbers that are infinite, or variances below 0")
         own[name.removeprefix("network.")] = value

@@ -36,7 +36,6 @@ from vig_app.cli.boxes import boxes_of, check_place, classes_of
 from vig_app.cli.cameras import cameras_of
 from vig_app.cli.common import FitCommand
 from vig_app.cli.hints import hints_of, mask_of
-from vig_app.cli.live import fit_live
 from vig_app.cli.naming import in_order, listed, note_order
 from vig_app.corrections import CORRECTIONS, Correction, corrected_in
 from vig_app.exports import RUN_FORMATS, export_run, run_files
@@ -83,6 +82,8 @@ def fit(settings: FitCommand) -> int:
         )
     check_files(settings.files or ())
     if settings.live is not None:
+        from vig_app.cli.live import fit_live
+
         return fit_live(settings)
     if settings.timeout != FitCommand.timeout:
         raise UserError("expected --timeout with --live; got it without. Leave it out.")

@@ -65,13 +65,12 @@ def main(arguments: list[str] | None = None) -> None:
     if arguments == ["--version"]:
         print(f"vig {__version__}")
         sys.exit(0)
-    verbs = {verb.settings: verb for verb in (*VERBS, *verbs_of_packages())}
+    # Those of packages are looked for where they may be meant: it takes longer than to read a photo.
+    others = () if arguments and arguments[0] in {verb.name for verb in VERBS} else verbs_of_packages()
+    verbs = {verb.settings: verb for verb in (*VERBS, *others)}
     try:
         _check_verb({verb.name for verb in verbs.values()}, arguments)
         chosen = _parsed(list(verbs.values()), arguments)
-        if isinstance(chosen, FitCommand | ViewCommand):
-            # Their matrices are small: numpy's further threads would only spin.
-            os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         sys.exit(verbs[type(chosen)].run(chosen))
     except UserError as error:
         code, line = ExitCode.MISTAKE, str(error)
