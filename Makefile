@@ -18,9 +18,10 @@ WORKERS ?= auto
 demo: $(CORE)
 	$(BIN)/vig demo
 
-# A process per CPU, four at the most, as each holds torch; the tests of a file share what they set up.
+# A process per CPU, four at the most, as each holds torch; the tests of a file share what they set up. Processes that
+# they start take what Python has compiled.
 test: $(INSTALLED)
-	$(BIN)/pytest --numprocesses=$(WORKERS) --maxprocesses=4 --dist=loadfile
+	env -u PYTHONDONTWRITEBYTECODE $(BIN)/pytest --numprocesses=$(WORKERS) --maxprocesses=4 --dist=loadfile
 
 check: $(INSTALLED)
 	$(BIN)/ruff check
@@ -74,9 +75,10 @@ WORKERS ?= auto
 demo: $(CORE)
 	$(BIN)/vig demo
 
-# A process per CPU, four at the most, as each holds torch; the tests of a file share what they set up.
+# A process per CPU, four at the most, as each holds torch; the tests of a file share what they set up. Processes that
+# they start take what Python has compiled.
 test: $(INSTALLED)
-	$(BIN)/pytest --numprocesses=$(WORKERS) --maxprocesses=4 --dist=loadfile
+	env -u PYTHONDONTWRITEBYTECODE $(BIN)/pytest --numprocesses=$(WORKERS) --maxprocesses=4 --dist=loadfile
 
 check: $(INSTALLED)
 	$(BIN)/ruff check

@@ -36,8 +36,9 @@ def processor_seconds(arguments: Iterable[str], environment: Mapping[str, str]) 
 
 def measure(warm: int, cold: int) -> dict[str, list[float]]:
     """Seconds of every run of each command, by the name of its metric."""
-    # As many threads as a user gets: `benchmarks` itself sets one.
-    environment = {name: value for name, value in os.environ.items() if name != "OMP_NUM_THREADS"}
+    # As many threads as a user gets, where `benchmarks` itself sets one; and Python keeps what it compiles.
+    unset = {"OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "PYTHONDONTWRITEBYTECODE"}
+    environment = {name: value for name, value in os.environ.items() if name not in unset}
     with tempfile.TemporaryDirectory() as folder:
         fit = ["fit", str(example_photos()[0].photo), "--out", str(Path(folder) / "fit")]
         seconds: dict[str, list[float]] = {"fit_warm_s": [], "fit_cold_s": [], "help_s": []}

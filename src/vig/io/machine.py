@@ -11,8 +11,8 @@ from typing import Any
 import vig
 
 PACKAGES = (
-    *("numpy", "onnxruntime", "scipy", "pillow", "safetensors"),
-    *("torch", "trimesh", "pyarrow", "OpenImageIO", "matplotlib"),
+    *("numpy", "onnxruntime", "pillow", "safetensors"),
+    *("torch", "scipy", "trimesh", "pyarrow", "OpenImageIO", "matplotlib"),
 )
 """Packages whose versions are stated."""
 

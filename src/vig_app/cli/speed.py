@@ -41,7 +41,7 @@ EXTRAS = {
     "world": Extra(
         (
             *("mapbox_earcut", "matplotlib", "OpenImageIO", "plyfile"),
-            *("pyarrow", "skimage", "threadpoolctl", "trimesh"),
+            *("pyarrow", "scipy", "skimage", "threadpoolctl", "trimesh"),
         ),
         "datasets, classes of your own meshes, results.parquet",
     ),
