@@ -37,7 +37,7 @@ NATIVE := $(filter-out %/density_list.h,$(wildcard src/vig_native/*.cc src/vig_n
 	src/vig_native/cmake/CMakeLists.txt
 
 $(CORE): pyproject.toml constraints.txt $(NATIVE)
-	@echo "making the environment in $(VENV): half a minute, 0.4 GB"
+	@echo "making the environment in $(VENV): half a minute, 0.3 GB"
 	$(PYTHON) -m venv $(VENV)
 	$(PIP) install --quiet --constraint constraints.txt --editable .
 	touch $@
@@ -53,59 +53,6 @@ $(INSTALLED): $(CORE)
 
 $(DOCS): $(INSTALLED)
 	$(BIN)/python tools/requirements.py docs | $(PIP) install --quiet --constraint constraints.txt --requirement /dev/stdin
-	touch $@
-
-clean: all but the last make their environment (.venv) when it is missing.
-
-PYTHON ?= $(shell command -v python3.11 || command -v python3)
-VENV := .venv
-BIN := $(VENV)/bin
-INSTALLED := $(VENV)/.installed
-CORE := $(VENV)/.core
-DOCS := $(VENV)/.docs
-PIP := $(BIN)/python -m pip
-
-# PyTorch's own index of CPU builds: on Linux a plain torch brings gigabytes of CUDA packages. Where it cannot be
-# reached, or is set to nothing (make TORCH_INDEX=), the default index serves torch.
-TORCH_INDEX ?= https://download.pytorch.org/whl/cpu
-WORKERS ?= auto
-
-.PHONY: demo test check docs clean
-
-demo: $(CORE)
-	$(BIN)/vig demo
-
-# A process per CPU, four at the most, as each holds torch; the tests of a file share what they set up. Processes that
-# they start take what Python has compiled.
-test: $(INSTALLED)
-	env -u PYTHONDONTWRITEBYTECODE $(BIN)/pytest --numprocesses=$(WORKERS) --maxprocesses=4 --dist=loadfile
-
-check: $(INSTALLED)
-	$(BIN)/ruff check
-	$(BIN)/ruff format --check
-	$(BIN)/mypy
-
-# The site, in build/site; its tutorials are run on the way.
-docs: $(DOCS)
-	PATH="$(CURDIR)/$(BIN):$$PATH" NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
-	$(BIN)/python tools/check_site.py build/site
-
-NATIVE := $(filter-out %/density_list.h,$(wildcard src/vig_native/*.cc src/vig_native/*.h src/vig_native/*/*.cc src/vig_native/*/*.h)) \
-	src/vig_native/cmake/CMakeLists.txt
-
-$(INSTALLED): pyproject.toml constraints.txt $(NATIVE)
-	@echo "making the environment in $(VENV): a minute or two, some 2.6 GB"
-	$(PYTHON) -m venv $(VENV)
-	{ test -n "$(TORCH_INDEX)" && $(PIP) install --quiet --index-url "$(TORCH_INDEX)" --retries 0 --timeout 5 \
-		--constraint constraints.txt torch; } 2>/dev/null \
-		|| $(PIP) install --quiet --constraint constraints.txt torch
-	$(PIP) install --quiet --constraint constraints.txt --editable '.[dev]'
-	touch $@
-
-# Not as an extra of vig, which would compile the native library once more.
-$(DOCS): $(INSTALLED)
-	$(PIP) install --quiet --constraint constraints.txt $$($(BIN)/python -c "import tomllib; \
-		print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['optional-dependencies']['docs'])")
 	touch $@
 
 clean:

@@ -18,11 +18,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import torch
 from PIL import Image
 from safetensors.numpy import save_file
 
 from vig.io.files import atomic_write
+from vig.parallel import set_thread_count
 from vig.photo.images import write_png
 from vig.scene import ObjectClass
 from vig_app.demo import FOLDER
@@ -80,7 +80,7 @@ def main() -> None:
     parser.add_argument("--sheet", type=Path, help="only rasterise the scenes, into this picture")
     arguments = parser.parse_args()
 
-    torch.set_num_threads(1)
+    set_thread_count(1)
     library = Library(SPLIT)
     if arguments.sheet:
         write_png(arguments.sheet, sheet(library))

@@ -22,10 +22,10 @@ from itertools import count
 from pathlib import Path
 
 import numpy as np
-import torch
 from safetensors.numpy import save_file
 
 from vig.io.files import atomic_write
+from vig.parallel import set_thread_count
 from vig.photo.images import write_png
 from vig.scene import ObjectClass
 from vig_app.examples import FOLDER
@@ -55,7 +55,7 @@ def main() -> None:
     parser.add_argument("--samples", type=int, default=128, help="paths per pixel")
     arguments = parser.parse_args()
 
-    torch.set_num_threads(1)
+    set_thread_count(1)
     object_class, library = ObjectClass.load(CLASS_NAME), Library(SPLIT)
     photos: list[dict] = []
     used: set[str] = set()

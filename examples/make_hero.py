@@ -69,7 +69,7 @@ def turned(found: vig.Explanation) -> np.ndarray:
 
 def repainted(found: vig.Explanation) -> np.ndarray:
     """The photo with the object's colour changed where it is seen, shading and gloss as they are."""
-    old = found.latents.albedo[0].numpy()
+    old = found.latents.albedo[0]
     seen = np.clip(2 * gaussian_filter(found.mask.astype(np.float32), SOFT), 0, 1)[..., None]
     painted = found.photo * (np.array(COLOUR, np.float32) / old)
     return srgb8_from_linear((1 - seen) * found.photo + seen * painted)

@@ -1,8 +1,8 @@
 """The steps of the Dockerfile, checked without a Docker engine.
 
-`python tools/dockerfile.py --run [--build-arg TORCH_INDEX=URL]` does them one by one in a temporary folder,
+`python tools/dockerfile.py --run [--build-arg NAME=VALUE]` does them one by one in a temporary folder,
 where each absolute path of the image lies: pip installs what the image would, and `vig demo` runs. It takes
-some minutes and 2 GB.
+some minutes and 0.5 GB.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ class Deodr:
     def __init__(self, case: Case):
         camera = case.camera
         self.points, self.photo = case.points(), case.photo
-        albedo = np.tile(case.truth.albedo.numpy(), (len(case.model.mean), 1))
+        albedo = np.tile(case.truth.albedo, (len(case.model.mean), 1))
         self.mesh = ColoredTriMesh(case.model.faces, self.points[0], colors=albedo)
         self.scene = Scene3D(integer_pixel_centers=False)
         self.scene.set_mesh(self.mesh)
