@@ -1,8 +1,8 @@
 """Processor seconds of single commands, start included: `python -m benchmarks.startup [--json FILE]`.
 
-`vig fit` of a packaged example as any later time (warm) and as the first after an installation, without
-caches (cold; pip has compiled the Python), and `vig --help`: processor time of all threads, the minimum of
-several runs, each in a process of its own.
+`vig fit` of a packaged example with a box as any later time (warm) and as the first after an installation,
+without caches (cold; pip has compiled the Python), without a box (find), and `vig --help`: processor time of
+all threads, the minimum of several runs, each in a process of its own.
 """
 
 from __future__ import annotations
@@ -21,6 +21,8 @@ from benchmarks.measuring import metric, report, write
 from vig_app.examples import example_photos
 
 WARM_RUNS, COLD_RUNS = 5, 2
+BOX = "7,42,124,78"
+"""Of the object in the first packaged example."""
 
 
 def processor_seconds(arguments: Iterable[str], environment: Mapping[str, str]) -> float:
@@ -40,13 +42,16 @@ def measure(warm: int, cold: int) -> dict[str, list[float]]:
     unset = {"OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "PYTHONDONTWRITEBYTECODE"}
     environment = {name: value for name, value in os.environ.items() if name not in unset}
     with tempfile.TemporaryDirectory() as folder:
-        fit = ["fit", str(example_photos()[0].photo), "--out", str(Path(folder) / "fit")]
-        seconds: dict[str, list[float]] = {"fit_warm_s": [], "fit_cold_s": [], "help_s": []}
+        find = ["fit", str(example_photos()[0].photo), "--out", str(Path(folder) / "fit")]
+        fit = [*find, "--box", BOX]
+        names = "fit_warm_s", "fit_cold_s", "find_warm_s", "help_s"
+        seconds: dict[str, list[float]] = {name: [] for name in names}
         for run in range(cold):
             fresh = {"XDG_CACHE_HOME": str(Path(folder) / f"cache{run}")}
             seconds["fit_cold_s"].append(processor_seconds(fit, environment | fresh))
         for _ in range(warm):
             seconds["fit_warm_s"].append(processor_seconds(fit, environment))
+            seconds["find_warm_s"].append(processor_seconds(find, environment))
             seconds["help_s"].append(processor_seconds(["--help"], environment))
     return seconds
 

@@ -108,11 +108,16 @@ def draw_mesh(
     return Drawn(rgb[0], coverage[0], depth[0], seen_normals[0], triangle_id[0])
 
 
-def mesh_of(faces: np.ndarray, vertices: np.ndarray) -> Any:
-    """Faces (F, 3) and their edges in the native library, as `vig_renderer.Topology.of` finds them."""
+def mesh_of(faces: np.ndarray, vertices: np.ndarray | None = None) -> Any:
+    """Faces (F, 3) and their edges in the native library, as `vig_renderer.Topology.of` finds them.
+
+    vertices: (V, 3); without them there are no edges, which `Drawn.triangle_id` does not need.
+    """
     corners = np.ascontiguousarray(faces, np.int32)
-    edges = edges_of(welded(vertices)[corners] if len(corners) else corners)
-    return engine.mesh(corners, corners, np.ascontiguousarray(edges), len(vertices))
+    edges, count = np.zeros((0, 6), np.int32), int(corners.max(initial=-1)) + 1
+    if vertices is not None:
+        edges, count = edges_of(welded(vertices)[corners] if len(corners) else corners), len(vertices)
+    return engine.mesh(corners, corners, np.ascontiguousarray(edges), count)
 
 
 @functools.lru_cache(maxsize=8)

@@ -90,10 +90,11 @@ def _joined(place: np.ndarray, faces: np.ndarray, chart: np.ndarray, seen: np.nd
     )
     rows, columns = np.nonzero(seen >= 0)
     face = seen[rows, columns]
-    a, b, c = place[face].transpose(1, 0, 2)
-    to_corner = np.stack([b - a, c - a], axis=2)
-    middle = np.stack([columns, rows], axis=1) + 0.5 - a
-    second, third = np.linalg.solve(to_corner, middle[..., None])[..., 0].T
+    a, b, c = place[face].transpose(1, 2, 0)
+    (along, down), (along_other, down_other) = b - a, c - a
+    x, y = np.stack([columns, rows]) + 0.5 - a
+    area = along * down_other - down * along_other
+    second, third = (x * down_other - y * along_other) / area, (y * along - x * down) / area
     shares = np.stack([1 - second - third, second, third], axis=1).astype(np.float32)
     number = np.full(seen.shape, -1, np.int32)
     number[rows, columns] = np.arange(len(face))
@@ -220,7 +221,7 @@ def _drawn(place: np.ndarray, height: np.ndarray) -> np.ndarray:
     depth = 1 - LIFT * (height - height.min()) / max(float(np.ptp(height)), 1e-9)
     points = np.concatenate([place, np.ones_like(height)[..., None]], axis=2) * depth[..., None]
     points = points.reshape(-1, 3).astype(np.float32)
-    mesh = mesh_of(np.arange(len(points)).reshape(-1, 3), points)
+    mesh = mesh_of(np.arange(len(points)).reshape(-1, 3))
     camera = np.eye(3), np.zeros(3), np.ones(2), np.zeros(2)
     return draw_mesh(mesh, points, None, np.ones(3), camera, SIDE, SIDE).triangle_id
 
