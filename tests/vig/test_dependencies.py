@@ -121,6 +121,7 @@ def test_the_lowest_versions_that_ci_installs_are_those_of_the_package() -> None
         found.groups()
         for line in [
             *project["dependencies"],
+            *extras["torch"],
             *extras["world"],
             *extras["heic"],
             *extras["video"],

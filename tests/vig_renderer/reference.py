@@ -12,9 +12,8 @@ from typing import Any
 import torch
 
 from vig_native import engine
-from vig_renderer import Pyramid, Topology
+from vig_renderer import NEAR, Pyramid, Topology
 from vig_renderer.general import MARGIN
-from vig_renderer.scene import NEAR
 
 Edges = set[tuple[int, int, int, int, int]]
 """Visible occlusion edges: vertex a, vertex b, axis, line, the first of the two pixels."""

@@ -191,16 +191,17 @@ def test_shape_models(name: str, value: np.ndarray, why: str) -> None:
     ("linear", "why"),
     [
         (
-            torch.zeros(1, 8, 8, 3, dtype=torch.uint8),
-            "photos must be floating-point linear RGB; got torch.uint8",
+            np.zeros((1, 8, 8, 3), np.uint8),
+            "photos must be arrays of floating-point linear RGB; got uint8",
         ),
-        (torch.full((1, 8, 8, 3), -1.5), "photos must be linear RGB in .* got a minimum of -1.5"),
-        (torch.zeros(1, 3, 8, 8), r"photos must be \(N, H, W, 3\)"),
+        (torch.zeros(1, 8, 8, 3), "photos must be arrays of floating-point .* got torch.float32"),
+        (np.full((1, 8, 8, 3), -1.5), "photos must be linear RGB in .* got a minimum of -1.5"),
+        (np.zeros((1, 3, 8, 8)), r"photos must be \(N, H, W, 3\)"),
     ],
 )
-def test_photos(linear: torch.Tensor, why: str) -> None:
+def test_photos(linear: np.ndarray, why: str) -> None:
     with pytest.raises(ValueError, match=why):
-        Photos(linear, torch.zeros(linear.shape))
+        Photos(linear, np.zeros(linear.shape))
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,7 @@ import torch
 from tests.vig_renderer import reference
 from tests.vig_renderer.reference import find
 from vig.scene import Camera
-from vig_renderer import Topology
-from vig_renderer.scene import NEAR
+from vig_renderer import NEAR, Topology
 from vig_world.raster.rasterize import rasterize
 
 SIZE = (24, 32)

@@ -486,7 +486,6 @@ def test_the_command_calibrates_weights_in_place_and_writes_what_was_learned_of_
     learned = FitCalibration.load(tmp_path / "calibration.json")
     assert learned.scale.shape == (2, 24) and np.isfinite(learned.scale).all()
     assert {path.name for path in tmp_path.iterdir()} == {
-        "recognition.onnx",
         "recognition.safetensors",
         "calibration.json",
         "reliability.png",

@@ -18,7 +18,7 @@ CURVATURE_LINES = 75
 
 
 def _is_floating(array: np.ndarray) -> bool:
-    return np.issubdtype(array.dtype, np.floating)
+    return isinstance(array, np.ndarray) and np.issubdtype(array.dtype, np.floating)
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,8 @@ class Photos:
             )
         if not _is_floating(self.linear) or not _is_floating(self.log_prior):
             raise ValueError(
-                f"photos must be floating-point linear RGB; got {self.linear.dtype} and a log_prior of"
-                f" {self.log_prior.dtype}. Divide 8-bit values by 255 and decode them."
+                f"photos must be arrays of floating-point linear RGB; got {self.linear.dtype} and a log_prior"
+                f" of {self.log_prior.dtype}. Divide 8-bit values by 255 and decode them."
             )
         if not self.linear.size:
             return
