@@ -19,11 +19,9 @@ from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass
 from vig_world.dataset import Dataset, read_dataset
 from vig_world.generation.write import make_dataset
 
-set_thread_count(1)
 with suppress(ImportError):
-    import torch  # counts for itself, once it is loaded
-
-    torch.set_num_threads(1)
+    import torch  # noqa: F401  # whose number of threads is set with ours
+set_thread_count(1)
 # Under `nohup make test &` SIGINT is ignored, which programs that tests start and interrupt would inherit.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 

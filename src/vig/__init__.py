@@ -55,6 +55,8 @@ __all__ = ["__version__", *_HOMES]
 
 
 def __getattr__(name: str) -> Any:
+    if name == "renderer":
+        return import_module("vig.renderer")
     if name not in _HOMES:
         raise AttributeError(f"module 'vig' has no attribute '{name}'")
     return getattr(import_module(_HOMES[name]), name)

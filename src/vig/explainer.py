@@ -32,11 +32,12 @@ from vig.io.checks import number_of
 from vig.io.errors import UserError
 from vig.parallel import map_in_processes, on_one_core
 from vig.photo import ImagePyramid, Intrinsics, Window, focal_of
-from vig.photo.images import coded_photo, numpy_of_tensor
+from vig.photo.images import coded_photo
 from vig.photo.lens import camera_as_shown
 from vig.photo.window import DISTANCE_RATIO_BOUNDS
 from vig.recognition import WEIGHTS_FILE, Recognizer, UninformedRecognizer, find, upright
 from vig.scene import Latents, ObjectClass
+from vig.scene.functions import numpy_of_tensor
 from vig_renderer.defaults import with_default_settings
 
 Photo = str | Path | Image.Image | np.ndarray

@@ -28,6 +28,7 @@ from vig.photo.pinhole import sight_axes
 from vig.renderer.drawing import draw_latents
 from vig.scene import Camera, Latents, ObjectClass, latent_layout
 from vig.scene.camera import FOCAL_OVER_WIDTH
+from vig.scene.functions import numpy_of_tensor
 from vig_renderer.defaults import with_default_settings
 
 UNKNOWN_DISTANCE = 1.0
@@ -483,7 +484,7 @@ class Explanation:
 def _numbers(name: str, size: int, value: Any, most: float) -> np.ndarray:
     """(1, size) float32 from an argument of `Explanation.render`."""
     try:
-        array: np.ndarray = np.asarray(value, np.float32)
+        array: np.ndarray = np.asarray(numpy_of_tensor(value), np.float32)
         received = f"shape {array.shape}, {str(value)[:60]}"
     except (TypeError, ValueError):
         array, received = np.empty(0), str(value)[:60]

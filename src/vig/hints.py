@@ -15,6 +15,7 @@ from vig.io.errors import UserError
 from vig.photo import Window
 from vig.recognition.find import LocationHints
 from vig.scene import IMAGE_SIZE, ObjectClass
+from vig.scene.functions import numpy_of_tensor
 
 FARTHEST = 100.0
 """Usual distances beyond which an object is not: a pose in millimetres."""
@@ -61,7 +62,7 @@ class Hints:
         changed: dict[str, Any] = {}
         for name, kind in (("mask", bool), ("marks", np.uint8)):
             if (value := getattr(self, name)) is not None:
-                array = np.asarray(value.cpu() if hasattr(value, "cpu") else value)
+                array = np.asarray(numpy_of_tensor(value))
                 if array.ndim == 3 and 1 in (array.shape[0], array.shape[2]):
                     array = array[..., 0] if array.shape[2] == 1 else array[0]
                 if name == "mask" and array.dtype.kind in "iuf" and array.size:

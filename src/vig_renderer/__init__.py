@@ -44,7 +44,7 @@ def __getattr__(name: str) -> Any:
         if error.name != "torch":
             raise
         why = "expected torch, for the differentiable renderer; it is not installed. pip install 'vig[torch]'"
-        raise ModuleNotFoundError(why, name="torch") from error
+        raise ModuleNotFoundError(why, name="torch") from None
     return getattr(home, name)
 
 

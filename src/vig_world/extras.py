@@ -19,6 +19,5 @@ def optional_import(extra: str) -> Iterator[None]:
         yield
     except ModuleNotFoundError as error:
         raise UserError(
-            f"expected the package {error.name}, which is not installed; install it with"
-            f" `pip install 'vig[{extra}]'`."
+            f"expected the package {error.name}; it is not installed. Run pip install 'vig[{extra}]'."
         ) from error

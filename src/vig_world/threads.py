@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from threadpoolctl import ThreadpoolController
-
-from vig.parallel.threads import thread_limit
+from vig.parallel.threads import linear_algebra, thread_limit
 
 
 @contextmanager
@@ -17,7 +14,7 @@ def one_linear_algebra_thread() -> Iterator[None]:
 
     On two of a busy machine, threads of small products wait for each other ten times as long as they compute.
     """
-    with _linear_algebra().limit(limits=1, user_api="blas"):
+    with linear_algebra().limit(limits=1, user_api="blas"):
         yield
 
 
@@ -29,9 +26,3 @@ def one_thread() -> Iterator[None]:
     """
     with thread_limit(1), one_linear_algebra_thread():
         yield
-
-
-@functools.cache
-def _linear_algebra() -> ThreadpoolController:
-    """Finding the libraries takes long; those that are loaded after the first use are left alone."""
-    return ThreadpoolController()

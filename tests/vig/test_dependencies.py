@@ -108,8 +108,7 @@ def test_a_missing_package_is_one_line_with_its_extra() -> None:
     with pytest.raises(UserError) as error, optional_import("world"):
         import_module("vig_package_that_nobody_has")
     assert str(error.value) == (
-        "expected the package vig_package_that_nobody_has, which is not installed; install it with"
-        " `pip install 'vig[world]'`."
+        "expected the package vig_package_that_nobody_has; it is not installed. Run pip install 'vig[world]'."
     )
 
 

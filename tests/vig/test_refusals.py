@@ -343,7 +343,7 @@ def test_cameras(changed: dict[str, Any], why: str) -> None:
     [
         ({"shape": np.zeros(10)}, r"shape \(10,\)"),
         ({"azimuth": np.zeros(2)}, r"azimuth \(2,\)"),
-        ({"albedo": torch.zeros(1, 4)}, r"albedo \(1, 4\)"),
+        ({"albedo": np.zeros((1, 4))}, r"albedo \(1, 4\)"),
         ({"light": np.zeros((1, 9, 3))}, r"light \(1, 9, 3\)"),
         ({"elevation": [0.0]}, "elevation a list"),
         ({"azimuth": 0.5}, "azimuth a float"),
@@ -352,6 +352,11 @@ def test_cameras(changed: dict[str, Any], why: str) -> None:
 def test_latents(changed: dict[str, Any], got: str) -> None:
     why = rf"latents must be arrays shape \(B, K\), azimuth \(B,\), .*; got .*{got}.* Give"
     refused(lambda: replace(LATENTS, **changed), ValueError, why)
+
+
+def test_latents_of_arrays_and_tensors() -> None:
+    why = "latents must be all arrays or all tensors; got shape ndarray, .*albedo Tensor.* Convert"
+    refused(lambda: replace(LATENTS, albedo=torch.zeros(1, 3)), ValueError, why)
 
 
 @pytest.mark.parametrize("vector", [np.zeros(24), np.zeros((2, 13)), torch.zeros(2, 13)])

@@ -1,4 +1,4 @@
-"""Photos are explained, found, corrected, followed and exported where torch cannot be imported."""
+"""Photos are explained, found, corrected, followed and exported without the packages of any extra."""
 
 from __future__ import annotations
 
@@ -14,13 +14,18 @@ from vig_app.examples import FOLDER
 PHOTO = str(FOLDER / "02_egg_cup.png")
 REFUSED = """
 import sys
+from importlib.machinery import PathFinder
+from vig_app.cli.speed import EXTRAS
 
-class Refused:
-    def find_spec(self, name, path=None, target=None):
-        if name.split(".")[0] == "torch":
-            raise ModuleNotFoundError("No module named 'torch'", name="torch")
+refused = {module for extra in EXTRAS.values() for module in extra.modules}
+finders = [finder for finder in sys.meta_path if finder is not PathFinder]
 
-sys.meta_path.insert(0, Refused())
+class WithoutExtras(PathFinder):
+    @classmethod
+    def find_spec(cls, name, path=None, target=None):
+        return None if name.split(".")[0] in refused else super().find_spec(name, path, target)
+
+sys.meta_path[:] = [*finders, WithoutExtras]
 """
 LIBRARY = """
 import json, vig
@@ -37,7 +42,7 @@ COMMAND = "from vig_app.cli.main import main; main(sys.argv[1:])"
 
 
 def run(code: str, *arguments: str, exits: int = 0) -> subprocess.CompletedProcess[str]:
-    """A program in a process that refuses torch."""
+    """A program in a process that finds no package of an extra."""
     command = [sys.executable, "-c", REFUSED + code, *arguments]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert ended.returncode == exits, ended.stderr
@@ -61,9 +66,19 @@ def test_the_commands_write_all_files(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("code", "arguments", "extra"),
-    [(COMMAND, ("class", "train", "{}"), "train"), ("from vig.renderer import render", (), "torch")],
+    [
+        (COMMAND, ("class", "train", "{}"), "train"),
+        (COMMAND, ("class", "build", "{}", "--out", "{}/c"), "world"),
+        (COMMAND, ("calibrate", "--weights", "{}"), "train"),
+        (COMMAND, ("dataset", "make", "--count", "1", "--out", "{}/d"), "world"),
+        (COMMAND, ("fit", PHOTO, "--mesh", "{}/x.obj", "--box", "30,35,90,90", "--out", "{}/f"), "world"),
+        ("from vig.renderer import render", (), "torch"),
+        ("from vig.renderer import render_latents", (), "torch"),
+        ("import vig; vig.renderer.scene_of", (), "torch"),
+        ("import vig; vig.render", (), "torch"),
+    ],
 )
-def test_what_needs_torch_says_what_to_install(
+def test_what_needs_an_extra_says_what_to_install(
     code: str, arguments: tuple[str, ...], extra: str, tmp_path: Path
 ) -> None:
     ended = run(code, *(each.format(tmp_path) for each in arguments), exits=2 if arguments else 1)

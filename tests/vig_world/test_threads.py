@@ -1,7 +1,7 @@
 import threadpoolctl
 import torch
 
-from vig_world import threads
+from vig.parallel import threads
 from vig_world.threads import one_thread
 
 
@@ -12,7 +12,7 @@ def blas_threads() -> set[int]:
 
 
 def test_one_thread_is_of_torch_and_of_numpy_and_nests() -> None:
-    threads._linear_algebra.cache_clear()  # tests before this one may have loaded further libraries
+    threads.linear_algebra.cache_clear()  # tests before this one may have loaded further libraries
     cores = torch.get_num_threads()
     with threadpoolctl.threadpool_limits(2, user_api="blas"):
         before = blas_threads()

@@ -1,8 +1,10 @@
 """Work shared out to threads: native code and matrix products release Python's lock, and run side by side.
 
 How many is one setting: `set_thread_count`, or OMP_NUM_THREADS in the environment, by default the processors.
-Each thread computes on one core: a fit's matrices are small, and on more cores a product waits for threads
-far longer than it computes. Where a program has loaded torch, its own number counts, as one setting of both.
+Once a program has loaded torch, torch's number and ours are the same: what was set here is given to it, and
+what is set there counts. Each thread computes on one core: a fit's matrices are small, and on more cores a
+product waits for threads far longer than it computes. While something is explained numpy's linear algebra is
+therefore held to one thread, in the whole process.
 """
 
 from __future__ import annotations
@@ -16,6 +18,11 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
+from threadpoolctl import ThreadpoolController
+
+from vig.io.checks import number_of
+from vig.io.errors import UserError
+
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
@@ -25,6 +32,8 @@ MOST_CALLERS = 64
 _here = threading.local()
 _starting = threading.Lock()
 _chosen: int | None = None
+_told = False
+"""Whether torch has been told what was chosen before it was loaded."""
 
 
 def thread_count() -> int:
@@ -34,13 +43,14 @@ def thread_count() -> int:
 
 
 def set_thread_count(count: int) -> None:
-    """Set how many threads work may use, for this process."""
+    """Set how many threads work may use, for this process; UserError below 1."""
     global _chosen
-    if count < 1:
-        raise ValueError(f"expected one thread or more; got {count}")
-    _chosen = count
+    number = number_of(count)
+    if number is None or not 1 <= number == int(number):
+        raise UserError(f"expected one thread or more; got {count}. Give a whole number.")
+    _chosen = int(number)
     if (library := _with_threads()) is not None:
-        library.set_num_threads(count)
+        library.set_num_threads(_chosen)
 
 
 def _set_count() -> int:
@@ -48,7 +58,7 @@ def _set_count() -> int:
         return int(library.get_num_threads())
     if _chosen is not None:
         return _chosen
-    asked = os.environ.get("OMP_NUM_THREADS", "")
+    asked = os.environ.get("OMP_NUM_THREADS", "").split(",")[0].strip()
     if asked.isdecimal() and int(asked) > 0:
         return int(asked)
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -56,8 +66,15 @@ def _set_count() -> int:
 
 def _with_threads() -> Any:
     """torch, where the program has loaded it: its threads are one setting with ours."""
-    library = sys.modules.get("torch")
-    return library if hasattr(library, "get_num_threads") else None
+    global _told
+    library: Any = sys.modules.get("torch")
+    if not hasattr(library, "set_num_threads"):
+        return None
+    if not _told:
+        _told = True
+        if _chosen is not None:
+            library.set_num_threads(_chosen)
+    return library
 
 
 @contextmanager
@@ -81,9 +98,39 @@ def on_one_core(work: Callable[[], Result]) -> Result:
 
     The setting is the process's: rather than changing it, work goes to a thread of ours and is awaited.
     """
-    if getattr(_here, "count", None) is not None or _set_count() == 1:
-        return work()
-    return _callers().submit(_counting, thread_count(), work).result()
+    with _linear_algebra:
+        if getattr(_here, "count", None) is not None or _set_count() == 1:
+            return work()
+        return _callers().submit(_counting, thread_count(), work).result()
+
+
+class _LinearAlgebra:
+    """Holds numpy's linear algebra to one thread from the first that enters to the last that leaves."""
+
+    def __init__(self) -> None:
+        self.lock, self.inside = threading.Lock(), 0
+        self.limit: Any = None
+
+    def __enter__(self) -> None:
+        with self.lock:
+            self.inside += 1
+            if self.inside == 1:
+                self.limit = linear_algebra().limit(limits=1, user_api="blas")
+
+    def __exit__(self, *raised: object) -> None:
+        with self.lock:
+            self.inside -= 1
+            if self.inside == 0:
+                self.limit.restore_original_limits()
+
+
+_linear_algebra = _LinearAlgebra()
+
+
+@functools.cache
+def linear_algebra() -> ThreadpoolController:
+    """The libraries of linear algebra; those that are loaded after the first use are left alone."""
+    return ThreadpoolController()
 
 
 def run_on_threads(work: Callable[[int], None], count: int) -> None:

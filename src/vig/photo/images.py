@@ -11,7 +11,7 @@ import warnings
 import zlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from isal import isal_zlib
@@ -22,6 +22,7 @@ from vig.io.files import atomic_write
 from vig.photo.checks import check_size, existing_file, refuse
 from vig.photo.decoding import LINEAR, PHOTO, decoded, opened
 from vig.photo.formats import unread_samples
+from vig.scene.functions import numpy_of_tensor
 from vig.scene.light import srgb8_from_linear
 
 Picture = TypeVar("Picture")
@@ -133,14 +134,6 @@ def coded_photo(photo: str | Path | Image.Image | np.ndarray) -> np.ndarray:
         refuse(name, "linear RGB in [0, 1]", f"values from {least:g} to {most:g}", remedy)
     clipped: np.ndarray = np.clip(array, 0, 1).astype(np.float32, order="C")
     return clipped
-
-
-def numpy_of_tensor(photo: Any) -> Any:
-    """The array of one of torch's tensors; anything else as it is."""
-    if type(photo).__module__.split(".")[0] != "torch" or not hasattr(photo, "detach"):
-        return photo
-    host = photo.detach().cpu()
-    return (host.float() if str(host.dtype) == "torch.bfloat16" else host).numpy()  # numpy has no bfloat16
 
 
 def eight_bit_photo(path: Path) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 
 from vig.io.checks import check_number
 from vig.scene import LatentLayout, Latents, regressed_layout, rotate_z
-from vig.scene.functions import Array, namespace
+from vig.scene.functions import Array, like
 from vig.scene.shape_model import MOST_MODES
 
 MASK_CLASSES = ("visible", "hidden", "background")
@@ -36,8 +36,7 @@ def layout_of_numbers(count: int) -> LatentLayout:
 def latents_of(numbers: Array, azimuth: Array) -> Latents:
     """Latents of regressed numbers (B, M) and azimuths (B,) radians, clipped to the bounds."""
     layout = layout_of_numbers(numbers.shape[1])
-    asarray = namespace(numbers).asarray
-    lower, upper = (asarray(bound, dtype=numbers.dtype) for bound in layout.bounds())
+    lower, upper = (like(numbers, bound) for bound in layout.bounds())
     parts = layout.split(numbers.clip(lower, upper))
     return Latents(
         parts["shape"], azimuth, parts["elevation"][:, 0], parts["albedo"], rotate_z(parts["light"], azimuth)

@@ -29,7 +29,7 @@ from vig.recognition.object_map import NUMBERS
 from vig.recognition.prediction import Prediction
 from vig.recognition.weights import FORMAT, network_weights, whole_tensors
 from vig.scene import ObjectClass, Symmetry, regressed_layout, srgb_from_linear
-from vig.scene.functions import sigmoid, softmax
+from vig.scene.functions import numpy_of_tensor, sigmoid, softmax
 
 BOTH_SIDES = False, True
 """A photo and its mirror image."""
@@ -172,7 +172,8 @@ class Recognizer:
         def predict(part: np.ndarray) -> Prediction:
             return on_one_core(lambda: self._predict(part, sides)).folded(self.symmetry)
 
-        photos, asked = np.ascontiguousarray(photos, np.float32), (sides, self.mirror, self.symmetry)
+        photos = np.ascontiguousarray(numpy_of_tensor(photos), np.float32)
+        asked = sides, self.mirror, self.symmetry
         if (before := self._latest) is not None and before[1] == asked and before[2] is self.calibration:
             if np.array_equal(before[0], photos):
                 return before[3].clone()

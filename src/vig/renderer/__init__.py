@@ -38,8 +38,9 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module 'vig.renderer' has no attribute '{name}'")
-    home = "vig.renderer.explained" if name in _OWN else "vig_renderer"
-    return getattr(import_module(home), name)
+    renderer = import_module("vig_renderer")
+    _ = renderer.render  # which says what to install where torch is missing
+    return getattr(import_module("vig.renderer.explained") if name in _OWN else renderer, name)
 
 
 def __dir__() -> list[str]:

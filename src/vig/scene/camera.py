@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vig.scene.functions import Array, namespace
+from vig.scene.functions import Array, like, namespace
 
 
 def angle_difference(a: Array, b: Array) -> Array:
@@ -125,17 +125,15 @@ class Camera:
 
         azimuth, elevation: (B,) radians. Azimuth 0 puts the eye on -Y, counter-clockwise about +Z.
         """
-        functions, rotation = namespace(azimuth), camera_rotation(azimuth, elevation)
+        rotation = camera_rotation(azimuth, elevation)
         if self.roll:
             cos, sin = math.cos(self.roll), math.sin(self.roll)
-            turn = functions.asarray(
-                [[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]], dtype=rotation.dtype
-            )
+            turn = like(rotation, [[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
             rotation = turn @ rotation
         translation = -(rotation[..., 2] * self.target_height)
         translation[..., 2] += self.distance
         if self.mount is not None:
-            mount = functions.asarray(self.mount, dtype=rotation.dtype)
+            mount = like(rotation, self.mount)
             rotation, translation = mount[:3, :3] @ rotation, translation @ mount[:3, :3].T + mount[:3, 3]
         return rotation, translation
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cache, cached_property
 
-from vig.scene.functions import Array, namespace
+from vig.scene.functions import Array, is_tensor, namespace
 from vig.scene.light import L_COUNT
 
 SHAPE_LIMIT = 3.0
@@ -247,6 +247,9 @@ class Latents:
             name: tuple(value.shape) if hasattr(value, "shape") else f"a {type(value).__name__}"
             for name, value in vars(self).items()
         }
+        if len({is_tensor(value) for value in vars(self).values()}) > 1:
+            told = ", ".join(f"{name} {type(value).__name__}" for name, value in vars(self).items())
+            raise ValueError(f"latents must be all arrays or all tensors; got {told}. Convert the others.")
         first = shapes["shape"]
         count, modes = first if isinstance(first, tuple) and len(first) == 2 else (None, None)
         wanted = ((count, modes), (count,), (count,), (count, 3), (count, L_COUNT))

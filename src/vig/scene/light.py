@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from vig.scene.functions import Array, namespace
+from vig.scene.functions import Array, floating, like, namespace
 from vig_renderer.harmonics import COSINE_LOBE as COSINE_LOBE
 from vig_renderer.harmonics import L_COUNT as L_COUNT
 from vig_renderer.harmonics import Y00 as Y00
@@ -23,6 +23,7 @@ from vig_renderer.harmonics import sh_basis as sh_basis
 
 def linear_from_srgb(srgb: Array) -> Array:
     """Decode sRGB values in [0, 1] to linear light in [0, 1], elementwise."""
+    srgb = floating(srgb)
     return namespace(srgb).where(
         srgb <= 0.04045, srgb / 12.92, ((srgb.clip(0.0, None) + 0.055) / 1.055) ** 2.4
     )
@@ -30,6 +31,7 @@ def linear_from_srgb(srgb: Array) -> Array:
 
 def srgb_from_linear(linear: Array) -> Array:
     """Encode linear light in [0, 1] as sRGB in [0, 1], elementwise; values outside are clipped."""
+    linear = floating(linear)
     clipped = linear.clip(0.0, 1.0)
     # Not of 0, where the slope of a root has no end.
     root = clipped.clip(1e-12, None) ** (1 / 2.4)
@@ -51,8 +53,8 @@ def irradiance(light: Array, normals: Array) -> Array:
 
     light: (..., 9); normals: (..., 3) unit, broadcast against light's leading axes. Result >= 0.
     """
-    lobe = namespace(light).asarray(COSINE_LOBE, dtype=light.dtype)
-    return ((light * lobe) * sh_basis(normals)).sum(-1).clip(0.0, None)
+    light = floating(light)
+    return ((light * like(light, COSINE_LOBE)) * sh_basis(normals)).sum(-1).clip(0.0, None)
 
 
 def rotate_z(light: Array, angle: Array | float) -> Array:
@@ -60,9 +62,8 @@ def rotate_z(light: Array, angle: Array | float) -> Array:
 
     The turned light in direction d is the given light in direction Rz(-angle) d.
     """
-    functions = namespace(light)
-    # A tensor's own method: `torch.asarray` up to 2.12 cuts the derivative.
-    angle = angle.to(light.dtype) if hasattr(angle, "to") else functions.asarray(angle, dtype=light.dtype)
+    light = floating(light)
+    functions, angle = namespace(light), like(light, angle)
     c1, s1, c2, s2 = (of(times * angle) for times in (1, 2) for of in (functions.cos, functions.sin))
     l00, y, z, x, xy, yz, zz, xz, x2y2 = (light[..., number] for number in range(L_COUNT))
     turned = [
@@ -81,6 +82,6 @@ def rotate_z(light: Array, angle: Array | float) -> Array:
 
 def rotations_z(angle: Array) -> Array:
     """Matrices of `rotate_z`: (B,) radians to (B, 9, 9), so that rotations_z(angle) @ light turns it."""
-    functions = namespace(angle)
-    identity = functions.eye(L_COUNT, dtype=angle.dtype)[None]
+    angle = floating(angle)
+    identity = like(angle, np.eye(L_COUNT))[None]
     return rotate_z(identity, angle[:, None]).swapaxes(-1, -2)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vig.io.checks import check_arrays, check_indices
-from vig.scene.functions import Array, namespace
+from vig.scene.functions import Array, floating, like
 
 MOST_MODES = 64
 """Components of a shape model, so that a damaged file cannot ask for any memory; likewise the next two."""
@@ -72,8 +72,8 @@ class ShapeModel:
 
     def vertices(self, coefficients: Array) -> Array:
         """Vertices (B, V, 3) of coefficients (B, K), in the coefficients' dtype."""
+        coefficients = floating(coefficients)
         if coefficients.ndim != 2 or coefficients.shape[1] != self.modes:
             raise ValueError(f"coefficients must be (B, {self.modes}); got {tuple(coefficients.shape)}")
-        asarray, dtype = namespace(coefficients).asarray, coefficients.dtype
-        mean, basis = (asarray(each, dtype=dtype) for each in (self.mean, self.basis))
+        mean, basis = like(coefficients, self.mean), like(coefficients, self.basis)
         return mean + (coefficients @ basis.reshape(self.modes, -1)).reshape(-1, *mean.shape)

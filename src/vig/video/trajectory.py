@@ -17,7 +17,8 @@ from vig.inference.settings import UNIFORM_TURN
 from vig.io.errors import UserError
 from vig.photo import Window
 from vig.photo.pinhole import turned_pose
-from vig.scene import Camera
+from vig.scene import Camera, ObjectClass
+from vig.scene.functions import numpy_of_tensor
 from vig.video.following import SLOWING, Follower, Sighting, window_at
 from vig.video.smoothing import BINS, LikeliestPath, smoothed
 from vig_renderer.defaults import with_default_settings
@@ -190,6 +191,7 @@ class Trajectory:
 
 def _listed(frames: Iterable[Photo]) -> Sequence[Photo]:
     """Frames as a sequence; UserError where there are fewer than two, or something else."""
+    frames = numpy_of_tensor(frames)
     one = isinstance(frames, Photo) and not (getattr(frames, "ndim", None) == 4)
     if not one and not isinstance(frames, Iterable):
         raise UserError(f"expected the frames of a video; got {str(frames)[:60]}. Pass a list of them.")
@@ -205,7 +207,7 @@ def _listed(frames: Iterable[Photo]) -> Sequence[Photo]:
 @with_default_settings
 def track(
     frames: Iterable[Photo],
-    explainer: Explainer,
+    explainer: Explainer | str | Path | ObjectClass,
     box: Box | None = None,
     focal: float | None = None,
     hints: Hints | None = None,
@@ -221,7 +223,7 @@ def track(
     Args:
         frames: Two or more of one size, in order. Those of a list are read one at a time, some of them twice;
             an iterator is exhausted first, and an array (T, H, W, 3) is T frames.
-        explainer: Of the object's class.
+        explainer: Of the object's class, or the class, as `Explainer` takes it.
         box: x, y, width, height in pixels round the whole object in the first frame; else it is sought.
         focal: Focal length in pixels of all frames; see `Explainer.explain`.
         hints: What is known in all frames.
@@ -234,6 +236,8 @@ def track(
             seen in none, or as `Explainer.explain`.
     """
     frames = _listed(frames)
+    if not isinstance(explainer, Explainer):
+        explainer = Explainer(explainer)
     follower = Follower(explainer, focal, hints, camera)
     alone: list[Sighting] = []
     for number, frame in enumerate(frames):

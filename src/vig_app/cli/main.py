@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import gc
 import io
 import json
 import os
@@ -46,6 +47,8 @@ GROUPS = {
     "dataset": "Generate, check, look at and export datasets.",
 }
 """Verbs that have verbs of their own."""
+TRAINING = "train", "class train", "calibrate", "reproduce"
+"""Verbs that need the extra `train`, whichever of its packages is missing."""
 AXIS_OPTIONS = ("--up", "--front")
 """Options whose value is an axis, such as -z."""
 
@@ -55,6 +58,8 @@ def main(arguments: list[str] | None = None) -> None:
     # Threads of torch that spin while they wait take the core of the one that they wait for: a step of a
     # training takes up to ten times as long on a busy machine. It is read when torch is loaded.
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+    # While modules are loaded little becomes garbage; looking for it takes a twentieth of a short command.
+    gc.set_threshold(20_000, 20, 50)
     for stream in (sys.stdout, sys.stderr):  # a name of a file may have letters that a terminal has not
         if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
             stream.reconfigure(errors="backslashreplace")
@@ -84,6 +89,7 @@ def main(arguments: list[str] | None = None) -> None:
     except Exception as error:
         if isinstance(error, ModuleNotFoundError) and (extra := extra_of(error.name or "")):
             code = ExitCode.MISTAKE
+            extra = "train" if " ".join(arguments).startswith(TRAINING) else extra
             line = f"expected the package {error.name}; it is not installed. Run pip install 'vig[{extra}]'."
         else:
             traceback.print_exc()

@@ -41,7 +41,7 @@ EXTRAS = {
     "world": Extra(
         (
             *("mapbox_earcut", "matplotlib", "OpenImageIO", "plyfile"),
-            *("pyarrow", "scipy", "skimage", "threadpoolctl", "trimesh"),
+            *("pyarrow", "scipy", "skimage", "trimesh"),
         ),
         "datasets, classes of your own meshes, results.parquet",
     ),
@@ -73,8 +73,8 @@ def threads(cpus: int) -> Finding:
         return Finding("threads", state)
     if count > cpus:
         return Finding("threads", state, f"they wait for each other: export OMP_NUM_THREADS={cpus}")
-    set_by = [name for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS") if os.environ.get(name)]
-    remedy = f"unset {' and '.join(set_by)}" if set_by else f"export OMP_NUM_THREADS={cpus}"
+    set_here = os.environ.get("OMP_NUM_THREADS")
+    remedy = "unset OMP_NUM_THREADS" if set_here else f"export OMP_NUM_THREADS={cpus}"
     return Finding("threads", state, f"to use all: {remedy}; of many photos vig fit --workers {cpus}")
 
 

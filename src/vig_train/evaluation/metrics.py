@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from vig.photo.images import numpy_of_tensor
 from vig.scene import angle_difference, linear_from_srgb
+from vig.scene.functions import numpy_of_tensor
 
 _WHITE_XYZ = np.array([0.950456, 1.0, 1.088754])
 """CIE XYZ of sRGB's white, D65, luminance 1."""

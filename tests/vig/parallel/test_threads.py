@@ -1,11 +1,23 @@
 from __future__ import annotations
 
+import math
+import os
+import subprocess
+import sys
 import threading
+from typing import Any
 
 import pytest
 import torch
 
-from vig.parallel.threads import map_on_threads, on_one_core, run_on_threads, thread_count
+from vig.io.errors import UserError
+from vig.parallel.threads import (
+    map_on_threads,
+    on_one_core,
+    run_on_threads,
+    set_thread_count,
+    thread_count,
+)
 
 
 @pytest.fixture
@@ -79,3 +91,27 @@ def test_an_error_in_a_thread_is_the_callers(three_threads) -> None:
     with pytest.raises(ValueError, match="one of three"):
         run_on_threads(work, 3)
     assert torch.get_num_threads() == 3
+
+
+TOLD = """
+from vig.parallel import on_one_core, set_thread_count, thread_count
+set_thread_count(1)
+import torch
+assert (thread_count(), torch.get_num_threads()) == (1, 1)
+torch.set_num_threads(3)
+assert thread_count() == 3
+from threadpoolctl import threadpool_info
+threads = [each["num_threads"] for each in on_one_core(threadpool_info) if each["user_api"] == "blas"]
+assert set(threads) == {1}, threads
+"""
+
+
+def test_a_number_that_is_set_before_torch_is_loaded_is_torchs_too() -> None:
+    environment = {name: value for name, value in os.environ.items() if name != "OMP_NUM_THREADS"}
+    subprocess.run([sys.executable, "-c", TOLD], env=environment, check=True)
+
+
+@pytest.mark.parametrize("count", [0, 1.5, math.nan, "two", None])
+def test_threads_are_counted_in_whole_numbers(count: Any) -> None:
+    with pytest.raises(UserError, match=f"expected one thread or more; got {count}"):
+        set_thread_count(count)

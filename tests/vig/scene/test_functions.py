@@ -13,6 +13,7 @@ import torch
 
 from tests.support import assert_close
 from tests.toys import toy
+from vig.photo.images import as_photo
 from vig.scene import (
     Camera,
     Latents,
@@ -65,3 +66,15 @@ def test_tensors_give_what_arrays_give(name: str, dtype: type, vector: np.ndarra
 def test_tensors_are_differentiated(name: str, vector: np.ndarray) -> None:
     point = torch.tensor(vector, requires_grad=True)
     assert torch.autograd.gradcheck(lambda at: FUNCTIONS[name](Latents.from_vector(at)), point)
+
+
+class Picture(np.ndarray):
+    """An array as imageio gives them: of a class and module of its own."""
+
+
+def test_numbers_of_any_kind_are_taken_as_what_they_are() -> None:
+    light = np.arange(9)
+    np.testing.assert_array_equal(rotate_z(light, 0.5), rotate_z(light.astype(float), 0.5))
+    assert linear_from_srgb(1.0) == linear_from_srgb([1])[0] == 1
+    assert np.allclose(srgb_from_linear(np.ones(2).view(Picture)), 1)
+    assert as_photo(torch.nn.Parameter(torch.full((20, 20, 3), 0.5))).max() == 0.5
