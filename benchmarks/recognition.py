@@ -36,7 +36,7 @@ def rates(recognizer: Recognizer, linear: np.ndarray, threads: int, repeats: int
 
 
 def milliseconds_of_a_window(recognizer: Recognizer, path: Path) -> dict[str, float]:
-    """Of the network alone; torch in bfloat16 only where the processor multiplies so."""
+    """Time the network alone; torch in bfloat16 only where the processor multiplies so."""
     import torch
 
     from vig_train.network.network import has_bfloat16

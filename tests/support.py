@@ -75,3 +75,16 @@ def contents(root: Path) -> dict[str, bytes]:
 def differing(one: dict[str, bytes], other: dict[str, bytes]) -> set[str]:
     """Names of `contents` that are not alike: comparing these themselves would print megabytes."""
     return {name for name in one.keys() | other.keys() if one.get(name) != other.get(name)}
+
+
+def latents() -> Latents:
+    """An explanation of the packaged teapot in float32, seen from the side under light from all round."""
+    light = np.array([[2.356, *[0.1] * 8]], np.float32)
+    albedo = np.array([[0.8, 0.4, 0.1]], np.float32)
+    return Latents(
+        np.full((1, 10), 0.5, np.float32),
+        np.array([-1.0], np.float32),
+        np.array([0.5], np.float32),
+        albedo,
+        light,
+    )

@@ -23,8 +23,8 @@ PACKAGES = {
 ORDER = {
     "vig_native": ("processor", "cmake"),
     "vig_renderer": (
-        "errors", "checks", "defaults", "internals", "harmonics", "edges", "texture", "topology", "scene",
-        "packing", "shading", "interpolation", "general", "native", "rendering",
+        "errors", "checks", "defaults", "internals", "arrays", "harmonics", "edges", "texture", "topology",
+        "scene", "packing", "shading", "interpolation", "general", "native", "rendering",
     ),
     "vig": (
         "io", "parallel", "scene", "photo", "renderer", "search", "likelihood", "recognition", "inference",

@@ -7,9 +7,8 @@ cosine's coefficients (pi, 2 pi / 3, pi / 4) over pi (Ramamoorthi and Hanrahan, 
 from __future__ import annotations
 
 import math
-from typing import Any
 
-import numpy as np
+from vig_renderer.arrays import Array, floating, namespace
 
 L_COUNT = 9
 COSINE_LOBE = (1.0, *([2.0 / 3.0] * 3), *([0.25] * 5))
@@ -21,11 +20,10 @@ Y2 = 0.5 * math.sqrt(15 / math.pi)
 Y20 = 0.25 * math.sqrt(5 / math.pi)
 
 
-def sh_basis(directions: Any) -> Any:
-    """Real orthonormal SH up to degree 2 of unit directions: an array or tensor (..., 3) to (..., 9)."""
-    functions: Any = np
-    if not isinstance(directions, np.ndarray):
-        import torch as functions
+def sh_basis(directions: Array) -> Array:
+    """Real orthonormal SH up to degree 2 of unit directions: (..., 3) to (..., 9)."""
+    directions = floating(directions)
+    functions = namespace(directions)
     x, y, z = directions[..., 0], directions[..., 1], directions[..., 2]
     basis = [
         functions.full_like(x, Y00),

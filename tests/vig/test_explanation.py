@@ -13,30 +13,19 @@ import pytest
 from PIL import Image, ImageDraw
 from scipy.ndimage import distance_transform_edt
 
+from tests.support import latents
 from vig import Explainer, Explanation
 from vig.inference import ExplainSettings, Fit, OtherView, Verdict
 from vig.inference.calibration import CONFIDENCE_FEATURES
 from vig.io.errors import UserError
 from vig.photo.window import Window
-from vig.scene import Latents, ObjectClass
+from vig.scene import ObjectClass
 from vig_app.examples import example_photos
 
 
 @pytest.fixture(scope="module")
 def explainer() -> Explainer:
     return Explainer("teapot")
-
-
-def latents() -> Latents:
-    light = np.array([[2.356, *[0.1] * 8]], np.float32)
-    albedo = np.array([[0.8, 0.4, 0.1]], np.float32)
-    return Latents(
-        np.full((1, 10), 0.5, np.float32),
-        np.array([-1.0], np.float32),
-        np.array([0.5], np.float32),
-        albedo,
-        light,
-    )
 
 
 def written(

@@ -22,6 +22,7 @@ from vig.io.errors import UserError
 from vig.io.files import atomic_write
 from vig.likelihood.densities import DEFAULT_DENSITY
 from vig.scene import ObjectClass, latent_layout
+from vig.scene.functions import sigmoid
 
 FILE = "calibration.json"
 FORMAT = 7
@@ -144,20 +145,20 @@ class FitCalibration:
             row, rows = tuple[float, ...], tuple[tuple[float, ...], ...]
             weights = dict.fromkeys(("view_weights", "in_distribution_weights", "mask_weights"), row)
             kinds = {**weights, "scale": rows, "floor": rows, "position": rows}
-            tensors = {name: np.array(decode(kind, values[name]), np.float64) for name, kind in kinds.items()}
-            shapes = {tensors[name].shape for name in weights}
-            size = tensors["scale"].shape
-            if shapes != {(len(CONFIDENCE_FEATURES),)} or size != tensors["floor"].shape or size[0] != 2:
+            arrays = {name: np.array(decode(kind, values[name]), np.float64) for name, kind in kinds.items()}
+            shapes = {arrays[name].shape for name in weights}
+            size = arrays["scale"].shape
+            if shapes != {(len(CONFIDENCE_FEATURES),)} or size != arrays["floor"].shape or size[0] != 2:
                 raise ValueError("its sizes do not fit")
-            if tensors["position"].shape != (2, 3):
-                raise ValueError(f"position must be (2, 3); it is {tensors['position'].shape}")
-            if any((tensors[name] < 0).any() for name in ("scale", "floor", "position")):
+            if arrays["position"].shape != (2, 3):
+                raise ValueError(f"position must be (2, 3); it is {arrays['position'].shape}")
+            if any((arrays[name] < 0).any() for name in ("scale", "floor", "position")):
                 raise ValueError("scale, floor and position must not be negative")
             limits = dict.fromkeys(("view_bias", "in_distribution_bias", "mask_bias"), 1e6)
             limits |= {"threshold": 2.0, "mask_threshold": 2.0}
             numbers = {name: check_number(name, values[name], -most, most) for name, most in limits.items()}
             density = decode(str, values.get("density", DEFAULT_DENSITY))
-            checked: dict[str, Any] = {**tensors, **numbers, "density": density}
+            checked: dict[str, Any] = {**arrays, **numbers, "density": density}
             return FitCalibration(**checked)
 
 
@@ -168,8 +169,7 @@ def faded(view: np.ndarray, in_distribution: np.ndarray) -> np.ndarray:
 
 
 def _logistic(weights: np.ndarray, bias: float, features: np.ndarray) -> np.ndarray:
-    probability: np.ndarray = 1 / (1 + np.exp(-(features.astype(np.float64) @ weights + bias)))
-    return probability
+    return sigmoid(features.astype(np.float64) @ weights + bias)
 
 
 @functools.lru_cache(maxsize=8)

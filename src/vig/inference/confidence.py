@@ -268,7 +268,7 @@ def _features(latents: Latents, shown: _Shown, prediction: Prediction, selection
 
 
 def _log_odds(probability: float) -> float:
-    """Of a probability, but of one not nearer to 0 or 1 than `LEAST_PROBABILITY`."""
+    """Return log odds of a probability, which is held `LEAST_PROBABILITY` away from 0 and 1."""
     bounded = min(max(probability, LEAST_PROBABILITY), 1 - LEAST_PROBABILITY)
     return math.log(bounded / (1 - bounded))
 

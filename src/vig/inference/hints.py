@@ -34,7 +34,7 @@ SURE = 8.0
 
 
 COMPLEX_STEP = 1e-30
-"""Of derivatives of places, see `PlaceTerm`."""
+"""Imaginary step by which derivatives of places are found, see `PlaceTerm`."""
 
 
 class PixelLabel(IntEnum):
@@ -226,8 +226,8 @@ class PointTerm(PlaceTerm):
         return off.reshape(len(points), -1)
 
 
-def farthest_vertices(vertices: np.ndarray, directions: int = 2000) -> np.ndarray:
-    """Which of vertices (V, 3) are the farthest in directions about 2.5 degrees apart, a spiral's: (N,)."""
+def outermost_vertices(vertices: np.ndarray, directions: int = 2000) -> np.ndarray:
+    """Find the vertices of (V, 3) that are outermost in directions 2.5 degrees apart: indices (N,)."""
     height = 1 - (2 * np.arange(directions) + 1) / directions
     turn = np.arange(directions) * math.pi * (3 - math.sqrt(5))
     radius = np.sqrt(1 - height**2)
@@ -236,12 +236,12 @@ def farthest_vertices(vertices: np.ndarray, directions: int = 2000) -> np.ndarra
 
 
 class BoxTerm(PlaceTerm):
-    """Of the whole object's box (x, y, w, h): that of the mean shape's farthest vertices in any direction."""
+    """Box (x, y, w, h) of the whole object, told by the mean shape's outermost vertices."""
 
     def __init__(self, box: tuple[float, float, float, float], projection: Projection):
         x, y, w, h = box
         self.given = np.array([x, y, x + w, y + h], np.float64)
-        self.places = projection.of(farthest_vertices(projection.model.mean))
+        self.places = projection.of(outermost_vertices(projection.model.mean))
 
     def residuals(self, points: np.ndarray) -> np.ndarray:
         """Left, top, right and bottom, (B, 4)."""

@@ -186,6 +186,7 @@ def _forget_threads() -> None:
     """A forked child has none of its parent's threads."""
     _pool.cache_clear()
     _callers.cache_clear()
+    _linear_algebra.lock = threading.Lock()
 
 
 if hasattr(os, "register_at_fork"):

@@ -177,7 +177,7 @@ class _Writer:
         return _Array(joined, sum(part.channels for part in parts))
 
     def flat(self, x: _Array, size: int) -> _Array:
-        """Of so many numbers a channel."""
+        """Flatten maps of `size` numbers a channel to vectors."""
         return _Array(self.op("Flatten", x.name, axis=1), size * x.channels)
 
     def reshape(self, x: str, *shape: int) -> str:

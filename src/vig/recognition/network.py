@@ -11,8 +11,8 @@ import numpy as np
 
 from vig.io.checks import check_number
 from vig.scene import LatentLayout, Latents, regressed_layout, rotate_z
-from vig.scene.functions import Array, like
 from vig.scene.shape_model import MOST_MODES
+from vig_renderer.arrays import Array, like
 
 MASK_CLASSES = ("visible", "hidden", "background")
 """What a pixel shows: the object; something before it; neither (the object is not there)."""

@@ -13,11 +13,12 @@ from vig.scene import Camera, Latents, ObjectClass
 from vig.scene.light import COSINE_LOBE, sh_basis
 from vig_native import engine
 from vig_renderer import NEAR
+from vig_renderer.arrays import Array, like
 from vig_renderer.defaults import with_default_settings
 from vig_renderer.edges import edges_of, smooth_normals, welded
 
 ATTRIBUTES = 9
-"""Of a vertex: normal, albedo, reflected light."""
+"""Numbers of a vertex: normal, albedo, reflected light."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,22 +41,21 @@ class Drawn:
 
 
 def vertex_irradiance(
-    latents: Latents, normals: np.ndarray, object_class: ObjectClass, self_shadow: bool = True
-) -> np.ndarray:
+    latents: Latents, normals: Array, object_class: ObjectClass, self_shadow: bool = True
+) -> Array:
     """Irradiance of the vertices, Eq. 1, with self-shadowing and interreflection where the class has a table.
 
     For one explanation (B = 1) and unit normals (V, 3) in the world frame: (V,), what a surface of albedo 1
     reflects, not below 0; less where the class's `reflectance` says so. The table is `ObjectClass.transfer`;
-    without `self_shadow` it is left out.
+    without `self_shadow` it is left out. Arrays or tensors, of the normals' dtype.
     """
-    lobes = sh_basis(normals) * np.array(COSINE_LOBE, normals.dtype)
-    if self_shadow and (transfer := object_class.transfer) is not None:
-        shape = latents.shape[0].astype(np.float32)
-        moved = (shape @ transfer[1:].reshape(len(shape), -1)).reshape(transfer.shape[1:])
-        lobes = lobes + (moved + transfer[0]).astype(normals.dtype)
-    shade: np.ndarray = np.maximum(lobes @ latents.light[0].astype(normals.dtype), 0)
-    shade *= object_class.reflectance.astype(normals.dtype)
-    return shade
+    lobes = sh_basis(normals) * like(normals, COSINE_LOBE)
+    if self_shadow and object_class.transfer is not None:
+        transfer, shape = like(normals, object_class.transfer), like(normals, latents.shape[0])
+        moved = (shape @ transfer[1:].reshape(len(shape), -1)).reshape(lobes.shape)
+        lobes = lobes + (moved + transfer[0])
+    shade = (lobes @ like(normals, latents.light[0])).clip(0.0, None)
+    return like(normals, object_class.reflectance) * shade
 
 
 @with_default_settings

@@ -7,32 +7,13 @@ from dataclasses import fields
 
 import torch
 
+from vig.renderer.drawing import vertex_irradiance
 from vig.scene import Camera, Latents, ObjectClass
-from vig.scene.light import COSINE_LOBE, sh_basis
 from vig_renderer.defaults import with_default_settings
 from vig_renderer.rendering import render
 from vig_renderer.scene import MeshObject, Pinhole, Rendering, Scene
 from vig_renderer.shading import smooth_normals
 from vig_renderer.topology import Topology
-
-
-def vertex_irradiance(
-    latents: Latents, normals: torch.Tensor, object_class: ObjectClass, self_shadow: bool = True
-) -> torch.Tensor:
-    """Irradiance of the vertices, Eq. 1, with self-shadowing and interreflection where the class has a table.
-
-    For one explanation (B = 1) and unit normals (V, 3) in the world frame: (V,), what a surface of albedo 1
-    reflects, not below 0; less where the class's `reflectance` says so. The table is `ObjectClass.transfer`;
-    without `self_shadow` it is left out.
-    """
-    latents = _tensors(latents)
-    lobes = sh_basis(normals) * normals.new_tensor(COSINE_LOBE)
-    if self_shadow and object_class.transfer is not None:
-        transfer = torch.from_numpy(object_class.transfer).to(normals)
-        lobes = lobes + torch.einsum("k,kvl->vl", latents.shape[0].to(normals), transfer[1:]) + transfer[0]
-    reflectance = torch.from_numpy(object_class.reflectance).to(normals)
-    shade: torch.Tensor = reflectance * (lobes @ latents.light[0].to(normals)).clamp_min(0.0)
-    return shade
 
 
 @with_default_settings

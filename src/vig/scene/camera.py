@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vig.scene.functions import Array, like, namespace
+from vig_renderer.arrays import Array, like, namespace
 
 
 def angle_difference(a: Array, b: Array) -> Array:

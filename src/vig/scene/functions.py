@@ -1,20 +1,12 @@
-"""Functions of arrays that numpy does not have, and the module that has those of an array."""
+"""Functions that numpy does not have, and arrays of a caller's tensors."""
 
 from __future__ import annotations
 
-import sys
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
-Array: TypeAlias = Any
-"""An array of numpy or, of a caller who has torch, one of its tensors."""
-
-
-def is_tensor(value: Any) -> bool:
-    """Whether it is a tensor of torch, which is not loaded for the question."""
-    torch = sys.modules.get("torch")
-    return torch is not None and isinstance(value, getattr(torch, "Tensor", ()))
+from vig_renderer.arrays import is_tensor
 
 
 def numpy_of_tensor(value: Any) -> Any:
@@ -23,31 +15,6 @@ def numpy_of_tensor(value: Any) -> Any:
         return value
     host = value.detach().cpu()
     return (host.float() if str(host.dtype) == "torch.bfloat16" else host).numpy()  # numpy has no bfloat16
-
-
-def namespace(array: Any) -> Any:
-    """The module with the functions of an array: numpy, or torch for a caller's tensors.
-
-    What is written with it (scenes, not fits) also takes tensors of torch, and is differentiated there.
-    """
-    return sys.modules["torch"] if is_tensor(array) else np
-
-
-def floating(value: Any) -> Array:
-    """A tensor as it is; anything else as an array of floating-point numbers."""
-    if is_tensor(value):
-        return value
-    array = np.asarray(value)
-    return array if np.issubdtype(array.dtype, np.floating) else array.astype(np.float64)
-
-
-def like(array: Array, value: Any) -> Array:
-    """Numbers as an array or tensor of the same kind, dtype and device as another; derivatives are kept."""
-    if not is_tensor(array):
-        return np.asarray(value, array.dtype)
-    if is_tensor(value):
-        return value.to(array)
-    return sys.modules["torch"].as_tensor(value, dtype=array.dtype, device=array.device)
 
 
 def sigmoid(log_odds: np.ndarray) -> np.ndarray:

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cache, cached_property
 
-from vig.scene.functions import Array, is_tensor, namespace
 from vig.scene.light import L_COUNT
+from vig_renderer.arrays import Array, is_tensor, namespace
 
 SHAPE_LIMIT = 3.0
 """Shape coefficients stay within this many standard deviations."""

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from vig.scene.functions import Array, floating, like, namespace
+from vig_renderer.arrays import Array, floating, like, namespace
 from vig_renderer.harmonics import COSINE_LOBE as COSINE_LOBE
 from vig_renderer.harmonics import L_COUNT as L_COUNT
 from vig_renderer.harmonics import Y00 as Y00

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vig.io.checks import check_arrays, check_indices
-from vig.scene.functions import Array, floating, like
+from vig_renderer.arrays import Array, floating, like
 
 MOST_MODES = 64
 """Components of a shape model, so that a damaged file cannot ask for any memory; likewise the next two."""

@@ -7,9 +7,9 @@ from dataclasses import replace
 from enum import StrEnum
 
 from vig.scene.camera import angle_difference
-from vig.scene.functions import Array
 from vig.scene.latents import Latents
 from vig.scene.light import rotate_z
+from vig_renderer.arrays import Array
 
 
 class Symmetry(StrEnum):

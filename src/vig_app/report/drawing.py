@@ -134,7 +134,7 @@ def _differences(
     vertices = [_in_8_bits(row) for row in moved]
     if object_class.transfer is None:
         return vertices, [None] * len(vertices)
-    # The sum over components before that over lobes, as `vig.renderer.explained.vertex_irradiance` has it.
+    # The sum over components before that over lobes, as `vig.renderer.drawing.vertex_irradiance` has it.
     weights = np.concatenate([np.ones((len(vertices), 1), np.float32), latents.shape], axis=1)
     lobes = (weights @ object_class.transfer.reshape(len(basis) + 1, -1)).reshape(len(vertices), -1, 9)
     added = (lobes @ latents.light[:, :, None])[..., 0]

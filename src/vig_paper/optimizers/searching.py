@@ -85,7 +85,7 @@ def newton(right: torch.Tensor, matrix: torch.Tensor, free: torch.Tensor) -> tor
 
 @dataclass(frozen=True)
 class Ended:
-    """As `vig.search.Descent`, of tensors."""
+    """`vig.search.Descent` in tensors."""
 
     points: torch.Tensor
     value: torch.Tensor

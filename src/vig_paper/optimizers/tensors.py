@@ -15,7 +15,7 @@ from vig.search.optimizer import Budget, Descent, Problem
 
 @dataclass(frozen=True)
 class TensorValue:
-    """As `vig.search.optimizer.Valued`."""
+    """Tensors of `vig.search.optimizer.Valued`."""
 
     value: torch.Tensor
     gradient: torch.Tensor | None

@@ -16,7 +16,7 @@ import numpy as np
 import torch
 
 from vig.photo import Window
-from vig.renderer.explained import vertex_irradiance
+from vig.renderer.drawing import vertex_irradiance
 from vig.scene import (
     EXPOSURE_L00,
     IMAGE_SIZE,

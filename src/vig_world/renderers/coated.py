@@ -64,7 +64,7 @@ def appearance_of(
         vertices: (V, 3) metres.
         faces: (F, 3), some of the model's.
         normals: (V, 3) unit.
-        irradiance: (V,) over pi, see `vig.renderer.explained.vertex_irradiance`.
+        irradiance: (V,) over pi, see `vig.renderer.drawing.vertex_irradiance`.
         view: Its camera, a pixel for each sample.
         mirrored: What glaze and metal mirror.
         reflectance: Of metal, times its colour.

@@ -28,7 +28,7 @@ class Toy:
     geometry = SimpleNamespace(dtype=np.float64)
 
     def residual(self, points: np.ndarray) -> np.ndarray:
-        """Of points (..., P'): (..., 8)."""
+        """Residuals (..., 8) of points (..., P')."""
         part = self.layout.split(points)
         cos, sin = np.cos(part["roll"]), np.sin(part["roll"])
         x, y = np.cos(part["azimuth"]) * LANDMARKS[:, 0], LANDMARKS[:, 1]

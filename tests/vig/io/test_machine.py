@@ -1,4 +1,4 @@
-"""What a machine is called, from the files of systems that state it."""
+"""Names of machines, read from the files of systems that state them."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ BINS = 72
 
 
 def view_probabilities(azimuth: float, spread_deg: float = 4.0) -> np.ndarray:
-    """Of the bins (1, BINS) round an azimuth, radians."""
+    """Probabilities (1, BINS) round an azimuth, radians."""
     return azimuth_labels(
         torch.tensor([azimuth], dtype=torch.float32), BINS, math.radians(spread_deg)
     ).numpy()

@@ -10,23 +10,12 @@ import numpy as np
 import pytest
 import trimesh
 
+from tests.support import latents
 from vig import Camera
 from vig.output import glb_from_object
-from vig.scene import Latents, ObjectClass
+from vig.scene import ObjectClass
 from vig_app.glb import GlbObject, write_glb
 from vig_app.glb.files import MOST_SCALED, on_one_ground
-
-
-def latents() -> Latents:
-    light = np.array([[2.356, *[0.1] * 8]], np.float32)
-    albedo = np.array([[0.8, 0.4, 0.1]], np.float32)
-    return Latents(
-        np.full((1, 10), 0.5, np.float32),
-        np.array([-1.0], np.float32),
-        np.array([0.5], np.float32),
-        albedo,
-        light,
-    )
 
 
 def write(

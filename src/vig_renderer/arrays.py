@@ -1,0 +1,42 @@
+"""Arrays of numpy or, of a caller who has torch, tensors: which they are, and constants of the same kind."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any, TypeAlias
+
+import numpy as np
+
+Array: TypeAlias = Any
+"""An array of numpy or a tensor of torch."""
+
+
+def is_tensor(value: Any) -> bool:
+    """Whether it is a tensor of torch, which is not loaded for the question."""
+    torch = sys.modules.get("torch")
+    return torch is not None and isinstance(value, getattr(torch, "Tensor", ()))
+
+
+def namespace(array: Any) -> Any:
+    """The module with the functions of an array: numpy, or torch for a caller's tensors.
+
+    What is written with it (scenes, not fits) also takes tensors of torch, and is differentiated there.
+    """
+    return sys.modules["torch"] if is_tensor(array) else np
+
+
+def floating(value: Any) -> Array:
+    """A tensor as it is; anything else as an array of floating-point numbers."""
+    if is_tensor(value):
+        return value
+    array = np.asarray(value)
+    return array if np.issubdtype(array.dtype, np.floating) else array.astype(np.float64)
+
+
+def like(array: Array, value: Any) -> Array:
+    """Numbers as an array or tensor of the same kind, dtype and device as another; derivatives are kept."""
+    if not is_tensor(array):
+        return np.asarray(value, array.dtype)
+    if is_tensor(value):
+        return value.to(array)
+    return sys.modules["torch"].as_tensor(value, dtype=array.dtype, device=array.device)
