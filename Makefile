@@ -18,10 +18,11 @@ WORKERS ?= auto
 demo: $(CORE)
 	$(BIN)/vig demo
 
-# A process per CPU, four at the most, as each holds torch; the tests of a file share what they set up. Processes that
-# they start take what Python has compiled.
+# A process per CPU, four at the most, as each holds torch; the tests of a file share what they set up. A process that
+# dies ends the run, which could wait for its tests forever. Processes that they start take what Python has compiled.
 test: $(INSTALLED)
-	env -u PYTHONDONTWRITEBYTECODE $(BIN)/pytest --numprocesses=$(WORKERS) --maxprocesses=4 --dist=loadfile
+	env -u PYTHONDONTWRITEBYTECODE $(BIN)/pytest --numprocesses=$(WORKERS) --maxprocesses=4 --dist=loadfile \
+		--max-worker-restart=0
 
 check: $(INSTALLED)
 	$(BIN)/ruff check

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from tests.nodes import needs_ray, two_nodes
+from tests.nodes import needs_ray, turn_with_ray, two_nodes
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig_world.generation.write import make_dataset
@@ -41,7 +41,7 @@ def test_without_ray_the_remedy_is_told(
 @pytest.mark.slow
 @pytest.mark.parametrize("address", ["auto", "127.0.0.1:1", "ray://127.0.0.1:1", "nonsense"])
 def test_where_there_is_no_cluster_it_is_told(address: str, tmp_path: Path, teapot: ObjectClass) -> None:
-    with pytest.raises(UserError, match=f"no Ray cluster answers at '{address}'"):
+    with turn_with_ray(), pytest.raises(UserError, match=f"no Ray cluster answers at '{address}'"):
         make_dataset(tmp_path / "out", 4, SEED, progress=False, object_class=teapot, ray=address)
 
 
