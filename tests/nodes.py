@@ -1,7 +1,7 @@
 """A Ray cluster of two nodes on this machine, one of which is killed on the way.
 
-`auto` finds any cluster of this machine, and a process that is connected to a cluster dies with it: tests that run
-in several processes must take turns.
+`auto` finds any cluster of this machine, and a process that is connected to a cluster dies with it: tests
+that run in several processes must take turns.
 """
 
 from __future__ import annotations
