@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -15,6 +14,7 @@ from vig.recognition.network import layout_of_numbers
 from vig.scene import ObjectClass
 from vig_train.training.calibration import CalibrationResult, azimuth_bins, calibrate_network
 from vig_train.training.examples import Examples
+from vig_train.training.loop import EpochLog
 from vig_train.training.training import Epoch, TrainingSettings, train
 from vig_world.dataset import Dataset
 from vig_world.extras import optional_import
@@ -49,42 +49,32 @@ class TrainingLog:
     """Losses and errors of each epoch, in `folder`/log.csv and `folder`/losses.png."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.rows: list[dict[str, str]] = []
-        path = folder / "log.csv"
-        if path.is_file():
-            with open(path, newline="") as file:
-                self.rows = list(csv.DictReader(file))
+        self.folder, self.log = folder, EpochLog(folder / "log.csv")
 
     def add(self, epoch: Epoch) -> None:
         """Write an epoch; later ones, of a run that was stopped before its checkpoint, are forgotten."""
-        row = {"epoch": str(epoch.number)}
-        row |= {f"train_{name}": f"{value:.6g}" for name, value in epoch.trained.items()}
-        row |= {f"held_out_{name}": f"{value:.6g}" for name, value in epoch.validated.items()}
-        row |= {name: f"{value:.6g}" for name, value in epoch.errors.items()}
-        self.rows = [earlier for earlier in self.rows if int(earlier["epoch"]) < epoch.number] + [row]
-        with atomic_write(self.folder / "log.csv") as temporary, open(temporary, "w", newline="") as file:
-            writer = csv.DictWriter(file, list(row))
-            writer.writeheader()
-            writer.writerows(self.rows)
+        values = {f"train_{name}": value for name, value in epoch.trained.items()}
+        values |= {f"held_out_{name}": value for name, value in epoch.validated.items()} | epoch.errors
+        texts = {name: f"{value:.6g}" for name, value in values.items()}
+        self.log.add({"epoch": str(epoch.number)} | texts)
         self._plot(list(epoch.trained), list(epoch.errors))
 
     def _plot(self, parts: list[str], errors: list[str]) -> None:
         with optional_import("world"):
             from matplotlib.figure import Figure
 
-        epochs = [int(row["epoch"]) for row in self.rows]
+        epochs = [int(row["epoch"]) for row in self.log.rows]
         figure = Figure(figsize=(3 * len(errors), 5), layout="constrained")
         panels = figure.subplots(2, len(errors))
         for panel, name in zip(panels[0], parts, strict=False):
             for prefix, label in (("train", "training"), ("held_out", "held-out rooms")):
-                panel.plot(epochs, [float(row[f"{prefix}_{name}"]) for row in self.rows], label=label)
+                panel.plot(epochs, [float(row[f"{prefix}_{name}"]) for row in self.log.rows], label=label)
             panel.set_title(f"{name} loss")
         panels[0, 0].legend()
         for panel in panels[0, len(parts) :]:
             panel.axis("off")
         for panel, name in zip(panels[1], errors, strict=True):
-            panel.plot(epochs, [float(row[name]) for row in self.rows], color="C1")
+            panel.plot(epochs, [float(row[name]) for row in self.log.rows], color="C1")
             panel.set_title(name.replace("_", " "))
             panel.set_xlabel("epoch")
         with atomic_write(self.folder / "losses.png") as temporary:

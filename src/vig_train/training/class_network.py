@@ -25,11 +25,10 @@ from vig.scene import ObjectClass
 from vig_train.network.network import RecognitionNetwork, bfloat16
 from vig_train.network.weights import as_tensors
 from vig_train.training.augmentation import Augmentation
-from vig_train.training.checkpoint import load_checkpoint, save_checkpoint
 from vig_train.training.drawing import examples_of
 from vig_train.training.examples import Examples
+from vig_train.training.loop import Trainer, TrainingRun
 from vig_train.training.losses import Targets, mask_loss
-from vig_train.training.schedule import Schedule
 from vig_train.training.studio import Studio, StudioSettings
 from vig_train.training.training import load_start_weights
 
@@ -209,25 +208,15 @@ class DecoderTraining:
         network.requires_grad_(False)
         for part in parts:
             part.train().requires_grad_(True)
-        optimizer = torch.optim.AdamW(
-            [parameter for part in parts for parameter in part.parameters()],
-            LEARNING_RATE,
-            weight_decay=2e-2,
-            fused=True,
-        )
-        run, done = f"decoder {steps} {self.seed} {len(self.examples)}", 0
-        if checkpoint is not None and checkpoint.exists():
-            done = int(load_checkpoint(checkpoint, {"network": network}, optimizer, run)["step"])
-        advance(done)
-        rate = Schedule(LEARNING_RATE, steps)
-        for step in range(done, steps):
-            for group in optimizer.param_groups:
-                group["lr"] = rate(step)
-            self._step(step, optimizer)
-            advance(1)
-            if checkpoint is not None and (step + 1) % CHECKPOINT_STEPS == 0:
-                state = {"run": run, "step": str(step + 1)}
-                save_checkpoint(checkpoint, {"network": network}, optimizer, state)
+        parameters = [parameter for part in parts for parameter in part.parameters()]
+        trainer = Trainer.adamw(parameters, self._loss, LEARNING_RATE, steps)
+        name = f"decoder {steps} {self.seed} {len(self.examples)}"
+        run = TrainingRun(trainer.optimizer, {"network": network}, checkpoint, name)
+        advance(min(steps, run.done() * CHECKPOINT_STEPS))
+        for number in run.epochs(-(-steps // CHECKPOINT_STEPS)):
+            first = number * CHECKPOINT_STEPS
+            trainer.steps(range(first, min(first + CHECKPOINT_STEPS, steps)), first, advance)
+            run.save()
         network.eval().requires_grad_(True)
 
     def seconds_per_step(self) -> float:
@@ -238,7 +227,7 @@ class DecoderTraining:
         trial.run(2)
         return (time.perf_counter() - begin) / 2
 
-    def _step(self, step: int, optimizer: torch.optim.Optimizer) -> None:
+    def _loss(self, step: int) -> dict[str, torch.Tensor]:
         rng = np.random.default_rng([self.seed, step, 4])
         chosen = rng.choice(len(self.examples), min(DECODER_BATCH, len(self.examples)), replace=False)
         torch.manual_seed(int(rng.integers(2**31)))
@@ -246,9 +235,7 @@ class DecoderTraining:
         batch = augment(self.examples[torch.from_numpy(chosen)], rng)
         with bfloat16(torch.device("cpu")):
             logits = self.network(batch.images).mask
-        optimizer.zero_grad()
-        mask_loss(logits, batch.mask).backward()
-        optimizer.step()
+        return {"mask": mask_loss(logits, batch.mask)}
 
 
 def _copy(network: RecognitionNetwork) -> RecognitionNetwork:

@@ -100,8 +100,3 @@ def mask_loss(logits: torch.Tensor, shares: torch.Tensor) -> torch.Tensor:
     weight = 1 + (MASK_MARGIN_WEIGHT - 1) * near_object
     cell_loss = functional.cross_entropy(logits, shares, reduction="none")
     return (cell_loss * weight).sum() / weight.sum()
-
-
-def weighted_sum(parts: dict[str, torch.Tensor]) -> torch.Tensor:
-    """The weighted sum that is minimised."""
-    return sum((LOSS_WEIGHTS[name] * loss for name, loss in parts.items()), torch.zeros(()))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -24,8 +24,8 @@ from vig_train.network.object_map import ObjectMap
 from vig_train.network.weights import read_network
 from vig_train.training.collages import PICTURES, SIDE, Box, draw_pictures
 from vig_train.training.examples import Examples
+from vig_train.training.loop import Trainer
 from vig_train.training.presence import fit_presence
-from vig_train.training.schedule import Schedule
 
 CELLS = SIDE // MAP_STRIDE
 """A side of a picture's map."""
@@ -33,12 +33,6 @@ LEAST_SHOWN = 0.12
 """Share of an object, or of its box, that is seen: with less it counts neither as there nor as absent."""
 MAP_CHANNELS = 96
 """Of a map; it has 50,000 weights."""
-PASSES = 12
-"""Over the pictures; each takes a sixteenth of the time in which they are made."""
-BATCH = 32
-"""Pictures a step."""
-LEARNING_RATE = 2e-3
-"""The highest."""
 CENTRE_FOCUS, MISS_FOCUS = 2, 4
 """Exponents of the focal loss, of how wrong a cell is and how far from a centre (Law and Deng 2018)."""
 BOX_UNIT = 0.2
@@ -100,23 +94,21 @@ class MapTraining:
         network.eval()
         maps, targets = self._through_trunk(network)
         network.object_map.train()
-        optimizer = torch.optim.AdamW(
-            network.object_map.parameters(), LEARNING_RATE, weight_decay=2e-2, fused=True
-        )
-        rng = np.random.default_rng([self.seed, 6])
-        steps = -(-len(maps) // BATCH)
-        rate = Schedule(LEARNING_RATE, PASSES * steps)
-        for number in range(PASSES):
-            order = torch.from_numpy(rng.permutation(len(maps))).split(BATCH)
-            for step, chosen in enumerate(order, number * steps):
-                seen, wanted = maps[chosen].float(), targets[chosen]
-                if self.mirror and rng.random() < 0.5:
-                    seen, wanted = seen.flip(3), wanted.mirrored()
-                for group in optimizer.param_groups:
-                    group["lr"] = rate(step)
-                optimizer.zero_grad()
-                map_loss(network.object_map(seen), wanted).backward()
-                optimizer.step()
+        passes, batch = 12, 32  # each pass takes a sixteenth of the time in which the pictures are made
+
+        def batches() -> Iterator[tuple[torch.Tensor, MapTargets]]:
+            rng = np.random.default_rng([self.seed, 6])
+            for _ in range(passes):
+                for chosen in torch.from_numpy(rng.permutation(len(maps))).split(batch):
+                    seen, wanted = maps[chosen].float(), targets[chosen]
+                    flipped = self.mirror and rng.random() < 0.5
+                    yield (seen.flip(3), wanted.mirrored()) if flipped else (seen, wanted)
+
+        def loss(pair: tuple[torch.Tensor, MapTargets]) -> dict[str, torch.Tensor]:
+            return {"map": map_loss(network.object_map(pair[0]), pair[1])}
+
+        parameters, steps = network.object_map.parameters(), passes * -(-len(maps) // batch)
+        Trainer.adamw(parameters, loss, 2e-3, steps).steps(batches())
         network.eval()
 
     def _through_trunk(self, network: RecognitionNetwork) -> tuple[torch.Tensor, MapTargets]:
