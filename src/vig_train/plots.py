@@ -27,7 +27,7 @@ def train_and_plot(
     say: Callable[[str], None] = print,
     progress: bool = False,
 ) -> Path:
-    """As `vig_train.training.train`; also writes every loss of every epoch to log.csv and losses.png."""
+    """Train as `vig_train.training.train`; also write all losses to log.csv and losses.png."""
     return train(datasets, out, settings, say, TrainingLog(Path(out)).add, progress)
 
 
@@ -38,7 +38,7 @@ def calibrate_and_plot(
     further: Sequence[Examples] = (),
     object_class: ObjectClass | None = None,
 ) -> CalibrationResult:
-    """As `vig_train.training.calibrate_network`; also says how much it changed and draws reliability.png."""
+    """Calibrate as `vig_train.training.calibrate_network`; also say what changed and draw reliability.png."""
     result = calibrate_network(path, datasets, further, object_class)
     plot_reliability(path.parent / "reliability.png", result)
     say(describe_calibration(result))
@@ -82,7 +82,7 @@ class TrainingLog:
 
 
 def view_levels(logits: torch.Tensor, azimuth: torch.Tensor) -> torch.Tensor:
-    """Probability (N,) of the smallest region that reaches the true azimuth (N,), most probable bins first.
+    """Return the probability (N,) of the smallest region, likeliest bins first, with the true azimuth (N,).
 
     Where logits (N, bins) are calibrated, it is uniform over [0, 1].
     """
@@ -93,7 +93,7 @@ def view_levels(logits: torch.Tensor, azimuth: torch.Tensor) -> torch.Tensor:
 
 
 def describe_calibration(result: CalibrationResult) -> str:
-    """One line on how well uncertainties held before and after."""
+    """Return one line on how well uncertainties held before and after."""
     calibration, logits = result.calibration, result.azimuth_logits
     before, after = (
         float((view_levels(scaled, result.azimuth) <= 0.9).float().mean())
@@ -110,7 +110,7 @@ def describe_calibration(result: CalibrationResult) -> str:
 
 
 def plot_reliability(path: Path, result: CalibrationResult) -> None:
-    """Observed against stated probability, before and after: azimuth's regions, intervals of each number."""
+    """Plot observed against stated probability, before and after: azimuth's regions, intervals of numbers."""
     with optional_import("world"):
         from matplotlib.figure import Figure
 

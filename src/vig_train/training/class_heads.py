@@ -58,7 +58,7 @@ class _Member(nn.Module):
         self.azimuth, self.numbers, self.others = network.azimuth, network.numbers, network.others
 
     def forward(self, coarse: torch.Tensor) -> DenseOutputs:
-        """azimuth logits, mean, log variance, roll and presence; see `vig.recognition.network.Heads`."""
+        """Return azimuth logits, mean, log variance, roll and presence; see `Heads`."""
         read = self.dropout(self.squeeze(coarse).flatten(1))
         features = self.dropout(torch.relu(self.normalise(self.linear(read))))
         mean, log_variance = self.numbers(features).chunk(2, dim=1)
@@ -98,7 +98,7 @@ class HeadsTraining:
         return self.epochs * (rows // min(256, rows))
 
     def path(self, number: int) -> Path:
-        """Of a member's weights."""
+        """Return the path of a member's weights."""
         return self.out / f"member-{number}.safetensors"
 
     def run(
@@ -200,7 +200,7 @@ def _join(network: RecognitionNetwork, members: Sequence[_Member]) -> None:
 
 
 def keep_member(recognizer: Recognizer, number: int) -> Recognizer:
-    """The same, but that the dense heads hear one of several members alone; the decoder hears all.
+    """Return the same, but that the dense heads hear one of several members alone; the decoder hears all.
 
     Their biases stay the mean of all members'.
     """

@@ -42,8 +42,6 @@ PIXEL_CHUNKS = 128
 """Files that keep their images, for the decoder; the others keep features alone."""
 LEARNING_RATE = 2e-3
 """The highest, of heads and decoder alike."""
-DECODER_BATCH = 48
-"""Images a step."""
 DECODER_PARTS = ("recalled", "deep", "side", "merge", "mask")
 """What of the network is the decoder."""
 CHECKPOINT_STEPS = 50
@@ -73,7 +71,7 @@ class Features:
 
 
 def new_network(object_class: ObjectClass) -> RecognitionNetwork:
-    """Untrained heads on the shared trunk; the decoder begins as one of teapots, where that fits."""
+    """Return untrained heads on the shared trunk; the decoder begins as one of teapots, where that fits."""
     network = RecognitionNetwork(replace(SIZES, modes=object_class.shape_model.modes))
     load_start_weights(network, PLAIN_DECODER, trunk_only=False)
     trunk, _ = shared_trunk()
@@ -113,7 +111,7 @@ def draw_chunks(
 
 
 def chunk_path(folder: Path, chunk: int) -> Path:
-    """Of a file of images."""
+    """Return the path of a file of images."""
     return folder / f"{chunk:05d}.safetensors"
 
 
@@ -145,7 +143,7 @@ def _prepare(shared: tuple[str, str, int, str]) -> Callable[[int], None]:
 
 @torch.inference_mode()
 def coarse_features(network: RecognitionNetwork, images: torch.Tensor) -> torch.Tensor:
-    """Of the trunk's last stage, (N, C, 10, 10) float16, for images (N, 3, 150, 150)."""
+    """Return features (N, C, 10, 10) float16 of the trunk's last stage, for images (N, 3, 150, 150)."""
     with bfloat16(images.device):
         return network.maps(images)[-1].half()
 
@@ -158,7 +156,7 @@ def _read(folder: Path, chunk: int) -> dict[str, torch.Tensor]:
 
 
 def read_features(folder: Path, chunks: Sequence[int]) -> Features:
-    """The features of files of images."""
+    """Return the features of files of images."""
     columns: dict[str, list[torch.Tensor]] = {}
     for chunk in chunks:
         for name, value in _read(folder, chunk).items():
@@ -169,7 +167,7 @@ def read_features(folder: Path, chunks: Sequence[int]) -> Features:
 
 
 def read_images(folder: Path, chunks: Sequence[int]) -> Examples:
-    """The images of files that keep them."""
+    """Return the images of files that keep them."""
     parts = []
     for chunk in chunks:
         tensors = _read(folder, chunk)
@@ -220,7 +218,7 @@ class DecoderTraining:
         network.eval().requires_grad_(True)
 
     def seconds_per_step(self) -> float:
-        """Measured on a copy's three steps."""
+        """Measure on a copy's three steps."""
         trial = replace(self, network=_copy(self.network))
         trial.run(1)
         begin = time.perf_counter()
@@ -229,7 +227,8 @@ class DecoderTraining:
 
     def _loss(self, step: int) -> dict[str, torch.Tensor]:
         rng = np.random.default_rng([self.seed, step, 4])
-        chosen = rng.choice(len(self.examples), min(DECODER_BATCH, len(self.examples)), replace=False)
+        # 48 images a step.
+        chosen = rng.choice(len(self.examples), min(48, len(self.examples)), replace=False)
         torch.manual_seed(int(rng.integers(2**31)))
         augment = Augmentation() if self.mirror else replace(Augmentation(), flip=0.0)
         batch = augment(self.examples[torch.from_numpy(chosen)], rng)

@@ -29,14 +29,10 @@ from vig_train.training.presence import fit_presence
 
 CELLS = SIDE // MAP_STRIDE
 """A side of a picture's map."""
-LEAST_SHOWN = 0.12
-"""Share of an object, or of its box, that is seen: with less it counts neither as there nor as absent."""
 MAP_CHANNELS = 96
 """Of a map; it has 50,000 weights."""
 CENTRE_FOCUS, MISS_FOCUS = 2, 4
 """Exponents of the focal loss, of how wrong a cell is and how far from a centre (Law and Deng 2018)."""
-BOX_UNIT = 0.2
-"""Error of a box, in cells or in logarithms, from which it counts linearly."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +53,7 @@ class MapTargets:
 
     @staticmethod
     def joined(parts: list[MapTargets]) -> MapTargets:
-        """Stacked."""
+        """Stack."""
         return MapTargets(
             *(torch.stack(values) for values in zip(*(vars(part).values() for part in parts), strict=True))
         )
@@ -66,7 +62,7 @@ class MapTargets:
         return MapTargets(*(value[chosen] for value in vars(self).values()))
 
     def mirrored(self) -> MapTargets:
-        """Of pictures flipped left to right."""
+        """Return the targets of pictures flipped left to right."""
         flipped = MapTargets(*(value.flip(-1) for value in vars(self).values()))
         return replace(flipped, box=flipped.box * flipped.box.new_tensor([-1, 1, 1, 1])[:, None, None])
 
@@ -112,7 +108,7 @@ class MapTraining:
         network.eval()
 
     def _through_trunk(self, network: RecognitionNetwork) -> tuple[torch.Tensor, MapTargets]:
-        """What the trunk makes of pictures (N, C, h, w) float16, and what the map should say of them."""
+        """Return the trunk's features of pictures (N, C, h, w) float16, and the map's targets."""
         maps, targets = [], []
         for number in range(-(-self.pictures // PICTURES)):
             rng = np.random.default_rng([self.seed, number, 5])
@@ -155,7 +151,8 @@ def add_object_map(start: Path, path: Path, training: MapTraining) -> None:
 
 
 def map_loss(numbers: torch.Tensor, targets: MapTargets) -> torch.Tensor:
-    """Focal loss of centres (Law and Deng 2018), for each of them, and the mean error of boxes near them.
+    """Return focal loss of centres (Law and Deng 2018), for each of them, and the mean error of boxes near
+    them.
 
     numbers: (N, 5, h, w), see `ObjectMap`.
     """
@@ -165,12 +162,13 @@ def map_loss(numbers: torch.Tensor, targets: MapTargets) -> torch.Tensor:
     hit = (1 - probability) ** CENTRE_FOCUS * functional.logsigmoid(logit)
     miss = (1 - targets.centre) ** MISS_FOCUS * probability**CENTRE_FOCUS * functional.logsigmoid(-logit)
     centres = -torch.where(at_centre, hit, miss)[targets.counts].sum() / at_centre.sum().clamp_min(1)
-    errors = functional.smooth_l1_loss(numbers[:, 1:], targets.box, reduction="none", beta=BOX_UNIT).sum(1)
+    # Error of a box, in cells or in logarithms, from which it counts linearly
+    errors = functional.smooth_l1_loss(numbers[:, 1:], targets.box, reduction="none", beta=0.2).sum(1)
     return centres + errors[targets.near].sum() / targets.near.sum().clamp_min(1)
 
 
 def targets_of(boxes: list[Box]) -> MapTargets:
-    """What the map of a picture with these objects should say."""
+    """Return what the map of a picture with these objects should say."""
     middle = torch.arange(CELLS) + 0.5
     down, right = middle[:, None], middle[None]
     centre, counts = torch.zeros(CELLS, CELLS), torch.ones(CELLS, CELLS, dtype=torch.bool)
@@ -181,7 +179,8 @@ def targets_of(boxes: list[Box]) -> MapTargets:
         x, y = (x0 + x1) / 2 / MAP_STRIDE, (y0 + y1) / 2 / MAP_STRIDE
         spread = ((right - x) / (0.12 * w + 0.25)) ** 2 + ((down - y) / (0.12 * h + 0.25)) ** 2
         here = torch.exp(-0.5 * spread)
-        known = BOX_SIDES[0] <= max(x1 - x0, y1 - y0) <= BOX_SIDES[1] and seen >= LEAST_SHOWN
+        # Share of an object, or of its box, that is seen: with less it counts neither as there nor as absent
+        known = BOX_SIDES[0] <= max(x1 - x0, y1 - y0) <= BOX_SIDES[1] and seen >= 0.12
         if not known or not (0 <= x < CELLS and 0 <= y < CELLS):
             counts &= here < 0.1
             continue

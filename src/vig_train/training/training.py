@@ -94,7 +94,7 @@ class TrainingSettings:
             raise UserError(f"training needs at least {2 * self.batch} images; {folders} has {count}")
 
     def fingerprint(self, datasets: Sequence[Dataset]) -> str:
-        """Settings and data that a checkpoint must match to be resumed."""
+        """Return settings and data that a checkpoint must match to be resumed."""
         data = 0
         for dataset in datasets:
             data = zlib.crc32(np.ascontiguousarray(dataset.latents).tobytes(), data)
@@ -256,7 +256,7 @@ class _TrainingState:
     def batches(
         self, examples: Examples, chosen: torch.Tensor, first_epoch: int, once: Examples | None = None
     ) -> Iterator[Batch]:
-        """Augmented batches of all epochs from `first_epoch` on, in order, on the network's device.
+        """Yield augmented batches of all epochs from `first_epoch` on, in order, on the network's device.
 
         once: Images of the studio that were drawn before.
         """
@@ -321,7 +321,7 @@ def load_start_weights(
 
 
 def _setting_of(path: Path, name: str, without: Any) -> Any:
-    """A field of `NetworkSettings` of a weights file, and what stands for it where the file lacks it."""
+    """Return a field of `NetworkSettings` of a weights file, `without` where the file lacks it."""
     with reading(path, "recognition weights", "Take a file of `vig train`."):
         _, metadata = read_tensors(path)
         settings = decode(dict[str, Any], parse_json(metadata.get("settings", "{}")))
@@ -329,7 +329,7 @@ def _setting_of(path: Path, name: str, without: Any) -> Any:
 
 
 def _frozen_parts(network: RecognitionNetwork, settings: TrainingSettings) -> list[nn.Module]:
-    """The first stages of the trunk, with what comes before them, or all but the mask's decoder."""
+    """Return the first stages of the trunk, with what comes before them, or all but the mask's decoder."""
     if settings.mask_alone:
         return [network.stem, *network.stages, *(getattr(network, name) for name in HEAD_PARTS)]
     return [network.stem, *network.stages[: settings.frozen]] if settings.frozen else []
@@ -343,7 +343,7 @@ def validate(
     scale: Scale,
     symmetry: Symmetry = Symmetry.NONE,
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Mean losses, and errors in their own units, on chosen examples without augmentation."""
+    """Return mean losses, and errors in their own units, on chosen examples without augmentation."""
     network.eval()
     device = next(network.parameters()).device
     sums, azimuths, elevations, shapes = dict.fromkeys(LOSS_WEIGHTS, 0.0), [], [], []
