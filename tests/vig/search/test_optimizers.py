@@ -12,10 +12,7 @@ from vig.scene import Latents, ObjectClass
 from vig.search.annealing import Annealed
 from vig.search.levenberg_marquardt import LevenbergMarquardt
 from vig.search.optimizer import Budget, Descent, Optimizer
-from vig_paper.optimizers.conjugate_gradient import ConjugateGradient
-from vig_paper.optimizers.dogleg import Dogleg
-from vig_paper.optimizers.gradient_descent import GradientDescent
-from vig_paper.optimizers.quasi_newton import BFGS, LBFGS
+from vig_paper.optimizers import BFGS, LBFGS, ConjugateGradient, Dogleg, GradientDescent
 
 SIGMA = 0.03
 OPTIMIZERS: dict[str, Optimizer] = {
