@@ -42,7 +42,9 @@ ORDER = {
         "record", "network", "packs", "building", "training", "plots", "evaluation", "calibration",
         "class_training", "cli",
     ),
-    "vig_paper": ("teapot_class", "network", "optimizers", "ablation", "figures", "reproduction", "cli"),
+    "vig_paper": (
+        "settings", "teapot_class", "network", "optimizers", "ablation", "figures", "reproduction", "cli",
+    ),
 }  # fmt: skip
 LATE = {
     ("vig.explanation", "vig_app.report"),
