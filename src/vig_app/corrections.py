@@ -17,7 +17,7 @@ from vig.hints import Hints
 from vig.inference import PixelLabel
 from vig.io.checks import decode, read_json, reading
 from vig.io.errors import UserError
-from vig.output import write_json
+from vig.io.files import write_json
 from vig.photo import Intrinsics, Window, focal_of
 from vig.photo.window import BOX_BELOW_CENTRE, WINDOW_OVER_BOX
 from vig.scene import ObjectClass
@@ -206,7 +206,7 @@ class State:
             "object_box": object_box or _object_box(folder),
             "state": asdict(self),
         }
-        write_json(folder, content, CORRECTIONS)
+        write_json(folder / CORRECTIONS, content)
 
     @staticmethod
     def read(folder: Path, remedy: str = "Name the photo itself.") -> tuple[Path, str, State]:

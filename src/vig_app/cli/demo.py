@@ -28,7 +28,8 @@ from vig.photo.images import coded
 from vig.scene import angle_difference
 from vig_app.cli.common import Demo
 from vig_app.demo import DemoPhoto, demo_photos
-from vig_app.report.folder import FILES, outlined, save_entry
+from vig_app.pictures import overlay
+from vig_app.report.folder import FILES, save_entry
 from vig_app.report.folder_page import Entry, reduced
 from vig_app.report.gallery import Card, card_of, gallery_html
 from vig_app.report.html import QUALITY, write_page
@@ -149,7 +150,7 @@ def _enlarged(entry: Entry, explanation: Explanation) -> Entry:
     """With a larger picture than that of many photos."""
     picture = reduced(coded(explanation.picture), CARD)
     if entry.described["verdict"] != "absent":
-        picture = outlined(explanation, picture)
+        picture = overlay(explanation, picture)
     return replace(entry, picture=picture)
 
 

@@ -32,6 +32,7 @@ from vig.photo.decoding import FORMATS
 from vig.photo.formats import why_no_photo
 from vig.photo.video import frames_of, is_video
 from vig.recognition import WEIGHTS_FILE
+from vig.record import read_explanation
 from vig_app.cli.boxes import boxes_of, check_place, classes_of
 from vig_app.cli.cameras import cameras_of
 from vig_app.cli.common import FitCommand
@@ -44,7 +45,6 @@ from vig_app.report.folder_page import write_run_page
 from vig_app.report.sheet import sheet_name, write_sheets
 from vig_app.results import TABLES, TRACK, RowsOnDisk, name_of, write_table
 from vig_app.runs import LEDGER, RunSettings, Task, ledger_of, run, run_tracked
-from vig_app.schema import read_explanation
 
 FRAMES = "frames"
 """Folder of the frames of videos within that of the results."""

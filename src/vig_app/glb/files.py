@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from vig.explanation import Explanation
-from vig.output import glb_from_object
+from vig.record import glb_from_object
 from vig.scene import Camera
 from vig.several.scene import SceneExplanation
 from vig_app.glb.bake import Texture
 from vig_app.glb.write import GlbObject, write_glb
+from vig_app.pictures import part_albedo
 
 MOST_SCALED = 1.5
 """By what an object of a scene is scaled at most, so that it stands on the ground of the others."""
@@ -40,7 +41,7 @@ def _object(
     texture: Texture | None,
     extras: dict[str, Any] | None = None,
 ) -> GlbObject:
-    vertices, colours = explanation.vertices, explanation.part_albedo
+    vertices, colours = explanation.vertices, part_albedo(explanation)
     return GlbObject(name, explanation.object_class, vertices, colours, node, texture, extras or {})
 
 

@@ -22,6 +22,7 @@ from vig.io.errors import UserError
 from vig.io.files import atomic_write
 from vig.photo.video import Video, av_errors
 from vig.video import TrackedPose, Tracker
+from vig_app.pictures import overlay
 from vig_app.results import POSE, TRACK
 from vig_app.runs.ledger import ledger_of
 
@@ -278,7 +279,7 @@ def _reason(error: Exception) -> str:
 
 def drawn(picture: np.ndarray, pose: TrackedPose, tracker: Tracker) -> np.ndarray:
     """A frame (H, W, 3) uint8 with the object's outline, and its axes: x red, y green, z blue."""
-    shown = picture if pose.lost else pose.explanation.overlay()
+    shown = picture if pose.lost else overlay(pose.explanation)
     image = Image.fromarray(shown)
     length = AXIS * float(np.ptp(tracker.explainer.object_class.shape_model.mean, axis=0).max())
     points = np.concatenate([np.zeros((1, 3)), length * np.eye(3)])

@@ -11,7 +11,7 @@ from typing import Any
 
 from vig.explainer import Explainer
 from vig.explanation import Explanation
-from vig.output import write_json
+from vig.io.files import write_json
 from vig.video import Track, TrackedFrame, track
 from vig_app.results import POSE, TRACK, TRACK_COLUMNS, write_table
 from vig_app.runs.ledger import ledger_of
@@ -61,7 +61,7 @@ def run_tracked(
             "shape": tracked.shape.tolist(),
             "albedo": tracked.albedo.tolist(),
         }
-        write_json(out, content, f"{TRACK}.json")
+        write_json(out / f"{TRACK}.json", content)
     return tracked
 
 

@@ -25,7 +25,8 @@ from vig.photo.masks import read_mask
 from vig.several import explain_found, explain_together
 from vig.several.scene import SceneExplanation
 from vig_app.corrections import CORRECTIONS, REMEDY, Correction, Found, State, overlap, place_of
-from vig_app.exports import remove_exports
+from vig_app.exports import export_explanation, remove_exports
+from vig_app.report.folder import save_explanation, save_scene
 from vig_app.results import COLUMNS, POSE
 
 PARTIAL = ".partial"
@@ -166,7 +167,7 @@ class Work:
                 scene = SceneExplanation(objects, scene.occludes)
         with beside_folder(task) as beside:
             settings = self.settings
-            scene.save(beside, task.photo.name, settings.export, settings.files, settings.full_size)
+            save_scene(scene, beside, task.photo.name, settings.export, settings.files, settings.full_size)
             for name, explanation, place in zip(scene.names, scene.objects, places, strict=True):
                 box: Any = explanation.box and tuple(map(float, explanation.box))
                 found = None if task.objects else Found.of(explanation)
@@ -181,8 +182,10 @@ class Work:
     def write(self, task: Task, explanation: Explanation, corrected: State | None = None) -> None:
         """All files of a photo beside its folder, then in their place; see `beside_folder`."""
         with beside_folder(task) as beside:
-            explanation.save(beside, task.photo.name, self.settings.files, self.settings.full_size)
-            explanation.export(beside, self.settings.export, task.photo.name)
+            save_explanation(
+                explanation, beside, task.photo.name, self.settings.files, self.settings.full_size
+            )
+            export_explanation(explanation, beside, self.settings.export, task.photo.name)
             state = corrected or State.of(task.box, task.focal, explanation.hints, _lens(task, explanation))
             if state is not None:  # named from where it will be, which is as deep
                 state.write(beside, task.photo, explanation.object_class, corrected is not None)

@@ -27,6 +27,7 @@ from vig.inference import PixelLabel
 from vig.io.checks import decode, parse_json
 from vig.io.errors import UserError
 from vig.photo.images import coded, coded_photo
+from vig_app.pictures import panels
 from vig_app.report import words
 from vig_app.report.contents import drawing_data
 from vig_app.report.drawing import views_of
@@ -187,7 +188,7 @@ class Viewer:
                 for (azimuth, elevation, probability), view in zip(answers, views, strict=True)
             ],
             "drawing": drawing_data(explanation, views, [], *sent),
-            "panels": jpeg_url(explanation.panels()),
+            "panels": jpeg_url(panels(explanation)),
             "objects": walk.objects() or self._found,
             "message": self._message,
             "refused": self._refused,

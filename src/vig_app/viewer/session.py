@@ -18,6 +18,7 @@ from vig.photo.images import coded_photo
 from vig.several import MOST_OBJECTS
 from vig.several.explain import find_together
 from vig_app.corrections import Mark, State, box_of
+from vig_app.report.folder import save_explanation
 
 MOST_UNDO = 200
 """States that can be gone back to, at most."""
@@ -132,7 +133,7 @@ class Session:
 
     def save(self, folder: str | Path, files: Sequence[str] | None = None) -> Path:
         """Write what `vig fit` writes, see `Explanation.save`; returns the folder."""
-        folder = self.explanation.save(folder, self.path.name, files)
+        folder = save_explanation(self.explanation, folder, self.path.name, files)
         self.state.write(folder, self.path, self.explainer.object_class, corrected=True)
         self.saved = self.state
         return folder

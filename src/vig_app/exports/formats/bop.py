@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from vig.explanation import Explanation
-from vig.io.files import atomic_write
-from vig.output import write_json
+from vig.io.files import atomic_write, write_json
 from vig.photo.masks import box_of
 
 MILLIMETRES = 1000.0
@@ -38,7 +37,7 @@ def write(folder: Path, explanation: Explanation, photo: str) -> None:
     }
     camera = {"cam_K": explanation.camera.K.ravel().tolist(), "depth_scale": 1.0}
     for path, content in zip(FILES, (camera, [truth], [info]), strict=False):
-        write_json(folder, {"0": content}, path)
+        write_json(folder / path, {"0": content})
     vertices, faces = explanation.vertices, explanation.object_class.shape_model.faces
     rows = ["ply", "format ascii 1.0", f"element vertex {len(vertices)}"]
     rows += [f"property float {axis}" for axis in "xyz"]

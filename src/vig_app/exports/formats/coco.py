@@ -10,7 +10,7 @@ import numpy as np
 
 from vig import __version__
 from vig.explanation import Explanation
-from vig.output import write_json
+from vig.io.files import write_json
 from vig_app.exports.formats.bop import OBJECT_ID, bop_box, score
 
 FILES = ("coco.json",)
@@ -28,7 +28,7 @@ def write(folder: Path, explanation: Explanation, photo: str) -> None:
         "categories": [{"id": OBJECT_ID, "name": explanation.object_class.name}],
         "annotations": [annotation],
     }
-    write_json(folder, described, FILES[0])
+    write_json(folder / FILES[0], described)
 
 
 def annotation_of(

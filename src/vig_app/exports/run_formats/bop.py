@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from vig.io.files import atomic_write
+from vig.record import read_explanation
 from vig_app.exports.formats.bop import MILLIMETRES
 from vig_app.exports.run import SCENE_NUMBERS, ExportedRun
-from vig_app.schema import read_explanation
 
 FILE = "bop.csv"
 

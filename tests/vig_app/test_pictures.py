@@ -7,11 +7,10 @@ import pytest
 from PIL import Image
 from scipy import ndimage
 
-from vig.output import CloseUp, overlay, panels, part_colours
-from vig.output.pictures import HIDDEN, LABEL, OUTLINE
 from vig.photo import Window, outline_distance
 from vig.photo.outline import FINER, SMOOTH
 from vig.scene import Camera
+from vig_app.pictures import HIDDEN, LABEL, OUTLINE, CloseUp, draw_outlines, draw_panels, part_colours
 
 
 def half_hidden(size: int) -> tuple[np.ndarray, np.ndarray]:
@@ -26,7 +25,7 @@ def half_hidden(size: int) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("ground", [0, 100, 255])
 def test_visible_pixels_keep_their_colour_hidden_are_tinted_and_the_rim_is_drawn(ground: int) -> None:
     photo = np.full((400, 400, 3), ground, np.uint8)
-    picture = overlay(photo, Window.of(400, 400), *half_hidden(40))
+    picture = draw_outlines(photo, Window.of(400, 400), *half_hidden(40))
     assert (picture[110:190, 110:290] == ground).all()
     np.testing.assert_array_equal(picture[250, 150], np.round(0.5 * ground + 0.5 * HIDDEN).astype(np.uint8))
     rim = picture[150, 90:101].astype(int)
@@ -83,7 +82,7 @@ def test_only_the_windows_part_of_a_photo_is_visited() -> None:
 def test_nothing_found_leaves_the_photo_as_it_is() -> None:
     photo = np.random.default_rng(1).integers(0, 255, (30, 50, 3), np.uint8)
     nothing = outline_distance(np.zeros((40, 40), np.float32))
-    assert np.array_equal(overlay(photo, Window.of(50, 30), nothing, nothing), photo)
+    assert np.array_equal(draw_outlines(photo, Window.of(50, 30), nothing, nothing), photo)
 
 
 def close_up() -> CloseUp:
@@ -125,7 +124,7 @@ def test_a_dark_part_may_be_brighter_than_its_reflectance() -> None:
 
 
 def test_panels_stand_side_by_side() -> None:
-    sheet = panels(close_up())
+    sheet = draw_panels(close_up())
     assert sheet.shape == (40 + LABEL, 200, 3)
     photo, drawn, residual, normals, mask = np.split(sheet[LABEL:], 5, axis=1)
     assert photo[20, 10].argmax() == 0 and drawn[20, 10].min() > 220

@@ -1,28 +1,36 @@
-"""Pictures of an explanation: outlines on the photo, and the fit beside it."""
+"""Pictures of explanations: outlines on the photo, and the fit beside it."""
 
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from vig.explanation import Explanation
+from vig.parallel import on_one_core
 from vig.photo import Window
-from vig.photo.outline import FINER
+from vig.photo.filters import erosion
+from vig.photo.images import coded
+from vig.photo.outline import FINER, line_reach, line_width
+from vig.renderer.drawing import draw_latents
 from vig.scene import Camera
 from vig.scene.light import srgb_from_linear
+from vig.several.scene import SceneExplanation
 
+Made = TypeVar("Made")
 OUTLINE = np.array([255, 210, 0], np.float32)
 """Colour of outlines, 8-bit sRGB; likewise `HIDDEN` of hidden pixels, mixed in by `HIDDEN_SHARE`."""
 BORDER = np.array([20, 20, 20], np.float32)
 """Beside the outline, so that it shows on bright and yellow ground, too."""
 HIDDEN = np.array([235, 40, 120], np.float32)
 HIDDEN_SHARE = 0.5
-THUMBNAIL = 320
-"""Pixels of the longer side of the smallest pictures with outlines."""
 PANEL = 300
-"""Pixels a side of the pictures in `panels`."""
+"""Pixels a side of the pictures in `draw_panels`."""
 PANEL_NAMES = ("photo", "re-rendering", "residual", "normals", "mask")
 LABEL = 22
 """Pixels of the line above each that says what it shows."""
@@ -31,12 +39,50 @@ LEAST_PIXELS = 30
 MOST_RESIDUAL = 0.5
 """Difference of sRGB brightness, of 1, that is drawn in full colour."""
 WHITE, BRIGHT, DARK = np.float32(255), np.float32(217), np.float32(38)
-"""8-bit levels of `panels`: of what is seen in the mask, and of grounds."""
+"""8-bit levels of `draw_panels`: of what is seen in the mask, and of grounds."""
 RESIDUAL_COLOURS = np.array([[0.80, 0.10, 0.10], [0.10, 0.25, 0.80]], np.float32)
 """Where the photo is brighter, and where it is darker."""
+TINT = 0.2
+"""Share of an object's colour in its tint."""
+COLOURS = np.array([(255, 220, 0), (0, 220, 255), (255, 90, 220), (120, 255, 90)], np.float32)
+"""Of the tints of several objects, in turn."""
 
 
-def overlay(photo: np.ndarray, window: Window, covered: np.ndarray, visible: np.ndarray) -> np.ndarray:
+def once(make: Callable[[Explanation], Made]) -> Callable[[Explanation], Made]:
+    """Keep what a function makes of an explanation for as long as the explanation is there."""
+    made: WeakKeyDictionary[Explanation, Made] = WeakKeyDictionary()
+
+    @functools.wraps(make)
+    def kept(explanation: Explanation) -> Made:
+        if explanation not in made:
+            made[explanation] = make(explanation)
+        return made[explanation]
+
+    return kept
+
+
+def overlay(explanation: Explanation, photo: np.ndarray | None = None) -> np.ndarray:
+    """Draw `Explanation.overlay`.
+
+    photo: Its photo (h, w, 3) uint8 made smaller, `SMALLEST_PICTURE` pixels or more; by default as it is.
+    """
+    photo = coded(explanation.picture) if photo is None else photo
+    window = explanation.window.scaled(photo.shape[1] / explanation.picture.shape[1])
+    return draw_outlines(photo, window, *explanation.outlines)
+
+
+def scene_overlay(scene: SceneExplanation) -> np.ndarray:
+    """Draw `SceneExplanation.overlay`."""
+    picture = coded(scene.objects[0].picture).astype(np.float32)
+    width = max(1, round(max(picture.shape) / 500))
+    for number, each in enumerate(scene.objects):
+        colour = COLOURS[number % len(COLOURS)]
+        picture[each.mask] += TINT * (colour - picture[each.mask])
+        picture[each.amodal & ~erosion(each.amodal, width)] = colour
+    return np.rint(picture).astype(np.uint8)
+
+
+def draw_outlines(photo: np.ndarray, window: Window, covered: np.ndarray, visible: np.ndarray) -> np.ndarray:
     """The photo with the object's whole outline in yellow and its hidden pixels tinted pink.
 
     The outline is smooth, between two dark lines, and lies beside what the object covers; its width grows
@@ -71,20 +117,9 @@ def overlay(photo: np.ndarray, window: Window, covered: np.ndarray, visible: np.
     return picture
 
 
-def line_width(height: float, width: float) -> float:
-    """Pixels of an outline on a photo of a size, the dark lines beside it left out."""
-    return max(1.5, min(height, width) / 250)
-
-
-def line_reach(height: float, width: float) -> float:
-    """Pixels from the object to the outer end of an outline and of the dark line beside it."""
-    line = line_width(height, width)
-    return line + 2 * max(1.0, line / 2) + 0.5
-
-
 @dataclass(frozen=True)
 class CloseUp:
-    """An explained window of S x S pixels, upright.
+    """An explained window of S x S pixels, upright, beside its re-rendering.
 
     Attributes:
         photo: (S, S, 3) linear RGB.
@@ -107,7 +142,53 @@ class CloseUp:
     camera: Camera
 
 
-def panels(shown: CloseUp) -> np.ndarray:
+@once
+def close_up(explanation: Explanation) -> CloseUp:
+    """Draw the window of an explanation in `PANEL` pixels a side."""
+    object_class, latents = explanation.object_class, explanation.latents
+    camera = explanation.window_camera
+    camera = camera.scaled(PANEL / camera.width)
+    drawn = on_one_core(functools.partial(draw_latents, latents, object_class, camera))
+    pose = camera.camera_from_world(float(latents.azimuth[0]), float(latents.elevation[0]))
+    model, triangle = object_class.shape_model, drawn.triangle_id
+    everything = slice(0, PANEL), slice(0, PANEL)
+    return CloseUp(
+        photo=_photo_of_window(explanation, PANEL),
+        rendering=drawn.rgb,
+        coverage=drawn.coverage,
+        normals=drawn.normals @ pose[:3, :3].T.astype(np.float32),
+        part=np.where(triangle < 0, -1, model.parts[model.faces[triangle, 0]]),
+        depth=drawn.depth,
+        visible=Window(0, 0, PANEL).paste(explanation.outlines[1], *everything) < 0,
+        camera=camera,
+    )
+
+
+def _photo_of_window(explanation: Explanation, size: int) -> np.ndarray:
+    """The window in S x S pixels, linear RGB, from as much of a large photo's detail as shows."""
+    window, picture = explanation.window, explanation.picture
+    coarser = int(window.side / (2 * size))
+    if coarser < 2:
+        return window.crop(picture, size)[0]
+    return window.scaled(1 / coarser).crop(np.asarray(Image.fromarray(coded(picture)).reduce(coarser)), size)[
+        0
+    ]
+
+
+@once
+def panels(explanation: Explanation) -> np.ndarray:
+    """Draw `Explanation.panels`."""
+    return draw_panels(close_up(explanation))
+
+
+@once
+def part_albedo(explanation: Explanation) -> np.ndarray:
+    """Return linear RGB (parts, 3) of the surface of each part, see `part_colours`."""
+    reflectance = explanation.object_class.reflectance_of_parts
+    return part_colours(close_up(explanation), explanation.latents.albedo[0], reflectance)
+
+
+def draw_panels(shown: CloseUp) -> np.ndarray:
     """Photo, re-rendering, residual, normals and mask under their names: (S + label, 5 S, 3) uint8.
 
     The re-rendering stands in the photo, in front of everything. The residual is the photo's brightness less
@@ -147,7 +228,7 @@ def panels(shown: CloseUp) -> np.ndarray:
 
 @functools.cache
 def _labels(size: int) -> np.ndarray:
-    """Names of `panels` of a size beside each other, (LABEL, 5 size, 3) uint8."""
+    """Names of `draw_panels` of a size beside each other, (LABEL, 5 size, 3) uint8."""
     image = Image.new("RGB", (len(PANEL_NAMES) * size, LABEL), "white")
     pen, font = ImageDraw.Draw(image), ImageFont.load_default(14)
     for number, name in enumerate(PANEL_NAMES):
