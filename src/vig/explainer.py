@@ -21,13 +21,13 @@ from vig.inference import (
     Fit,
     OtherView,
     Verdict,
-    all_round,
     explain,
     resolve,
+    without_network,
 )
 from vig.inference.calibration import FILE as CALIBRATION_FILE
 from vig.inference.confidence import unsure
-from vig.inference.settings import followed
+from vig.inference.settings import for_tracking
 from vig.io.checks import number_of
 from vig.io.errors import UserError
 from vig.parallel import map_in_processes, on_one_core
@@ -169,9 +169,9 @@ class Explainer:
         )
         hints = hints.checked(width, height, self.object_class) if hints else None
         if not self.recognizer.informed:
-            settings, expected = all_round(settings), None
+            settings, expected = without_network(settings), None
         elif expected is not None:
-            settings = followed(settings)
+            settings = for_tracking(settings)
         roll = None if hints is None else hints.views()[2]
         if window is None and box is not None:
             window = Window.of(width, height, checked_box(box))

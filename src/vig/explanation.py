@@ -23,6 +23,7 @@ from vig.photo.images import linear_photo, png_bytes
 from vig.photo.masks import box_of
 from vig.photo.outline import REACH, SMALLEST_PICTURE, line_reach
 from vig.photo.pinhole import sight_axes
+from vig.record import Hints as HintsRecord
 from vig.record import record
 from vig.renderer.drawing import draw_latents
 from vig.scene import Camera, Latents, ObjectClass, latent_layout
@@ -325,7 +326,7 @@ class Explanation:
             box=self.box and list(self.box),
             hidden_fraction=None if self.hidden_fraction is None else round(self.hidden_fraction, 5),
             trusted=list(self.trusted),
-            hints=self.hints.described() if self.hints else {},
+            hints=HintsRecord(**(self.hints.described() if self.hints else {})),
         )
         # Numbers of numpy are among a window's and a camera's.
         plain: dict[str, Any] = msgspec.to_builtins(described, enc_hook=float)

@@ -15,7 +15,7 @@ from vig.photo import Intrinsics
 from vig.photo.masks import read_mask
 from vig_app.cli.boxes import boxes_of
 from vig_app.cli.cameras import cameras_of
-from vig_app.cli.common import FitCommand
+from vig_app.cli.options import CameraOptions, HintOptions, PlaceOptions
 
 COUNT = int(os.environ.get("VIG_FUZZ", "200"))
 """Mutants of each kind."""
@@ -55,10 +55,10 @@ def test_damaged_cameras_and_boxes(kind: str, tmp_path: Path) -> None:
     def read(number: int) -> None:
         path.write_bytes(damaged_json(whole[number % len(whole)], rng))
         if kind == "cameras":
-            (camera,) = cameras_of(FitCommand((photo,), cameras=path), [photo])
+            (camera,) = cameras_of(CameraOptions(cameras=path), [photo])
             assert np.isfinite(Intrinsics.of(camera, 640, 480).K).all()
         else:
-            ((box, _),) = boxes_of(FitCommand((photo,), boxes=path), [photo])
+            ((box, _),) = boxes_of(PlaceOptions(boxes=path), [photo], HintOptions())
             assert box is None or np.isfinite(box).all()
 
     counts = outcomes(range(COUNT), read)

@@ -22,7 +22,6 @@ from vig.photo.lens import Intrinsics
 from vig.photo.masks import read_mask
 from vig.recognition import Prediction
 from vig.scene import ObjectClass
-from vig_app.cli.common import FitCommand
 from vig_app.cli.hints import mask_of, parse_point, read_marks, read_pose
 from vig_app.cli.main import main
 from vig_app.examples import Example, example_photos
@@ -160,11 +159,11 @@ def test_a_roll_of_a_window_that_is_given_is_refused(explainer: vig.Explainer, e
 def test_each_of_many_photos_has_the_mask_of_its_name(tmp_path: Path) -> None:
     """Which is not read here, so that a bad one is the photo's own error."""
     photos = [tmp_path / f"{name}.jpg" for name in "ab"]
-    mask = mask_of(FitCommand(tuple(photos), mask=tmp_path), photos)
+    mask = mask_of(tmp_path, photos)
     assert [mask(photo) for photo in photos] == [tmp_path / "a.png", tmp_path / "b.png"]
-    assert mask_of(FitCommand(tuple(photos)), photos)(photos[0]) is None
+    assert mask_of(None, photos)(photos[0]) is None
     with pytest.raises(UserError, match="expected --mask FOLDER for 2 photos"):
-        mask_of(FitCommand(tuple(photos), mask=photos[0]), photos)
+        mask_of(photos[0], photos)
 
 
 @pytest.mark.parametrize("azimuth", [-3.0, -1.0, 0.0, 0.7, 3.1])

@@ -265,6 +265,8 @@ def run_live(
             stopped_by = stop.args[0] if stop.args else SIGINT
         except UserError as error:  # such as a frame of another size
             if not poses:
+                for name in (f"{TRACK}.csv", OVERLAY):
+                    (out / name).unlink(missing_ok=True)
                 raise
             problem = str(error)
     if poses:

@@ -13,7 +13,7 @@ import traceback
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from ipaddress import ip_address
@@ -174,7 +174,7 @@ class Viewer:
             "summary": words.summary(described),
             "elevation": explanation.elevation_deg,
             "roll": explanation.roll_deg,
-            "hints": asdict(session.state),
+            "hints": session.state.to_json(),
             "undo": len(session.states) - 1,
             "unsaved": session.unsaved,
             "corrected": [number for number, item in enumerate(walk.items) if item.corrected],

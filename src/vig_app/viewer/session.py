@@ -11,13 +11,14 @@ import numpy as np
 
 from vig.explainer import Explainer
 from vig.explanation import Explanation
+from vig.hints import Stroke
 from vig.inference import PixelLabel
 from vig.io.errors import UserError
 from vig.parallel import on_one_core
 from vig.photo.images import coded_photo
 from vig.several import MOST_OBJECTS
 from vig.several.explain import find_together
-from vig_app.corrections import Mark, State, box_of
+from vig_app.corrections import State, box_of
 from vig_app.report.folder import save_explanation
 
 MOST_UNDO = 200
@@ -162,7 +163,7 @@ def placed(name: str, x: float, y: float) -> Change:
 
 def marked(label: PixelLabel, x: float, y: float, radius: float, path: Places = ()) -> Change:
     """The change that `Session.mark` makes."""
-    return lambda state: replace(state, marks=(*state.marks, Mark(x, y, radius, label, tuple(path))))
+    return lambda state: replace(state, strokes=(*state.strokes, Stroke(x, y, radius, label, tuple(path))))
 
 
 def cleared(state: State) -> State:

@@ -18,7 +18,7 @@ from vig.inference.refinement import (
     refine,
     survivors,
 )
-from vig.inference.settings import Stage, followed, resolve
+from vig.inference.settings import Stage, for_tracking, resolve
 from vig.recognition.prediction import START_STEP, round_to_grid
 from vig.renderer import render_latents
 from vig.scene import ObjectClass, regressed_layout
@@ -106,7 +106,7 @@ def test_of_each_view_the_best_point_enters() -> None:
 
 def test_an_expected_start_is_tried_and_of_the_networks_those_elsewhere(teapot: ObjectClass) -> None:
     given = prediction_of_peaks({10: 0.6, 40: 0.4})
-    settings = replace(followed(resolve(ExplainSettings(), teapot, photo=True)), stages=(Stage(3, 0),))
+    settings = replace(for_tracking(resolve(ExplainSettings(), teapot, photo=True)), stages=(Stage(3, 0),))
     objective = objective_of(GREY, given, teapot, settings)
     latents, box = given.best(), (0.2, 0.3, 0.5, 0.4)
 

@@ -13,7 +13,7 @@ from tests.vig.recognition.predictions import prediction_of_latents
 from vig.inference import FitSettings, explain_one
 from vig.inference.posterior import objective_of
 from vig.inference.refinement import Selection
-from vig.inference.settings import PHOTO, PICTURE, followed
+from vig.inference.settings import PHOTO, PICTURE, for_tracking
 from vig.inference.shading_gain import BRIGHTEST, LEAST, MOST, _bumps, _divided, _gain, with_shading_gain
 from vig.likelihood import GAUSSIAN
 from vig.recognition import Prediction
@@ -158,7 +158,7 @@ def test_bumps_cover_the_box_evenly() -> None:
 
 
 def test_photographs_frames_and_the_gaussian_model_are_without(studio, teapot: ObjectClass) -> None:
-    assert PHOTO["gain_deviation"] == 0.0 and followed(SETTINGS).gain_deviation == 0.0
+    assert PHOTO["gain_deviation"] == 0.0 and for_tracking(SETTINGS).gain_deviation == 0.0
     photo, _, prediction = shaded(studio, falling())
     paper = replace(SETTINGS, likelihood=GAUSSIAN)
     found = explain_one(photo, prediction, teapot, paper)

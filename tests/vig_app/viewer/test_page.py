@@ -152,9 +152,10 @@ def test_a_box_a_stroke_another_view_saving_and_the_next_photo(browser: Any, run
 
         page.get_by_role("button", name="in front").click()
         shown.drag((150, 120), (200, 120), (200, 180))
-        shown.until(lambda: len(shown.state.marks) == 1)
-        mark = shown.state.marks[0]
-        marks = shown.state.hints(400, 300).marks
+        shown.until(lambda: len(shown.state.strokes) == 1)
+        mark = shown.state.strokes[0]
+        object_class = viewer.walk.session.explainer.object_class
+        marks = shown.state.hints(400, 300).checked(400, 300, object_class).marks
         assert marks is not None and set(np.unique(marks)) == {0, PixelLabel.IN_FRONT}
         assert mark.radius == pytest.approx(8.0)
         assert (marks[120, 150:200] == PixelLabel.IN_FRONT).all(), "continuous"
@@ -183,7 +184,7 @@ def test_a_box_a_stroke_another_view_saving_and_the_next_photo(browser: Any, run
             assert (int(lightness) < 60) == (scheme == "dark") and page.evaluate(LOW_CONTRAST) == []
         page.get_by_role("button", name="save").click()
         page.get_by_text("Saved in").wait_for()
-        assert len(State.read(run / name)[2].marks) == 1
+        assert len(State.read(run / name)[2].strokes) == 1
         page.get_by_role("button", name="next").last.click()
         shown.until(lambda: viewer.walk.place == 1)
         assert shown.state.box is None and page.locator("#items").input_value() == "1"
@@ -360,7 +361,7 @@ def test_a_run_is_walked_in_review_order_and_vig_fit_takes_corrections_up(
         result = fitted_again()
         result.pop("folder")
         assert result == corrected
-        assert State.read(folder)[2].marks == walk.session.state.marks
+        assert State.read(folder)[2].strokes == walk.session.state.strokes
     changed = [path.parent.name for path, time in times.items() if path.stat().st_mtime_ns != time]
     assert changed in ([], [folder.name]), "the others are not fitted again"
     assert read_results(run)[0]["width"] == 400

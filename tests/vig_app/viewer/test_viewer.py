@@ -19,10 +19,11 @@ import pytest
 from PIL import Image
 
 import vig
+from vig.hints import Stroke
 from vig.inference import PixelLabel
 from vig.io.errors import UserError
 from vig_app.cli.main import main
-from vig_app.corrections import Found, Mark, State
+from vig_app.corrections import Found, State
 from vig_app.examples import example_photos
 from vig_app.results import write_table
 from vig_app.viewer import Session
@@ -61,7 +62,9 @@ def test_a_result_of_vig_fit_can_be_resumed(session: Session, tmp_path: Path) ->
     assert not (tmp_path / "outAgain" / "photo" / "corrections.json").exists()
     photo, object_class, state = State.read(tmp_path / "outTrue" / "photo")
     assert photo.samefile(session.path) and object_class == "teapot"
-    assert state == State((100, 60, 190, 180), {"spout": (150, 140)}, roll_deg=3.0, focal=900.0)
+    assert state == State(
+        box=(100, 60, 190, 180), points={"spout": (150, 140)}, roll_deg=3.0, focal=900.0
+    )
     again = Session(session.explainer, photo, state).explanation.to_dict()
     assert again == json.loads((tmp_path / "outTrue" / "photo" / "explanation.json").read_text())
 
@@ -149,10 +152,10 @@ def test_corrections_of_other_types_are_refused(tmp_path: Path, content: Any) ->
         (State(box=(10, 10, 2, 2)), "at least 8 pixels a side"),
         (State(points={"spout": (1e300, 1)}), "on the photo or near it"),
         (State(points={"nose": (1, 1)}), "names"),
-        (State(marks=(Mark(900.0, 10.0, 3.0, 1),)), "expected marks on the photo"),
-        (State(marks=(Mark(10.0, 10.0, math.inf, 1),)), "expected marks on the photo"),
-        (State(marks=(Mark(10.0, 10.0, -1.0, 1),)), "expected marks on the photo"),
-        (State(marks=(Mark(10.0, 10.0, 3.0, 9),)), "expected marks on the photo"),
+        (State(strokes=(Stroke(900.0, 10.0, 3.0, 1),)), "expected marks on the photo"),
+        (State(strokes=(Stroke(10.0, 10.0, math.inf, 1),)), "expected marks on the photo"),
+        (State(strokes=(Stroke(10.0, 10.0, -1.0, 1),)), "expected marks on the photo"),
+        (State(strokes=(Stroke(10.0, 10.0, 3.0, 9),)), "expected marks on the photo"),
         (State(focal=-1.0), "focal length"),
         (State(elevation_deg=100.0), "within 90 degrees"),
         (State(roll_deg=math.nan), "roll_deg"),
@@ -285,7 +288,7 @@ def test_the_next_free_port_is_taken_and_none_is_reported(viewer: Viewer, tmp_pa
 
 def test_a_stroke_is_continuous_and_as_wide_as_its_brush(session: Session) -> None:
     marks = np.zeros((300, 400), np.uint8)
-    Mark(50.0, 50.0, 5.0, PixelLabel.SEEN, ((150.0, 50.0), (150.0, 120.0))).paint(marks)
+    Stroke(50.0, 50.0, 5.0, PixelLabel.SEEN, ((150.0, 50.0), (150.0, 120.0))).paint(marks)
     rows, columns = np.mgrid[:300, :400] + 0.5
     across = np.hypot(columns - columns.clip(50, 150), rows - 50)
     down = np.hypot(columns - 150, rows - rows.clip(50, 120))
@@ -367,7 +370,7 @@ def test_a_box_that_vig_found_is_no_users(explainer: vig.Explainer, tmp_path: Pa
     """A fit within it is no more certain than the run that found it, until a user says where it is."""
     photo = example_photos()[0].photo
     box = Session(explainer, photo).explanation.box
-    found = State(box, found=Found(0.7, 0.01))
+    found = State(box=box, found=Found(0.7, 0.01))
     found.write(tmp_path / "1-teapot", photo, explainer.object_class)
     _, _, state = State.read(tmp_path / "1-teapot")
     assert state == found
