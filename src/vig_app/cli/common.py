@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from importlib import import_module
 from importlib.metadata import entry_points
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -150,6 +151,10 @@ class Verb:
 
 
 def verbs_of_packages() -> tuple[Verb, ...]:
-    """The verbs that installed packages bring, in the order of their entry points' names."""
+    """The verbs that installed packages bring, in the order of their entry points' names.
+
+    A wheel names those of vig_paper, too, which is only in a clone.
+    """
     points = sorted(entry_points(group=GROUP), key=lambda point: point.name)
+    points = [point for point in points if find_spec(point.module.partition(".")[0])]
     return tuple(Verb(*verb) for point in points for verb in point.load())

@@ -20,7 +20,7 @@ def central(studio, likelihood: Likelihood, point: np.ndarray, column: int, step
     return sum(w * v for (_, w), v in zip(STENCIL, found.value, strict=True)) / step
 
 
-@pytest.mark.parametrize("seed", range(50))
+@pytest.mark.parametrize("seed", range(6))
 def test_the_gradient_is_the_objectives_own(studio, seed: int) -> None:
     """Every number of a point, on a random occluded photo, at a guess off the truth.
 
@@ -57,7 +57,7 @@ def test_the_gradient_is_the_objectives_own(studio, seed: int) -> None:
     )
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_normal_matrix_is_symmetric_and_positive_semidefinite(studio, seed: int) -> None:
     rng = np.random.default_rng(100 + seed)
     latents = studio.latents(rng)
@@ -71,7 +71,7 @@ def test_the_normal_matrix_is_symmetric_and_positive_semidefinite(studio, seed: 
     assert np.linalg.eigvalsh(scaled).min() > -1e-9
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_at_the_truth_the_interiors_normal_matrix_is_gauss_newtons(studio, seed: int) -> None:
     """J^T W J of the rendered colours, W the posterior over sigma squared, J by central differences."""
     rng = np.random.default_rng(200 + seed)

@@ -63,9 +63,7 @@ def test_a_result_of_vig_fit_can_be_resumed(session: Session, tmp_path: Path) ->
     assert not (tmp_path / "outAgain" / "photo" / "corrections.json").exists()
     photo, object_class, state = State.read(tmp_path / "outTrue" / "photo")
     assert photo.samefile(session.path) and object_class == "teapot"
-    assert state == State(
-        box=(100, 60, 190, 180), points={"spout": (150, 140)}, roll_deg=3.0, focal=900.0
-    )
+    assert state == State(box=(100, 60, 190, 180), points={"spout": (150, 140)}, roll_deg=3.0, focal=900.0)
     again = Session(session.explainer, photo, state).explanation.to_dict()
     assert again == json.loads((tmp_path / "outTrue" / "photo" / "explanation.json").read_text())
 

@@ -14,7 +14,7 @@ from vig.renderer import render_latents
 from vig.scene import Camera, Latents, ObjectClass
 from vig_train.training import cutouts
 from vig_train.training.drawing import studio_examples
-from vig_train.training.snapshots import continue_border
+from vig_train.training.layers import continue_border
 from vig_train.training.studio import Studio, StudioImage, StudioSettings
 from vig_world import SPLITS
 from vig_world.assets.props import Prop, is_of_class
