@@ -62,7 +62,7 @@ class Alternative:
     @property
     def camera_from_object(self) -> np.ndarray:
         """As `Explanation.camera_from_object`."""
-        return self.camera.camera_from_world(float(self.latents.azimuth[0]), float(self.latents.elevation[0]))
+        return self.camera.camera_from_object(self.latents)
 
 
 @with_default_settings
@@ -190,8 +190,7 @@ class Explanation:
         window, lens = self._geometry.window_camera(framing), self.window.lens
         if lens is None:
             return self.window.camera(window, width, height)
-        angles = float(latents.azimuth[0]), float(latents.elevation[0])
-        looks_at_it = window.camera_from_world(*angles)
+        looks_at_it = window.camera_from_object(latents)
         pose = self._geometry.pose_before(lens.K, latents, framing)
         return replace(
             window,
@@ -208,7 +207,7 @@ class Explanation:
     @cached_property
     def camera_from_object(self) -> np.ndarray:
         """Pose (4, 4) float64, metres: OpenCV camera axes from the object's frame (Z up, +X `front`)."""
-        return self.camera.camera_from_world(float(self.latents.azimuth[0]), float(self.latents.elevation[0]))
+        return self.camera.camera_from_object(self.latents)
 
     @property
     def amodal(self) -> np.ndarray:

@@ -17,10 +17,6 @@ from vig.recognition.find import LocationHints
 from vig.scene import IMAGE_SIZE, ObjectClass
 from vig.scene.functions import numpy_of_tensor
 
-FARTHEST = 100.0
-"""Usual distances beyond which an object is not: a pose in millimetres."""
-BOX_MARGIN = 0.03
-"""The object may reach beyond a box drawn by hand by this share of its longer side."""
 BEYOND = 1.5
 """Photo's sides from its middle within which a named point must be: the object may reach beyond the photo."""
 
@@ -270,7 +266,8 @@ def checked_pose(value: Any, usual_distance: float) -> np.ndarray:
             received = f"a rotation scaled by {scale:.4g}; divide its (3, 3) by that"
         elif np.linalg.det(turn) < 0:
             received = "a mirrored, left-handed frame; turn one axis over"
-        elif np.linalg.norm(pose[:3, 3]) > FARTHEST * usual_distance:
+        # 100.0: usual distances beyond which an object is not: a pose in millimetres
+        elif np.linalg.norm(pose[:3, 3]) > 100.0 * usual_distance:
             received = f"an object {np.linalg.norm(pose[:3, 3]):.4g} metres away; is that in millimetres?"
         elif pose[2, 3] <= 0:
             received = f"an object behind the camera, z = {pose[2, 3]:.4g}"
@@ -305,7 +302,8 @@ def _beyond(box: tuple[float, float, float, float], window: Window) -> np.ndarra
     """The window's pixels (S, S) bool clearly outside a box of the photo."""
     middle = ((np.arange(IMAGE_SIZE) + 0.5) / IMAGE_SIZE - 0.5) * window.side
     x, y = window.to_photo(*np.meshgrid(middle, middle))
-    margin = BOX_MARGIN * max(box[2:])
+    # 0.03: the object may reach beyond a box drawn by hand by this share of its longer side
+    margin = 0.03 * max(box[2:])
     off_x, off_y = abs(x - box[0] - box[2] / 2) - box[2] / 2, abs(y - box[1] - box[3] / 2) - box[3] / 2
     beyond: np.ndarray = np.maximum(off_x, off_y) > margin
     return beyond

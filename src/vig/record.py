@@ -297,9 +297,7 @@ def _numbers(latents: Latents) -> dict[str, Any]:
 
 
 def _pose(camera: PhotoCamera, latents: Latents) -> list[list[float]]:
-    pose: list[list[float]] = camera.camera_from_world(
-        float(latents.azimuth[0]), float(latents.elevation[0])
-    ).tolist()
+    pose: list[list[float]] = camera.camera_from_object(latents).tolist()
     return pose
 
 

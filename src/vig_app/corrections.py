@@ -218,11 +218,3 @@ def box_of(window: Window) -> Box:
     """The inverse of `Window.round_box`, a square."""
     side, (x, y) = window.side / WINDOW_OVER_BOX, window.centre
     return x - side / 2, y + BOX_BELOW_CENTRE * window.side - side / 2, side, side
-
-
-def overlap(first: Box, second: Box) -> float:
-    """Intersection over union of two boxes."""
-    (x, y, width, height), (left, top, across, down) = first, second
-    shared_width = max(min(x + width, left + across) - max(x, left), 0.0)
-    shared = shared_width * max(min(y + height, top + down) - max(y, top), 0.0)
-    return shared / max(width * height + across * down - shared, 1e-9)

@@ -36,8 +36,6 @@ LABEL = 22
 """Pixels of the line above each that says what it shows."""
 LEAST_PIXELS = 30
 """Seen pixels from which a part's own colour is told."""
-MOST_RESIDUAL = 0.5
-"""Difference of sRGB brightness, of 1, that is drawn in full colour."""
 WHITE, BRIGHT, DARK = np.float32(255), np.float32(217), np.float32(38)
 """8-bit levels of `draw_panels`: of what is seen in the mask, and of grounds."""
 RESIDUAL_COLOURS = np.array([[0.80, 0.10, 0.10], [0.10, 0.25, 0.80]], np.float32)
@@ -149,7 +147,7 @@ def close_up(explanation: Explanation) -> CloseUp:
     camera = explanation.window_camera
     camera = camera.scaled(PANEL / camera.width)
     drawn = on_one_core(functools.partial(draw_latents, latents, object_class, camera))
-    pose = camera.camera_from_world(float(latents.azimuth[0]), float(latents.elevation[0]))
+    pose = camera.camera_from_object(latents)
     model, triangle = object_class.shape_model, drawn.triangle_id
     everything = slice(0, PANEL), slice(0, PANEL)
     return CloseUp(
@@ -205,7 +203,8 @@ def draw_panels(shown: CloseUp) -> np.ndarray:
     )
     # Both encoded before they are mixed, as screens would.
     drawn = 255 * srgb_from_linear(rendering / np.maximum(share, 1e-6))
-    difference = (behind - drawn).mean(-1, keepdims=True) / (255 * MOST_RESIDUAL)
+    # 0.5: difference of sRGB brightness, of 1, that is drawn in full colour
+    difference = (behind - drawn).mean(-1, keepdims=True) / (255 * 0.5)
     towards = np.where(difference > 0, RESIDUAL_COLOURS[:1], RESIDUAL_COLOURS[1:])
     residual = WHITE + np.abs(difference).clip(0, 1) * WHITE * (towards - 1)
     normals = WHITE / 2 + WHITE / 2 * normals * np.array([1, -1, -1], np.float32)

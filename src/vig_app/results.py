@@ -19,7 +19,6 @@ import msgspec
 
 from vig.io.checks import reading
 from vig.io.files import atomic_write
-from vig.record import Explanation
 
 TABLE = "results"
 TABLES = (f"{TABLE}.csv", f"{TABLE}.parquet")
@@ -107,6 +106,8 @@ def _at(value: Any, place: str) -> Any:
 @cache
 def kind_of(column: str | type) -> type:
     """Return the type of a column's values, str, bool, int or float, as the record has it."""
+    from vig.record import Explanation  # which loads the network's library: help would wait for it
+
     if isinstance(column, type):
         return column
     kind: Any = Explanation

@@ -169,6 +169,12 @@ def test_the_command_writes_both(results: Path, tmp_path: Path, capsys: pytest.C
     assert "Name the folder of its results" in refused
 
 
+def test_a_format_with_files_for_each_photo_is_told_how_to_have_them(results: Path, tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="bop or coco; got 'ros'.* vig fit --export ros"):
+        export_run(results, ["bop", "ros"], tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
 def test_rows_of_a_run_are_kept_on_disk_in_the_order_of_the_photos() -> None:
     """At most 600 bytes of memory a photo, of some 7,000 that such a row takes."""
     count = 3000

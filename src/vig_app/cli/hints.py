@@ -19,8 +19,6 @@ from vig_app.cli.options import HintOptions, given
 
 MARK_CHANNELS = ((0, PixelLabel.IN_FRONT), (1, PixelLabel.SEEN), (2, PixelLabel.NOTHING))
 """What a pixel of marks means whose red, green or blue stands out."""
-MARK_CONTRAST = 80
-"""By how much that channel is above the others, of 255."""
 OF_ONE_PHOTO = ("marks", "points", "azimuth", "pose")
 """Options that say something of a single photo."""
 
@@ -78,7 +76,8 @@ def read_marks(path: Path) -> np.ndarray:
     marks = np.zeros(colours.shape[:2], np.uint8)
     for channel, kind in MARK_CHANNELS:
         others = np.delete(colours, channel, axis=-1).max(-1)
-        marks[colours[..., channel] - others > MARK_CONTRAST] = kind
+        # 80: by how much that channel is above the others, of 255
+        marks[colours[..., channel] - others > 80] = kind
     if not marks.any():
         refuse(path, "pure red, green or blue marks", "none", "Draw on a black or grey copy of the photo.")
     return marks

@@ -10,7 +10,6 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from vig.io.errors import UserError
-from vig_app.exports.run import ExportedRun
 
 if TYPE_CHECKING:
     from vig.explanation import Explanation
@@ -58,6 +57,8 @@ def export_run(
                 f"expected a format with one file for all photos, {' or '.join(run_formats())}; got '{name}',"
                 f" which has files for each. Write them with vig fit --export {name}."
             )
+    from vig_app.exports.run import ExportedRun  # help lists formats, and needs no table
+
     run = ExportedRun.read(Path(results), first_id)
     paths = [Path(out or results) / run_formats()[name] for name in formats]
     for name, path in zip(formats, paths, strict=True):

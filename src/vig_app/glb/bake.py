@@ -124,7 +124,7 @@ class _Shown:
             return None
         x, y, width, height = box
         part = slice(y, y + height), slice(x, x + width)
-        pose = camera.camera_from_world(float(latents.azimuth[0]), float(latents.elevation[0]))
+        pose = camera.camera_from_object(latents)
         eye, length = -pose[:3, :3].T @ pose[:3, 3], float(np.ptp(explanation.vertices, axis=0).max())
         light, depth = _light(explanation)[part], shown.depth[part]
         layers = np.empty((5, height, width), np.float32)

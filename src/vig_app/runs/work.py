@@ -21,9 +21,10 @@ from vig.io.errors import UserError
 from vig.parallel import Lost
 from vig.photo.images import coded_photo
 from vig.photo.masks import read_mask
+from vig.recognition.object_map import box_overlap
 from vig.several import explain_found, explain_together
 from vig.several.scene import SceneExplanation
-from vig_app.corrections import CORRECTIONS, REMEDY, Correction, Found, State, overlap, place_of
+from vig_app.corrections import CORRECTIONS, REMEDY, Correction, Found, State, place_of
 from vig_app.exports import export_explanation, remove_exports
 from vig_app.report.folder import save_explanation, save_scene
 from vig_app.results import COLUMNS, row_of_record
@@ -202,7 +203,7 @@ def _states(task: Task, scene: SceneExplanation) -> dict[str, State]:
     states: dict[str, State] = {}
     for correction in task.corrected:
         overlaps = {
-            name: overlap(place_of(explanation), correction.box)
+            name: box_overlap(place_of(explanation), correction.box)
             for name, explanation in zip(scene.names, scene.objects, strict=True)
             if correction.box is not None
             and name not in states

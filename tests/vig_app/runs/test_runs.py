@@ -442,3 +442,13 @@ def test_exports_of_earlier_results_go_when_a_photo_is_fitted_again(photos: Path
     written = (out / "bop.csv").read_text()
     assert len(written.splitlines()) == 3 and export_run(out, ["bop"])[0].read_text() == written
     assert (out / "1" / "pose.yaml").exists() and (out / "1" / "bop").is_dir()
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_what_is_refused_before_anything_is_done_leaves_no_folder(there: bool, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    if there:
+        out.mkdir()
+    with pytest.raises(UserError, match="no cluster"), ledger_of(out):
+        raise UserError("no cluster")
+    assert out.exists() == there

@@ -23,6 +23,7 @@ from vig_app.corrections import State
 from vig_app.examples import example_photos
 from vig_app.results import read_results, write_table
 from vig_app.viewer.server import Viewer
+from vig_app.viewer.session import changed, marked, placed
 from vig_app.viewer.walk import Walk
 
 SCREENS = {"phone": (390, 844), "laptop": (1280, 800), "wide": (1920, 1080)}
@@ -332,8 +333,8 @@ def test_a_run_is_walked_in_review_order_and_vig_fit_takes_corrections_up(
     confidences = [item.found["confidence"] for item in walk.items if item.found["verdict"] == "trusted"]
     assert confidences == sorted(confidences) and len(walk.items) == 3
     walk.step(1)
-    walk.session.draw_box(130.0, 75.0, 140.0, 145.0)
-    walk.session.mark(PixelLabel.IN_FRONT, 200.0, 150.0, 6.0, [(210.0, 160.0)])
+    walk.session.correct(walk.session.boxed(130.0, 75.0, 140.0, 145.0))
+    walk.session.correct(marked(PixelLabel.IN_FRONT, 200.0, 150.0, 6.0, [(210.0, 160.0)]))
     corrected = walk.session.explanation.to_dict()
     folder = walk.save()
     walk.close()
@@ -390,7 +391,7 @@ def test_a_result_with_a_mask_is_opened_without_it_and_says_so(tmp_path: Path) -
     walk = Walk.of_folder(tmp_path / "run")
     assert "fitted with a mask, marks or a pose, which are left out" in walk.step(1)
     assert walk.session.state == State() and not walk.session.unsaved
-    walk.session.hold(None, 5.0)
+    walk.session.correct(changed(elevation_deg=None, roll_deg=5.0))
     walk.save()
     walk.step(1)
     assert walk.step(-1) == "" and walk.session.state == State(roll_deg=5.0)
@@ -417,7 +418,7 @@ def test_rows_that_others_wrote_meanwhile_stay(run: Path) -> None:
     walk.step(1)
     rows = read_results(run)
     write_table(run, [*rows, rows[0] | {"folder": "later", "photo": "later.png"}])
-    walk.session.hold(None, 4.0)
+    walk.session.correct(changed(elevation_deg=None, roll_deg=4.0))
     folder = walk.save()
     after = read_results(run)
     assert [row["folder"] for row in after] == [*(row["folder"] for row in rows), "later"]
@@ -426,8 +427,8 @@ def test_rows_that_others_wrote_meanwhile_stay(run: Path) -> None:
     write_table(run, [row for row in after if row["folder"] != "later"])
     walk.close()
     assert "later" not in (run / "report.html").read_text()
-    for changed in ({"folder": "../victim"}, {"folder": None}, {"photo": None}, {"verdict": "sure"}):
-        write_table(run, [rows[0] | changed])
+    for damage in ({"folder": "../victim"}, {"folder": None}, {"photo": None}, {"verdict": "sure"}):
+        write_table(run, [rows[0] | damage])
         with pytest.raises(UserError, match="expected the table of `vig fit` of several photos"):
             Walk.of_folder(run)
 
@@ -450,7 +451,7 @@ def test_one_of_several_objects_is_corrected_and_taken_up(tmp_path: Path) -> Non
     walk.open(place)
     assert [walk.items[each["item"]].folder.name for each in walk.objects()] == ["1-teapot"]
     assert walk.session.others is not None and walk.session.others.any()
-    walk.session.place("spout", 350.0, 140.0)
+    walk.session.correct(placed("spout", 350.0, 140.0))
     corrected = walk.session.explanation.to_dict()
     folder = walk.save()
     walk.close()
