@@ -66,7 +66,7 @@ def test_two_points_tell_the_view_where_the_network_does_not(
     explainer: vig.Explainer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     right = 0
-    truths = [explainer.explain(each.photo) for each in example_photos()]
+    truths = [explainer.explain(each.photo) for each in example_photos()[:4]]
     blind(explainer, monkeypatch)
     for truth in truths:
         points = {name: point_of(truth, name) for name in ("spout", "handle")}
@@ -74,7 +74,7 @@ def test_two_points_tell_the_view_where_the_network_does_not(
         right += turned(found.azimuth_deg, truth.azimuth_deg) < 15
         for name, place in points.items():
             assert math.dist(point_of(found, name), place) < 0.1 * truth.window.side
-    assert right >= 7
+    assert right >= 3
 
 
 def test_the_view_that_a_user_chooses_is_taken(
@@ -127,14 +127,6 @@ def test_held_angles_come_out_as_given(explainer: vig.Explainer, example: Exampl
     assert found.elevation_deg == pytest.approx(21.0, abs=1e-3)
     assert found.roll_deg == pytest.approx(4.0, abs=1e-3)
     assert found.to_dict()["hints"] == {"elevation_deg": 21.0, "roll_deg": 4.0}
-
-
-def test_several_processes_take_the_same_hints(explainer: vig.Explainer) -> None:
-    photos = [each.photo for each in example_photos()[:2]]
-    hints = [Hints(elevation_deg=30.0), None]
-    alone, shared = (list(explainer.explain_many(photos, workers=n, hints=hints)) for n in (1, 2))
-    for one, other in zip(alone, shared, strict=True):
-        assert one.elevation_deg == other.elevation_deg and one.to_dict() == other.to_dict()
 
 
 @pytest.mark.parametrize("count", [1, 3])

@@ -313,10 +313,10 @@ def test_the_verdict_and_the_pose_are_those_of_the_photo(explanation: vig.Explan
 
 @pytest.mark.slow
 def test_processes_give_the_same_explanations(explainer: vig.Explainer, photo: np.ndarray) -> None:
-    photos, boxes = [photo, photo[:, ::-1]], [BOX, None]
-    alone = list(explainer.explain_many(photos, boxes))
-    shared = list(explainer.explain_many(photos, boxes, workers=2))
+    photos, boxes, hints = [photo, photo[:, ::-1]], [BOX, None], [vig.Hints(elevation_deg=30.0), None]
+    alone, shared = (list(explainer.explain_many(photos, boxes, workers=n, hints=hints)) for n in (1, 2))
     assert len(alone) == 2 and alone[0].azimuth_deg != alone[1].azimuth_deg
+    assert alone[0].elevation_deg == pytest.approx(30, abs=1e-3)
     assert [e.to_dict() for e in shared] == [e.to_dict() for e in alone]
     for one, two in zip(alone, shared, strict=True):
         assert np.array_equal(one.mask, two.mask) and np.array_equal(one.photo, two.photo)
