@@ -237,12 +237,13 @@ def test_no_object_is_before_itself_by_way_of_others():
 
 
 def test_a_folder_of_other_boxes_is_not_taken_for_done(photo: Path):
-    out, boxes = photo.parent / "out", photo.parent / "boxes.json"
-    command = ["fit", str(photo), "--boxes", str(boxes), "--out", str(out), "--quiet"]
+    out, boxes, copy = photo.parent / "out", photo.parent / "boxes.json", photo.with_name("other.png")
+    copy.write_bytes(photo.read_bytes())
+    command = ["fit", str(photo), str(copy), "--boxes", str(boxes), "--out", str(out), "--quiet"]
     two = json.loads(boxes.read_text())["photo.png"][:2]
     kept = []
     for given in (two, two[0]["box"], two):
-        boxes.write_text(json.dumps({"photo.png": given}))
+        boxes.write_text(json.dumps({"photo.png": given, "other.png": two[0]["box"]}))
         (out / "photo" / "mine.txt").write_text("stays") if out.exists() else None
         assert ended(*command) == 0
         for row in read_results(out):
