@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -145,31 +144,6 @@ def test_a_wrong_field_is_told_in_one_line(changed: dict, said: str, tmp_path: P
     with pytest.raises(UserError) as caught:
         ObjectClass.load(tmp_path)
     assert "\n" not in str(caught.value) and said in str(caught.value)
-
-
-def cut(path: Path, size: int) -> None:
-    path.write_bytes(path.read_bytes()[:size])
-
-
-@pytest.mark.parametrize(
-    "damage",
-    [
-        lambda folder: (folder / "class.json").write_text("{ half of"),
-        lambda folder: (folder / "class.json").write_bytes(b"\xff\xfe\x00"),
-        lambda folder: (folder / "class.json").write_text("[1, 2]"),
-        lambda folder: (folder / "shape.safetensors").unlink(),
-        lambda folder: cut(folder / "shape.safetensors", 0),
-        lambda folder: cut(folder / "shape.safetensors", 1000),
-    ],
-    ids=["half json", "not text", "not an object", "no shape", "empty shape", "cut shape"],
-)
-def test_a_damaged_pack_is_told_in_one_line(tmp_path: Path, damage: Callable[[Path], object]) -> None:
-    toy("fin").save(tmp_path)
-    damage(tmp_path)
-    with pytest.raises(UserError) as caught:
-        ObjectClass.load(tmp_path)
-    assert "\n" not in str(caught.value)
-    assert str(tmp_path) in str(caught.value) and "Build or copy it again." in str(caught.value)
 
 
 def test_a_half_built_pack_says_which_command_to_run_again(tmp_path: Path) -> None:
