@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -15,6 +14,7 @@ from vig.recognition.network import layout_of_numbers
 from vig.scene import ObjectClass
 from vig_train.training.calibration import CalibrationResult, azimuth_bins, calibrate_network
 from vig_train.training.examples import Examples
+from vig_train.training.loop import EpochLog
 from vig_train.training.training import Epoch, TrainingSettings, train
 from vig_world.dataset import Dataset
 from vig_world.extras import optional_import
@@ -27,7 +27,7 @@ def train_and_plot(
     say: Callable[[str], None] = print,
     progress: bool = False,
 ) -> Path:
-    """As `vig_train.training.train`; also writes every loss of every epoch to log.csv and losses.png."""
+    """Train as `vig_train.training.train`; also write all losses to log.csv and losses.png."""
     return train(datasets, out, settings, say, TrainingLog(Path(out)).add, progress)
 
 
@@ -38,7 +38,7 @@ def calibrate_and_plot(
     further: Sequence[Examples] = (),
     object_class: ObjectClass | None = None,
 ) -> CalibrationResult:
-    """As `vig_train.training.calibrate_network`; also says how much it changed and draws reliability.png."""
+    """Calibrate as `vig_train.training.calibrate_network`; also say what changed and draw reliability.png."""
     result = calibrate_network(path, datasets, further, object_class)
     plot_reliability(path.parent / "reliability.png", result)
     say(describe_calibration(result))
@@ -49,42 +49,32 @@ class TrainingLog:
     """Losses and errors of each epoch, in `folder`/log.csv and `folder`/losses.png."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.rows: list[dict[str, str]] = []
-        path = folder / "log.csv"
-        if path.is_file():
-            with open(path, newline="") as file:
-                self.rows = list(csv.DictReader(file))
+        self.folder, self.log = folder, EpochLog(folder / "log.csv")
 
     def add(self, epoch: Epoch) -> None:
         """Write an epoch; later ones, of a run that was stopped before its checkpoint, are forgotten."""
-        row = {"epoch": str(epoch.number)}
-        row |= {f"train_{name}": f"{value:.6g}" for name, value in epoch.trained.items()}
-        row |= {f"held_out_{name}": f"{value:.6g}" for name, value in epoch.validated.items()}
-        row |= {name: f"{value:.6g}" for name, value in epoch.errors.items()}
-        self.rows = [earlier for earlier in self.rows if int(earlier["epoch"]) < epoch.number] + [row]
-        with atomic_write(self.folder / "log.csv") as temporary, open(temporary, "w", newline="") as file:
-            writer = csv.DictWriter(file, list(row))
-            writer.writeheader()
-            writer.writerows(self.rows)
+        values = {f"train_{name}": value for name, value in epoch.trained.items()}
+        values |= {f"held_out_{name}": value for name, value in epoch.validated.items()} | epoch.errors
+        texts = {name: f"{value:.6g}" for name, value in values.items()}
+        self.log.add({"epoch": str(epoch.number)} | texts)
         self._plot(list(epoch.trained), list(epoch.errors))
 
     def _plot(self, parts: list[str], errors: list[str]) -> None:
         with optional_import("world"):
             from matplotlib.figure import Figure
 
-        epochs = [int(row["epoch"]) for row in self.rows]
+        epochs = [int(row["epoch"]) for row in self.log.rows]
         figure = Figure(figsize=(3 * len(errors), 5), layout="constrained")
         panels = figure.subplots(2, len(errors))
         for panel, name in zip(panels[0], parts, strict=False):
             for prefix, label in (("train", "training"), ("held_out", "held-out rooms")):
-                panel.plot(epochs, [float(row[f"{prefix}_{name}"]) for row in self.rows], label=label)
+                panel.plot(epochs, [float(row[f"{prefix}_{name}"]) for row in self.log.rows], label=label)
             panel.set_title(f"{name} loss")
         panels[0, 0].legend()
         for panel in panels[0, len(parts) :]:
             panel.axis("off")
         for panel, name in zip(panels[1], errors, strict=True):
-            panel.plot(epochs, [float(row[name]) for row in self.rows], color="C1")
+            panel.plot(epochs, [float(row[name]) for row in self.log.rows], color="C1")
             panel.set_title(name.replace("_", " "))
             panel.set_xlabel("epoch")
         with atomic_write(self.folder / "losses.png") as temporary:
@@ -92,7 +82,7 @@ class TrainingLog:
 
 
 def view_levels(logits: torch.Tensor, azimuth: torch.Tensor) -> torch.Tensor:
-    """Probability (N,) of the smallest region that reaches the true azimuth (N,), most probable bins first.
+    """Return the probability (N,) of the smallest region, likeliest bins first, with the true azimuth (N,).
 
     Where logits (N, bins) are calibrated, it is uniform over [0, 1].
     """
@@ -103,7 +93,7 @@ def view_levels(logits: torch.Tensor, azimuth: torch.Tensor) -> torch.Tensor:
 
 
 def describe_calibration(result: CalibrationResult) -> str:
-    """One line on how well uncertainties held before and after."""
+    """Return one line on how well uncertainties held before and after."""
     calibration, logits = result.calibration, result.azimuth_logits
     before, after = (
         float((view_levels(scaled, result.azimuth) <= 0.9).float().mean())
@@ -120,7 +110,7 @@ def describe_calibration(result: CalibrationResult) -> str:
 
 
 def plot_reliability(path: Path, result: CalibrationResult) -> None:
-    """Observed against stated probability, before and after: azimuth's regions, intervals of each number."""
+    """Plot observed against stated probability, before and after: azimuth's regions, intervals of numbers."""
     with optional_import("world"):
         from matplotlib.figure import Figure
 

@@ -61,11 +61,11 @@ class Record:
         return record
 
     def complete(self, step: str) -> bool:
-        """Whether a step has been completed."""
+        """Return whether a step has been completed."""
         return bool(self._step(step)["complete"])
 
     def seconds(self, step: str) -> float:
-        """How long a step has taken so far, in all sittings."""
+        """Return how long a step has taken so far, in all sittings."""
         return float(self._step(step)["seconds"])
 
     def forget(self, steps: list[str]) -> None:

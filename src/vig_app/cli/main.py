@@ -24,13 +24,13 @@ from vig_app.cli.common import (
     Doctor,
     ExitCode,
     ExportCommand,
-    FitCommand,
     Gallery,
     SchemaCommand,
     Verb,
     ViewCommand,
     verbs_of_packages,
 )
+from vig_app.cli.options import FitCommand
 from vig_app.cli.speed import extra_of
 
 VERBS = (

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import time
 import zlib
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,13 +15,13 @@ from safetensors.torch import save_file
 from torch import nn
 from torch.nn import functional
 
-from vig.io.checks import read_tensors, reading
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
 from vig.recognition.weights import FORMAT
 from vig.scene import Latents, angle_difference
 from vig_paper.network.network import FACTORS, FactorNetwork, PaperNetworks, PaperSettings, targets_of
 from vig_train.network.network import bfloat16
+from vig_train.training.loop import EpochLog, Trainer, TrainingRun
 from vig_train.training.targets import numbers_of
 from vig_world.dataset import Dataset
 
@@ -53,23 +52,6 @@ class PaperTrainingSettings:
     seed: int = 0
     threads: int | None = None
     networks: PaperSettings = PaperSettings()
-
-
-@dataclass
-class _CheckpointState:
-    """What a checkpoint holds.
-
-    Attributes:
-        networks: As they are now.
-        curves: For each factor and epoch the loss on training images, that on held-out images, and seconds.
-        best: Weights by name, as they were in their factor's best epoch.
-        momentum: Of the factor that is being trained, by name of the weight.
-    """
-
-    networks: PaperNetworks
-    curves: dict[str, list[list[float]]] = field(default_factory=lambda: {name: [] for name in FACTORS})
-    best: dict[str, torch.Tensor] = field(default_factory=dict)
-    momentum: dict[str, torch.Tensor] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -130,16 +112,22 @@ def train_paper(
     data = _TrainingData(torch.from_numpy(dataset.images).to(device), latents, len(dataset) - held_out_count)
     sizes = replace(settings.networks, modes=latents.shape.shape[1])
     networks = _initialise_networks(sizes, data, settings.seed)
-    networks.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
-    run = _CheckpointState(networks)
-    checkpoint, fingerprint = Path(out) / "checkpoint.safetensors", _fingerprint(settings, dataset)
-    if checkpoint.exists():
-        _resume(checkpoint, run, fingerprint)
+    best = PaperNetworks(sizes)
+    for module in (networks, best):
+        module.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+    optimizer = torch.optim.SGD(
+        networks.factors.parameters(), settings.learning_rate, momentum=settings.momentum, nesterov=True
+    )
+    kept = {"now": networks.factors, "best": best.factors}
+    path, fingerprint = Path(out) / "checkpoint.safetensors", _fingerprint(settings, dataset)
+    run = TrainingRun(optimizer, kept, path, fingerprint)
+    log = EpochLog(Path(out) / "log.csv", ("factor", "epoch"))
     for number, factor in enumerate(FACTORS):
-        _train_factor(factor, number, run, data, settings, lambda: _save(checkpoint, run, fingerprint), say)
-    _calibrate(run.networks, data)
+        _train_factor(factor, number, run, data, settings, log, say)
+    networks.factors.load_state_dict(best.factors.state_dict())
+    _calibrate(networks, data)
     path = Path(out) / "recognition.safetensors"
-    save_paper_weights(run.networks, path)
+    save_paper_weights(networks, path)
     return path
 
 
@@ -183,54 +171,45 @@ def _initialise_networks(settings: PaperSettings, data: _TrainingData, seed: int
 def _train_factor(
     factor: str,
     number: int,
-    run: _CheckpointState,
+    run: TrainingRun,
     data: _TrainingData,
     settings: PaperTrainingSettings,
-    save: Callable[[], None],
+    log: EpochLog,
     say: Callable[[str], None],
 ) -> None:
-    """Train one factor's network from where the run is to its end; leaves its best epoch's weights in it."""
-    network, curve = run.networks.of(factor), run.curves[factor]
-    parameters = {f"{factor}.{name}": parameter for name, parameter in network.named_parameters()}
-    optimizer = torch.optim.SGD(
-        network.parameters(), settings.learning_rate, momentum=settings.momentum, nesterov=True
-    )
-    for name in parameters.keys() & run.momentum.keys():
-        momentum = torch.empty_like(parameters[name]).copy_(run.momentum[name])
-        optimizer.state[parameters[name]]["momentum_buffer"] = momentum
+    """Train one factor's network from where the run is to its end."""
+    network, best = (run.networks[name].get_submodule(factor) for name in ("now", "best"))
+    assert isinstance(network, FactorNetwork)
     targets = targets_of(data.latents)[factor]
-    while not _done(curve, settings):
-        started = time.monotonic()
-        rng = np.random.default_rng(np.random.SeedSequence([settings.seed, number, len(curve)]))
+    steps = data.count // settings.batch
+
+    def batches(epoch: int) -> Iterator[torch.Tensor]:
+        rng = np.random.default_rng(np.random.SeedSequence([settings.seed, number, epoch]))
         torch.manual_seed(int(rng.integers(2**31)))  # dropout
         order = torch.from_numpy(rng.permutation(data.count))
-        steps = order[: data.count // settings.batch * settings.batch].split(settings.batch)
+        yield from order[: steps * settings.batch].split(settings.batch)
+
+    def loss(chosen: torch.Tensor) -> dict[str, torch.Tensor]:
+        return {"loss": _loss(network, data.pixels(chosen), targets[chosen])}
+
+    trainer = Trainer(run.optimizer, loss, lambda step: settings.learning_rate)
+    for epoch in run.epochs(settings.epochs, settings.patience, factor):
+        started = time.monotonic()
         network.train()
-        total = torch.zeros((), device=targets.device)
-        for chosen in steps:
-            loss = _loss(network, data.pixels(chosen), targets[chosen])
-            optimizer.zero_grad()
-            loss.backward()
-            optimizer.step()
-            total += loss.detach()
+        trained = trainer.steps(batches(epoch))["loss"]
         training_seconds = time.monotonic() - started
         held_out = _held_out_loss(network, data, targets)
-        curve.append([float(total) / len(steps), held_out, time.monotonic() - started])
-        if not np.isfinite(curve[-1]).all():
-            raise UserError(
-                f"the training of the {factor} network diverged in epoch {len(curve)}; try another --seed"
-            )
-        best = _best_epoch(curve)
-        if best == len(curve) - 1:
-            run.best |= {f"{factor}.{name}": value.clone() for name, value in network.state_dict().items()}
-        run.momentum = {name: optimizer.state[p]["momentum_buffer"] for name, p in parameters.items()}
-        save()
+        if run.judge(held_out):
+            best.load_state_dict(network.state_dict())
+        seconds = time.monotonic() - started
+        row = {"loss": f"{trained:.6g}", "held_out_loss": f"{held_out:.6g}", "seconds": f"{seconds:.1f}"}
+        log.add({"factor": factor, "epoch": str(epoch + 1)} | row)
+        run.save()
         say(
-            f"{factor}: epoch {len(curve)}/{settings.epochs}  loss {curve[-1][0]:.4f}"
-            f"  held-out {held_out:.4f} (best {curve[best][1]:.4f} in epoch {best + 1})"
-            f"  {len(steps) * settings.batch / training_seconds:.0f} images/s"
+            f"{factor}: epoch {epoch + 1}/{settings.epochs}  loss {trained:.4f}"
+            f"  held-out {held_out:.4f} (best in epoch {run.best_epoch})"
+            f"  {steps * settings.batch / training_seconds:.0f} images/s"
         )
-    network.load_state_dict({name: run.best[f"{factor}.{name}"] for name in network.state_dict()})
 
 
 def _loss(network: FactorNetwork, images: torch.Tensor, targets: torch.Tensor) -> torch.Tensor:
@@ -251,17 +230,6 @@ def _held_out_loss(network: FactorNetwork, data: _TrainingData, targets: torch.T
     return total / len(data.held_out)
 
 
-def _best_epoch(curve: list[list[float]]) -> int:
-    """Index of the epoch with the least held-out loss, the first of them."""
-    return int(np.argmin([held_out for _, held_out, _ in curve]))
-
-
-def _done(curve: list[list[float]], settings: PaperTrainingSettings) -> bool:
-    if not curve:
-        return False
-    return len(curve) >= settings.epochs or len(curve) - 1 - _best_epoch(curve) >= settings.patience
-
-
 @torch.inference_mode()
 def _calibrate(networks: PaperNetworks, data: _TrainingData) -> None:
     """Set the networks' standard deviations from their errors on the held-out images.
@@ -277,40 +245,6 @@ def _calibrate(networks: PaperNetworks, data: _TrainingData) -> None:
     azimuth_error = angle_difference(azimuth, truth.azimuth)
     networks.azimuth_deviation.copy_((_DEVIATION_PER_MAD * azimuth_error.abs().median()).clamp_min(1e-3))
     networks.deviation.copy_((numbers - numbers_of(truth)).square().mean(0).sqrt().clamp_min(1e-3))
-
-
-def _save(path: Path, run: _CheckpointState, fingerprint: str) -> None:
-    """Write the checkpoint, and the curves as a table beside it."""
-    tensors = {f"now.{name}": value for name, value in run.networks.factors.state_dict().items()}
-    tensors |= {f"best.{name}": value for name, value in run.best.items()}
-    tensors |= {f"momentum.{name}": value for name, value in run.momentum.items()}
-    for factor, curve in run.curves.items():
-        tensors[f"curve.{factor}"] = torch.tensor(curve, dtype=torch.float64).view(-1, 3)
-    metadata = {"epoch": str(sum(len(curve) for curve in run.curves.values())), "run": fingerprint}
-    with atomic_write(path) as temporary:
-        save_file({name: value.contiguous() for name, value in tensors.items()}, temporary, metadata=metadata)
-    with atomic_write(path.with_name("log.csv")) as temporary, open(temporary, "w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(["factor", "epoch", "loss", "held_out_loss", "seconds"])
-        for factor, curve in run.curves.items():
-            for epoch, (loss, held_out, seconds) in enumerate(curve, 1):
-                writer.writerow([factor, epoch, f"{loss:.6g}", f"{held_out:.6g}", f"{seconds:.1f}"])
-
-
-def _resume(path: Path, run: _CheckpointState, fingerprint: str) -> None:
-    """Put a checkpoint back into `run`."""
-    with reading(path, "a checkpoint of a training run", "Remove it to train from the start."):
-        tensors, state = read_tensors(path, "pt")
-        if state["run"] != fingerprint:
-            raise UserError(
-                f"'{path.parent}' holds another training run's checkpoint; choose another folder or remove it"
-            )
-        current, run.best, run.momentum, curves = (
-            {name.removeprefix(part): value for name, value in tensors.items() if name.startswith(part)}
-            for part in ("now.", "best.", "momentum.", "curve.")
-        )
-        run.networks.factors.load_state_dict(current)
-        run.curves = {factor: curves[factor].tolist() for factor in FACTORS}
 
 
 def _fingerprint(settings: PaperTrainingSettings, dataset: Dataset) -> str:

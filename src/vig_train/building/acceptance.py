@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+import trimesh
 from scipy.spatial import cKDTree
 
-from vig_train.building.surface import SurfaceSample, face_edges, sample_surface
-from vig_world.mesh import face_normals
+from vig_train.building.surface import SurfaceSample, sample_points
 
-TEMPLATE_SAMPLES = 20_000
-"""Points on the registered template that are compared with the mesh."""
 UNMATCHED_DISTANCE = 0.03
 """Distance, in sizes, from which a point has no counterpart."""
 MAX_UNMATCHED_SHARE = 0.03
@@ -70,8 +69,7 @@ def quality_of(
 ) -> Quality:
     """Compare a registered template (V, 3) with the surface it was carried onto."""
     size = target.size
-    face, weights = sample_surface(registered, faces, TEMPLATE_SAMPLES)
-    points = np.einsum("nk,nkd->nd", weights, registered[faces[face]])
+    points = sample_points(registered, faces, 20_000)
     mesh_distance = cKDTree(points).query(target.points)[0] / size
     template_distance = cKDTree(target.points).query(points)[0] / size
     spacing = float(np.median(cKDTree(target.points).query(target.points, 2)[0][:, 1])) / size / 2
@@ -124,11 +122,5 @@ def median_distance_ratios(shapes: np.ndarray) -> np.ndarray:
 
 def folded_share(vertices: np.ndarray, faces: np.ndarray) -> float:
     """Return the share of edges whose two faces point against each other (cosine of normals below -0.5)."""
-    normals = face_normals(vertices, faces)
-    normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
-    edges = np.sort(face_edges(faces), axis=1)
-    face_of_edge = np.tile(np.arange(len(faces)), 3)
-    order = np.lexsort(edges.T)
-    shared = (edges[order][1:] == edges[order][:-1]).all(1)
-    face, neighbour = face_of_edge[order][:-1][shared], face_of_edge[order][1:][shared]
-    return float(((normals[face] * normals[neighbour]).sum(1) < -0.5).mean())
+    angles = trimesh.Trimesh(vertices, faces, process=False).face_adjacency_angles
+    return float((angles > math.radians(120)).mean()) if len(angles) else 0.0

@@ -154,7 +154,7 @@ STEP = " ..."
 
 
 def is_step(line: str) -> bool:
-    """Whether a line of `build_class` is that of a step that begins."""
+    """Return whether a line of `build_class` begins a step."""
     return line.endswith(STEP)
 
 
@@ -174,7 +174,7 @@ def check_folder(out: Path) -> None:
 
 
 def _taken(shapes: ClassShapes, families: int) -> str:
-    """The line on what the class is made of."""
+    """Return the line on what the class is made of."""
     count, components = len(shapes.numbers), shapes.components
     held_out = count - len(shapes.trained)
     kept = f", {held_out} of them held out for validation and test" if held_out else ""

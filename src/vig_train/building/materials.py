@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
-from vig_train.building.surface import vertex_areas
+from vig_train.building.surface import neighbour_mean, vertex_areas
 from vig_world.assets.source_meshes import SourceMesh
 from vig_world.mesh import face_normals
 
@@ -20,14 +19,8 @@ DARK_RATIO = 0.4
 """A place is dark from this share of the luminance at `BODY_SHARE` down."""
 GLASS_RATIO = 0.15
 """That of glass, through which something dark is seen."""
-OPAQUE = 0.9
-"""Opacity from which a material is no glass."""
-AGREEMENT = 0.6
-"""Share of the meshes on which a vertex is dark, from which it belongs to the dark part."""
 AREA_BOUNDS = 0.03, 0.6
 """Shares of the surface between which a dark part is one."""
-LEAST_MESHES = 3
-"""Fewer meshes with materials say nothing of a class, but one alone, whose own shape the class has, does."""
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """Of linear RGB (BT.709)."""
 BODY_SHARE = 0.6
@@ -37,7 +30,8 @@ BODY_SHARE = 0.6
 def dark_part(
     meshes: Sequence[SourceMesh], vertices: np.ndarray, faces: np.ndarray
 ) -> tuple[np.ndarray, float] | None:
-    """Which of the template's vertices (V,) bool are dark on most meshes, and their relative reflectance.
+    """Return which of the template's vertices (V,) bool are dark on most meshes, and their relative
+    reflectance.
 
     Args:
         meshes: In the class's frame; the template lies on each.
@@ -47,12 +41,15 @@ def dark_part(
     Returns:
         None where nothing, too little or most of the surface is dark, or too few meshes tell.
     """
-    if not meshes or 1 < len(meshes) < LEAST_MESHES:
+    # Two meshes with materials say nothing of a class; one alone, whose own shape the class has, does.
+    if not meshes or 1 < len(meshes) < 3:
         return None
     areas = vertex_areas(vertices, faces)
     ratios = np.stack([_ratios(mesh, areas) for mesh in meshes])
-    dark_share = _smoothed((ratios < DARK_RATIO).mean(0), faces)
-    dark = dark_share >= AGREEMENT
+    # Averaged with its neighbours', so that a part has no holes.
+    dark_share = neighbour_mean(faces, len(vertices)) @ (ratios < DARK_RATIO).mean(0)
+    # Share of the meshes on which a vertex is dark, from which it belongs to the dark part
+    dark = dark_share >= 0.6
     share = areas[dark].sum() / areas.sum()
     if not AREA_BOUNDS[0] <= share <= AREA_BOUNDS[1]:
         return None
@@ -61,7 +58,7 @@ def dark_part(
 
 
 def _ratios(mesh: SourceMesh, areas: np.ndarray) -> np.ndarray:
-    """Luminance (V,) of a mesh's materials at the template's vertices, over that at `BODY_SHARE`."""
+    """Return luminance (V,) of a mesh's materials at the template's vertices, over that at `BODY_SHARE`."""
     normals = face_normals(mesh.vertices.astype(np.float64), mesh.faces)
     size = np.linalg.norm(normals, axis=1)
     rng = np.random.default_rng(np.random.SeedSequence([len(mesh.faces), 5]))
@@ -76,7 +73,8 @@ def _ratios(mesh: SourceMesh, areas: np.ndarray) -> np.ndarray:
         column = np.floor(uv[mine, 0] * width).astype(int) % width
         row = np.floor((1 - uv[mine, 1]) * height).astype(int) % height
         luminance[mine] = texture[row, column] @ LUMINANCE
-        if mesh.opacity[number] < OPAQUE:
+        # Opacity from which a material is no glass
+        if mesh.opacity[number] < 0.9:
             luminance[mine] = np.nan
     _, nearest = cKDTree(points).query(mesh.registered, NEAREST)
     seen = luminance[nearest]
@@ -85,12 +83,3 @@ def _ratios(mesh: SourceMesh, areas: np.ndarray) -> np.ndarray:
     order = np.argsort(at)
     middle = at[order][np.searchsorted(np.cumsum(areas[order]), BODY_SHARE * areas.sum())]
     return np.where(glass, GLASS_RATIO, at / max(middle, 1e-3))
-
-
-def _smoothed(values: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Values (V,) averaged with their neighbours', so that a part has no holes."""
-    count = len(values)
-    rows, columns = np.repeat(faces, 3, axis=1).ravel(), np.tile(faces, (1, 3)).ravel()
-    near = csr_matrix((np.ones(len(rows)), (rows, columns)), (count, count)).astype(bool).astype(float)
-    smooth: np.ndarray = (near @ values) / np.maximum(near.sum(1).A1, 1)
-    return smooth

@@ -1,4 +1,4 @@
-"""The shape model of registered meshes: principal components, and smooth deformations where they are few."""
+"""The shape model of registered meshes: principal components, smooth deformations, families."""
 
 from __future__ import annotations
 
@@ -7,17 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vig.scene import Family, ShapeModel
+from vig_world.assets.target import nearest_coefficients
+
 SymmetryProjection = Callable[[np.ndarray], np.ndarray]
 MAX_COMPONENTS = 16
 """Most shape components of a class: enough for some dozens of meshes."""
-KERNEL_WIDTH = 0.25
-"""Standard deviation of the Gaussian process's kernel, in sizes of the object."""
 AMPLITUDES = (0.0, 0.01, 0.02, 0.04)
 """Standard deviations of smooth deformations that are tried, in sizes of the object."""
-NYSTROEM_VERTICES = 400
-"""Vertices from which the smooth deformations are computed (Nystroem approximation)."""
-ERROR_FACTOR = 1.05
-"""The fewest components are kept whose leave-one-out error is within this factor of the least."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +41,7 @@ class Components:
 def fit_components(
     shapes: np.ndarray, areas: np.ndarray, symmetrise: SymmetryProjection | None = None
 ) -> Components:
-    """The model of shapes (N, V, 3) in correspondence, N from 1 on; that of one shape does not vary.
+    """Return the model of shapes (N, V, 3) in correspondence, N from 1 on; that of one shape does not vary.
 
     Principal components of the sample's covariance plus that of a Gaussian process of smooth deformations
     (Luthi et al. 2018), whose amplitude and number of components leave the least error when each shape in
@@ -66,7 +63,8 @@ def fit_components(
         least = {amplitude: float(curve.min()) for amplitude, curve in curves.items()}
         chosen = min(least, key=least.__getitem__)
         curve = curves[chosen]
-        count = max(1, int(np.flatnonzero(curve <= ERROR_FACTOR * curve.min())[0]))
+        # The fewest components are kept whose leave-one-out error is within this factor of the least
+        count = max(1, int(np.flatnonzero(curve <= 1.05 * curve.min())[0]))
     components, singular = _components(span.shapes, chosen * span.deformations, count)
     basis = span.fields(components)
     largest = np.abs(basis * span.root).reshape(len(basis), -1).argmax(axis=1)
@@ -96,18 +94,18 @@ class _Span:
 
     @staticmethod
     def of(shapes: np.ndarray, deformations: np.ndarray, root: np.ndarray) -> _Span:
-        """Of deviations (N, V, 3) and deformations (M, V, 3)."""
+        """Make one of deviations (N, V, 3) and deformations (M, V, 3)."""
         rows = np.concatenate([shapes, deformations]) * root
         axes, coordinates = np.linalg.qr(rows.reshape(len(rows), -1).T)
         return _Span(coordinates.T[: len(shapes)], coordinates.T[len(shapes) :], axes, root)
 
     def fields(self, coordinates: np.ndarray) -> np.ndarray:
-        """Fields (K, V, 3) of coordinates (K, D)."""
+        """Return fields (K, V, 3) of coordinates (K, D)."""
         weighted = (coordinates @ self.axes.T).reshape(len(coordinates), -1, 3)
         return weighted / np.maximum(self.root, 1e-9)
 
     def leave_one_out(self, amplitude: float, max_components: int) -> np.ndarray:
-        """Mean distance (most + 1,) of each shape from the best of the others' model, by components."""
+        """Return mean errors (most + 1,) of shapes by the best of the others' model, by components."""
         errors = np.zeros((len(self.shapes), max_components + 1))
         for index, shape in enumerate(self.shapes):
             others = np.delete(self.shapes, index, axis=0)
@@ -121,9 +119,7 @@ class _Span:
 
 
 def _components(shapes: np.ndarray, deformations: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """The first components (K, D) of shapes and smooth deformations (..., D), of length one, and all singular
-    values.
-    """
+    """Return the first components (K, D) of shapes and deformations (..., D), and all singular values."""
     samples = (shapes - shapes.mean(0)) / np.sqrt(max(1, len(shapes) - 1))
     rows = np.concatenate([samples, deformations]) if np.any(deformations) else samples
     _, singular, components = np.linalg.svd(rows, full_matrices=False)
@@ -132,9 +128,11 @@ def _components(shapes: np.ndarray, deformations: np.ndarray, count: int) -> tup
 
 
 def smooth_deformations(mean: np.ndarray, size: float) -> np.ndarray:
-    """Smooth deformations (M, V, 3) of a shape (V, 3); their squares add up to about one at each vertex."""
-    landmarks = np.unique(np.linspace(0, len(mean) - 1, min(NYSTROEM_VERTICES, len(mean))).astype(int))
-    scale = KERNEL_WIDTH * size
+    """Return smooth deformations (M, V, 3) of a shape (V, 3); squares add up to about one at each vertex."""
+    # Computed from 400 vertices (Nystroem approximation).
+    landmarks = np.unique(np.linspace(0, len(mean) - 1, min(400, len(mean))).astype(int))
+    # Standard deviation of the Gaussian process's kernel, in sizes of the object
+    scale = 0.25 * size
 
     def kernel(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         return np.asarray(np.exp(-((a[:, None] - b[None]) ** 2).sum(2) / (2 * scale**2)))
@@ -143,3 +141,25 @@ def smooth_deformations(mean: np.ndarray, size: float) -> np.ndarray:
     significant = values > 1e-3 * values[-1]
     fields = kernel(mean, mean[landmarks]) @ vectors[:, significant] / np.sqrt(values[significant])
     return np.asarray(np.einsum("vm,ij->mjvi", fields, np.eye(3)).reshape(-1, len(mean), 3))
+
+
+def families_of(model: ShapeModel, shapes: np.ndarray, kinds: list[str]) -> tuple[Family, ...]:
+    """Return families of shapes (N, V, 3) by kind; none where fewer than two kinds have enough meshes."""
+    coefficients = nearest_coefficients(model, shapes)
+    counts = {kind: kinds.count(kind) for kind in sorted(set(kinds))}
+    large = [kind for kind, count in counts.items() if count >= 2]
+    if len(large) < 2:
+        return ()
+    means = {kind: coefficients[[k == kind for k in kinds]].mean(0) for kind in large}
+    squared_distances = np.stack([((coefficients - means[kind]) ** 2).sum(1) for kind in large])
+    closest = [large[index] for index in squared_distances.argmin(0)]
+    nearest = [kind if kind in large else fallback for kind, fallback in zip(kinds, closest, strict=True)]
+    families = []
+    for kind in large:
+        members = coefficients[[name == kind for name in nearest]]
+        variance = ((members - members.mean(0)) ** 2).sum(0)
+        # The class's unit variance counts as much as three meshes.
+        spread = np.sqrt((variance + 3.0) / (len(members) + 3.0)).clip(0.1)
+        mean, deviation = (tuple(np.round(values, 4).tolist()) for values in (members.mean(0), spread))
+        families.append(Family(kind, mean, deviation, round(len(members) / len(kinds), 4)))
+    return tuple(families)

@@ -8,8 +8,7 @@ import numpy as np
 
 from vig.io.progress import Meter
 from vig.scene import Family, ObjectClass, ShapeModel, Symmetry
-from vig_train.building.families import families_of
-from vig_train.building.model import Components, SymmetryProjection, fit_components
+from vig_train.building.model import Components, SymmetryProjection, families_of, fit_components
 from vig_train.building.pose import ClassSymmetry
 from vig_train.building.settings import BuildSettings
 from vig_train.building.stage_cache import StageCache
@@ -18,14 +17,6 @@ from vig_train.building.surface import vertex_areas
 from vig_train.building.symmetries import MIRROR_Y, mirror_map, mirror_projection, rotation_projection
 from vig_train.packs.lights import packaged_light_prior
 from vig_world.dataset.spec import Split
-
-DARK_VIEW_WEIGHT = 1000.0
-"""`view_weight` of fits where a class has a dark part: evidence then tells front from back by itself. On 205
-photos of real cars views are as good as with 3,000, and those that are turned have a lower confidence."""
-VIEWING_LENGTHS = 1.5
-"""Distance of the standard camera, in longest sides of the mean shape."""
-MIN_MESHES_TO_HOLD_OUT = 10
-"""From so many meshes on, one in six is held out for validation and one in six for the test."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +45,7 @@ class ClassShapes:
 
     @staticmethod
     def of(registered: RegisteredMeshes, symmetries: ClassSymmetry, length: float) -> ClassShapes:
-        """Shapes whose mean has a longest side of `length` metres."""
+        """Make shapes whose mean has a longest side of `length` metres."""
         numbers, template = registered.accepted, registered.template
         shapes, symmetrise = _symmetrised(registered.vertices[numbers], template, symmetries)
         shapes[:, :, 2] -= shapes[:, :, 2].min(1)[:, None]
@@ -67,7 +58,7 @@ class ClassShapes:
         return ClassShapes(registered, symmetries, numbers, splits, trained, shapes, scale, components)
 
     def object_from_mesh(self, number: int) -> np.ndarray:
-        """The similarity (4, 4) from the coordinates of a mesh's file to the class's frame, metres."""
+        """Return the similarity (4, 4) from the coordinates of a mesh's file to the class's frame, metres."""
         mesh = self.registered.meshes[number]
         similarity = np.eye(4)
         similarity[:3, :3] = self.scale * mesh.linear
@@ -75,7 +66,7 @@ class ClassShapes:
         return similarity
 
     def template_on(self, number: int) -> np.ndarray:
-        """Vertices (V, 3) of the template as it lies on any mesh, in metres, standing on z = 0."""
+        """Return vertices (V, 3) of the template as it lies on any mesh, in metres, standing on z = 0."""
         return self.scale * (self.registered.vertices[number] - self._ground(number))
 
     def _ground(self, number: int) -> np.ndarray:
@@ -85,7 +76,9 @@ class ClassShapes:
 def _symmetrised(
     shapes: np.ndarray, template: Template, symmetries: ClassSymmetry
 ) -> tuple[np.ndarray, SymmetryProjection | None]:
-    """Shapes (A, V, 3) made as symmetric as their class, and how deformations are; one alone stays exact."""
+    """Return shapes (A, V, 3) made as symmetric as their class, and how deformations are; one alone stays
+    exact.
+    """
     if len(shapes) == 1:
         return shapes, None
     if symmetries.symmetry == "any-turn":
@@ -101,7 +94,8 @@ def _symmetrised(
 def splits_of(count: int) -> list[Split]:
     """Return the split of each of so many accepted meshes: with ten or more, a third are held out."""
     order: tuple[Split, ...] = ("train", "train", "validation", "train", "train", "test")
-    return [order[index % 6] if count >= MIN_MESHES_TO_HOLD_OUT else "train" for index in range(count)]
+    # From ten meshes on, one in six is held out for validation and one in six for the test.
+    return [order[index % 6] if count >= 10 else "train" for index in range(count)]
 
 
 def object_class_of(
@@ -111,7 +105,7 @@ def object_class_of(
     cache: StageCache,
     progress: bool = False,
 ) -> ObjectClass:
-    """The class of these shapes.
+    """Return the class of these shapes.
 
     dark: Which vertices (V,) are of its dark part, and their relative reflectance; see `dark_part`.
     progress: Whether standard error shows how far it is.
@@ -119,6 +113,10 @@ def object_class_of(
     model = _shape_model(shapes, dark)
     mean, covariance = packaged_light_prior()
     size = np.ptp(shapes.components.mean, axis=0)
+    # `view_weight` of fits where a class has a dark part: evidence then tells front from back by itself. On
+    # 205 photos of real cars views are as good as with 3,000, and those that are turned have a lower
+    # confidence
+    # The standard camera is 1.5 longest sides of the mean shape away.
     return ObjectClass(
         settings.name,
         model,
@@ -130,9 +128,9 @@ def object_class_of(
         mirror=shapes.symmetries.mirror,
         front=settings.shows,
         points=named_points(shapes.components.mean),
-        viewing_distance=float(np.round(VIEWING_LENGTHS * size.max(), 4)),
+        viewing_distance=float(np.round(1.5 * size.max(), 4)),
         places=settings.places,
-        fit_settings={} if dark is None else {"view_weight": DARK_VIEW_WEIGHT},
+        fit_settings={} if dark is None else {"view_weight": 1000.0},
         part_reflectance=None if dark is None else (1.0, round(dark[1], 4)),
         object_from_mesh=shapes.object_from_mesh(shapes.numbers[0]) if len(shapes.numbers) == 1 else None,
     )
@@ -153,8 +151,8 @@ def _shape_model(shapes: ClassShapes, dark: tuple[np.ndarray, float] | None) -> 
 def _families(
     model: ShapeModel, shapes: ClassShapes, cache: StageCache, progress: bool
 ) -> tuple[Family, ...]:
-    """Families by the number of holes; none of surfaces of revolution, whose handles are not of the shape,
-    and none of a single shape.
+    """Return families by the number of holes; none of surfaces of revolution, whose handles are not of the
+    shape, and none of a single shape.
     """
     if shapes.symmetries.symmetry == "any-turn" or len(shapes.trained) == 1:
         return ()
@@ -167,7 +165,7 @@ def _families(
 
 
 def _kind(holes: int) -> str:
-    """A family's name."""
+    """Return a family's name."""
     return "no hole" if holes == 0 else f"{holes} hole{'s' if holes > 1 else ''}"
 
 

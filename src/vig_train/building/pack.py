@@ -8,14 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from vig.io.files import atomic_write
 from vig.recognition import WEIGHTS_FILE
 from vig_train.building import pictures
-from vig_train.building.card import card
 from vig_train.building.object_class import ClassShapes
-from vig_train.building.result import BuildResult
+from vig_train.building.result import BuildResult, card
 from vig_train.building.stage_cache import StageCache
-from vig_train.packs.card import read_sections
+from vig_train.packs.card import read_sections, write_card
 from vig_train.packs.transfer import write_transfer
 from vig_world.assets.held_out import HeldOutDesigns
 from vig_world.assets.own.load import has_one_colour
@@ -53,8 +51,7 @@ def write_pack(
     write_transfer(result.object_class, staged, progress, cache.result)
     _put_aside_weights(out, staged, say)
     kept = _sections_of_weights(out)
-    with atomic_write(staged / "card.md") as temporary:
-        temporary.write_text("\n\n".join([card(result).rstrip(), *kept]) + "\n", "utf-8", "backslashreplace")
+    write_card(staged, [card(result), *kept])
     for file in sorted(staged.iterdir(), key=lambda path: path.name == "class.json"):
         file.replace(out / file.name)
     shutil.rmtree(staged)
@@ -75,15 +72,15 @@ def _put_aside_weights(out: Path, staged: Path, say: Callable[[str], None]) -> N
 
 
 def _sections_of_weights(out: Path) -> list[str]:
-    """What a pack's card says of the weights that stay in it: how they were trained, and what they do."""
+    """Return the sections of a pack's card on the weights that stay in it."""
     if not (out / TRAINED_FILES[0]).exists():
         return []
     _, sections = read_sections(out / "card.md")
-    return [sections[heading].strip() for heading in CARD_SECTIONS if heading in sections]
+    return [sections[heading] for heading in CARD_SECTIONS if heading in sections]
 
 
 def source_meshes(shapes: ClassShapes) -> list[SourceMesh]:
-    """The used meshes that have materials, in metres; refused ones are for training."""
+    """Return the used meshes that have materials, in metres; refused ones are for training."""
     meshes: list[SourceMesh] = []
     for number in shapes.registered.qualities:
         scan = shapes.registered.meshes[number].scan

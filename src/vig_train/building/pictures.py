@@ -10,13 +10,10 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from vig.io.files import atomic_write
-from vig.scene import Camera
 from vig_train.building.model import Components
+from vig_train.building.surface import camera_rotation, draw_alone, sphere_of
 from vig_world.mesh import vertex_normals
-from vig_world.raster.rasterize import rasterize
 
-EYE_DISTANCE = 50.0
-"""Distance of the eye, in radii of the mesh: nearly parallel."""
 ASIDE = (0.35, -1.0, 0.45)
 """Direction from which meshes are shown, not of unit length."""
 ABOVE = (0.0, -0.02, 1.0)
@@ -36,34 +33,23 @@ def shade_mesh(
     colours: np.ndarray | None = None,
     frame: tuple[np.ndarray, float] | None = None,
 ) -> np.ndarray:
-    """A picture (side, side, 3) uint8 of a mesh on white.
+    """Return a picture (side, side, 3) uint8 of a mesh on white.
 
     colours: (V, 3) of the vertices, in [0, 1]. frame: middle (3,) and radius of the sphere that fills the
     picture; the mesh's own by default.
     """
     towards = np.array(direction) / np.linalg.norm(direction)
-    aside = np.cross(-towards, [0, 0, 1])
-    aside /= np.linalg.norm(aside)
-    rotation = np.stack([aside, np.cross(-towards, aside), -towards])
-    middle, radius = frame or sphere_of(vertices)
-    unit = (vertices - middle) / radius
-    camera = Camera(side, side, 0.5 * side * EYE_DISTANCE / 1.03, side / 2, side / 2)
-    raster = rasterize(unit, faces, rotation, np.array([0.0, 0.0, EYE_DISTANCE]), camera)
-    covered = raster.face >= 0
-    corners, weights = faces[raster.face[covered]], raster.barycentric[covered]
-    normal = np.einsum("nk,nkd->nd", weights, vertex_normals(unit, faces)[corners]) @ rotation.T
+    rotation = camera_rotation(towards, np.array([0, 0, 1]))
+    sphere = frame or sphere_of(vertices)
+    covered, face, weights = draw_alone(vertices, faces, rotation, sphere, side, 1.03)
+    corners = faces[face]
+    normal = np.einsum("nk,nkd->nd", weights, vertex_normals(vertices, faces)[corners]) @ rotation.T
     normal /= np.linalg.norm(normal, axis=1, keepdims=True) + 1e-9
     light = 0.15 + 0.8 * np.abs(normal @ LIGHT)
     picture = np.full((side, side, 3), 255.0)
     colour = 0.9 if colours is None else np.einsum("nk,nkd->nd", weights, colours[corners])
     picture[covered] = 255 * light[:, None] * colour
     return picture.clip(0, 255).astype(np.uint8)
-
-
-def sphere_of(vertices: np.ndarray) -> tuple[np.ndarray, float]:
-    """Middle (3,) and radius of a sphere round vertices (V, 3)."""
-    middle = (vertices.min(0) + vertices.max(0)) / 2
-    return middle, float(np.linalg.norm(vertices - middle, axis=1).max())
 
 
 def save_mesh_sheet(
@@ -131,7 +117,7 @@ def _labelled(tile: np.ndarray, text: str) -> np.ndarray:
 
 
 def _with_arrow(tile: np.ndarray, text: str) -> np.ndarray:
-    """A tile with an arrow to the right at its foot, in whose views +X is on the right."""
+    """Return a tile with an arrow to the right at its foot, in whose views +X is on the right."""
     height, width = tile.shape[:2]
     image, y, tip = Image.fromarray(tile), height - 8, width - 6
     draw, colour = ImageDraw.Draw(image), (30, 60, 200)

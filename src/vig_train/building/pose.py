@@ -14,32 +14,14 @@ from scipy.spatial.transform import Rotation
 from vig_train.building.surface import SurfaceSample
 from vig_world.rotations import about_z
 
-CLOUD_POINTS = 2000
-"""Points of a surface among which nearest ones are searched."""
-QUERY_POINTS = 250
-"""Points of a surface, at most about, for which the nearest point of another is searched."""
 MAX_ANCHORS = 8
 """Meshes with which all are compared, at most, to choose the medoid, to which the others are turned."""
-MAX_DISTANCE = 0.3
-"""Root mean square radii; longer distances are truncated, lest a part of one mesh alone dominates."""
 NORMAL_WEIGHT = 0.3
 """Distance, in root mean square radii, that two normals count as whose difference has length one."""
-REFINED_STARTS = 8
-"""Starts of least distance that are refined by ICP (iterative closest points)."""
-ICP_STEPS = 20
-"""Steps of ICP for each start."""
-REFERENCE_MESHES = 6
-"""Meshes nearest to the medoid, with which every pose is compared at last."""
 LIKELY_POSE_FACTOR = 0.92
 """Factor on the distance of a pose that is likely beforehand."""
-SPREAD_STARTS = 400
-"""Starts besides the turns of a cube, evenly spread over all rotations."""
-MAX_TILT = math.radians(15.0)
-"""Radians; a foot within this of level is put level."""
 UP_FACTORS = np.array([1.0, 1.0, 0.5])
 """Factors on the breadths of the stances with Y, Z and X up, as files hardly have X up."""
-THIN_FOOT = 0.1
-"""Share of its height below which the width of a thing makes it likely to lie."""
 SYMMETRY_TOLERANCE = 0.022
 """Root mean square radii; a shape that a turn changes by less in the mean has that turn as its symmetry."""
 DETAIL_SHARE, DETAIL_TOLERANCE = 0.02, 0.22
@@ -64,8 +46,9 @@ class PointCloud:
 
     @staticmethod
     def from_surface(surface: SurfaceSample) -> PointCloud:
-        """Centred at the mean of its points; the unit is their root mean square distance from it."""
-        some = surface.some(CLOUD_POINTS)
+        """Make one about the mean of its points; the unit is their root mean square distance from it."""
+        # Points of a surface among which nearest ones are searched
+        some = surface.some(2000)
         points = some.points - some.points.mean(0)
         points = points / math.sqrt((points**2).sum(1).mean())
         features = np.concatenate([points, NORMAL_WEIGHT * some.normals], axis=1)
@@ -75,11 +58,13 @@ class PointCloud:
     def distance(self, other: PointCloud, rotation: np.ndarray) -> float:
         """Return the mean distance, both ways, to another cloud turned by a rotation (3, 3)."""
         there, back = self.distances(other, rotation), other.distances(self, rotation.T)
-        return float(sum(0.5 * np.minimum(each, MAX_DISTANCE).mean() for each in (there, back)))
+        # Root mean square radii; longer distances are truncated, lest a part of one mesh alone dominates
+        return float(sum(0.5 * np.minimum(each, 0.3).mean() for each in (there, back)))
 
     def distances(self, other: PointCloud, rotation: np.ndarray) -> np.ndarray:
-        """Distances (M,) of another cloud's points, turned by a rotation (3, 3), from the nearest here."""
-        step = max(1, len(other.points) // QUERY_POINTS)
+        """Return distances (M,) of another cloud's points, turned by a rotation (3, 3), to the nearest."""
+        # Points of a surface, at most about, for which the nearest point of another is searched
+        step = max(1, len(other.points) // 250)
         features = np.concatenate(
             [other.points[::step] @ rotation.T, NORMAL_WEIGHT * other.normals[::step] @ rotation.T], axis=1
         )
@@ -91,16 +76,14 @@ class PointCloud:
         Pairs are weighted by the Geman-McClure weight of their distance, w = 1 / (1 + (d / 0.15)^2)^2; the
         rotation of each step is the weighted least-squares one (Kabsch).
         """
-        for _ in range(ICP_STEPS):
+        # 20 steps at most.
+        for _ in range(20):
             points, normals = other.points @ rotation.T, other.normals @ rotation.T
             distance, index = self.tree.query(np.concatenate([points, NORMAL_WEIGHT * normals], axis=1))
             weight = 1 / (1 + (distance / 0.15) ** 2) ** 2
             target, source = self.points[index], points
-            centred = (target * weight[:, None]).sum(0), (source * weight[:, None]).sum(0)
-            total = weight.sum()
-            a, b = source - centred[1] / total, target - centred[0] / total
-            u, _, v = np.linalg.svd((a * weight[:, None]).T @ b)
-            turn = v.T @ np.diag([1, 1, np.linalg.det(v.T @ u.T)]) @ u.T
+            a, b = (points - np.average(points, axis=0, weights=weight) for points in (source, target))
+            turn = Rotation.align_vectors(b, a, weight)[0].as_matrix()
             rotation = turn @ rotation
             if np.abs(turn - np.eye(3)).max() < 1e-4:
                 break
@@ -108,7 +91,7 @@ class PointCloud:
 
 
 def cube_turns() -> list[np.ndarray]:
-    """The 24 rotations that take the axes to axes, the identity first."""
+    """Return the 24 rotations that take the axes to axes, the identity first."""
     turns = []
     for order in itertools.permutations(range(3)):
         for signs in itertools.product((1, -1), repeat=3):
@@ -120,21 +103,16 @@ def cube_turns() -> list[np.ndarray]:
 
 
 def spread_rotations(count: int) -> list[np.ndarray]:
-    """Rotations spread evenly (super-Fibonacci spirals, Alexa 2022)."""
+    """Return rotations spread evenly (super-Fibonacci spirals, Alexa 2022)."""
     s = np.arange(count) + 0.5
     r, big = np.sqrt(s / count), np.sqrt(1 - s / count)
     a, b = 2 * math.pi * s / math.sqrt(2), 2 * math.pi * s / 1.533751168755204288118041
     x, y, z, w = r * np.sin(a), r * np.cos(a), big * np.sin(b), big * np.cos(b)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    return list(np.moveaxis(np.array(rows), 2, 0))
+    return list(Rotation.from_quat(np.stack([x, y, z, w], axis=1)).as_matrix())
 
 
 def alignment_steps(count: int) -> int:
-    """How many steps `align_clouds` takes of so many clouds, of about the same time each."""
+    """Return how many steps `align_clouds` takes of so many clouds, of about the same time each."""
     return (min(MAX_ANCHORS, count) + 2) * count
 
 
@@ -157,19 +135,22 @@ def align_clouds(
                 costs[row, number] = min(clouds[anchor].distance(cloud, turn) for turn in turns)
             advance(1)
     medoid = int(anchors[np.median(costs, axis=1).argmin()])
-    starts = turns + spread_rotations(SPREAD_STARTS)
+    # Starts besides the turns of a cube, evenly spread over all rotations
+    starts = turns + spread_rotations(400)
     candidates: list[list[np.ndarray]] = []
     rotations, medoid_costs = [], np.zeros(len(clouds))
     for number, cloud in enumerate(clouds):
         start_costs = [clouds[medoid].distance(cloud, start) for start in starts]
-        order = np.argsort(start_costs, kind="stable")[:REFINED_STARTS]
+        # Starts of least distance that are refined by ICP (iterative closest points)
+        order = np.argsort(start_costs, kind="stable")[:8]
         candidates.append(turns + [clouds[medoid].refine_rotation(cloud, starts[index]) for index in order])
         candidate_costs = [clouds[medoid].distance(cloud, candidate) for candidate in candidates[-1]]
         rotations.append(np.eye(3) if number == medoid else candidates[-1][int(np.argmin(candidate_costs))])
         medoid_costs[number] = 0.0 if number == medoid else min(candidate_costs)
         advance(1)
     # A mesh may match the medoid upside down but not most others: the meshes nearest to the medoid decide.
-    usual_turn, references = usual_axes(rotations), np.argsort(medoid_costs, kind="stable")[:REFERENCE_MESHES]
+    # Meshes nearest to the medoid, with which every pose is compared at last
+    usual_turn, references = usual_axes(rotations), np.argsort(medoid_costs, kind="stable")[:6]
     chosen, final_costs = [], np.zeros(len(clouds))
     for number, cloud in enumerate(clouds):
         others = [reference for reference in references if reference != number] or [medoid]
@@ -197,8 +178,9 @@ def usual_axes(rotations: list[np.ndarray]) -> np.ndarray:
 
 
 def up_axis(surfaces: list[SurfaceSample], rotations: list[np.ndarray]) -> np.ndarray:
-    """The axis (3,) of the common pose that points up: Y or Z of most files, where they stand broader; or X
-    where they stand far broader on it.
+    """Return the axis (3,) of the common pose that points up.
+
+    That is Y or Z of most files, where they stand broader; or X where they stand far broader on it.
     """
     candidates = usual_axes(rotations).T[[1, 2, 0]]
     broad = [
@@ -216,7 +198,8 @@ def stance_breadth(surface: SurfaceSample, rotation: np.ndarray, up: np.ndarray)
     height = points @ up
     flat = points[:, np.abs(up) < 0.5]
     low = height <= height.min() + 0.015 * np.ptp(height)
-    slenderness = THIN_FOOT * np.ptp(height) / max(np.ptp(flat, axis=0).min(), 1e-12)
+    # Share of its height below which the width of a thing makes it likely to lie
+    slenderness = 0.1 * np.ptp(height) / max(np.ptp(flat, axis=0).min(), 1e-12)
     return _hull_area(flat[low]) / max(_hull_area(flat), 1e-12) / max(1.0, slenderness)
 
 
@@ -233,7 +216,7 @@ def cube_turn_to_up(up: np.ndarray) -> np.ndarray:
 
 
 def axis_of_revolution(cloud: PointCloud, file_axis: np.ndarray) -> np.ndarray:
-    """The axis (3,), in either sense, about which turns change a cloud least.
+    """Return the axis (3,), in either sense, about which turns change a cloud least.
 
     It is sought near a likely one (3,), those of the file, and those of the shape's second moments.
     """
@@ -258,7 +241,7 @@ def axis_of_revolution(cloud: PointCloud, file_axis: np.ndarray) -> np.ndarray:
 
 
 def levelling_rotation(surface: SurfaceSample) -> np.ndarray:
-    """The small rotation (3, 3) that puts the foot of an about upright surface level."""
+    """Return the small rotation (3, 3) that puts the foot of an about upright surface level."""
     try:
         hull = ConvexHull(surface.points)
     except (QhullError, ValueError):
@@ -266,7 +249,8 @@ def levelling_rotation(surface: SurfaceSample) -> np.ndarray:
     normals = hull.equations[:, :3]
     corners = surface.points[hull.simplices]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    faces_down = -normals[:, 2] > math.cos(MAX_TILT)
+    # Radians; a foot within this of level is put level
+    faces_down = -normals[:, 2] > math.cos(math.radians(15.0))
     if not faces_down.any():
         return np.eye(3)
     # The normal of the largest support: facets within 2 degrees of each other count as one plane.
@@ -277,17 +261,15 @@ def levelling_rotation(surface: SurfaceSample) -> np.ndarray:
 
 
 def rotation_to_vertical(axis: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """A rotation (3, 3) that takes to +Z the axis (3,) in the sense in which it is nearer to `up`."""
+    """Return a rotation (3, 3) that takes to +Z the axis (3,) in the sense in which it is nearer to `up`."""
     axis = axis if axis @ up >= 0 else -axis
     below = cube_turn_to_up(np.array([0.0, 0.0, -1.0])) if axis[2] < 0 else np.eye(3)
     return _rotation_between(below @ axis, np.array([0.0, 0.0, 1.0])) @ below
 
 
 def _rotation_between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the least rotation (3, 3) that takes unit vector a to b, not opposite to it (Rodrigues)."""
-    axis, cosine = np.cross(a, b), float(a @ b)
-    skew = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    return np.asarray(np.eye(3) + skew + skew @ skew / (1 + cosine))
+    """Return the least rotation (3, 3) that takes unit vector a to b, not opposite to it."""
+    return np.asarray(Rotation.align_vectors(b[None], a[None])[0].as_matrix())
 
 
 @dataclass(frozen=True)
@@ -332,13 +314,13 @@ def class_symmetry(clouds: list[PointCloud]) -> ClassSymmetry:
 
 
 def _detail_change(cloud: PointCloud, turn: float) -> float:
-    """The distance beyond which a turn about +Z, in either sense, takes `DETAIL_SHARE` of a cloud."""
+    """Return the distance beyond which a turn about +Z, in either sense, takes `DETAIL_SHARE` of a cloud."""
     moved = np.concatenate([cloud.distances(cloud, about_z(angle)) for angle in (turn, -turn)])
     return float(np.quantile(moved, 1 - DETAIL_SHARE))
 
 
 def _mirror_change(cloud: PointCloud, angle: float) -> float:
-    """How much a mirror in the upright plane at an angle changes a cloud."""
+    """Return how much a mirror in the upright plane at an angle changes a cloud."""
     across = np.array([-math.sin(angle), math.cos(angle), 0.0])
     return cloud.distance(cloud, np.eye(3) - 2 * np.outer(across, across))
 
@@ -355,7 +337,7 @@ def front_angle(clouds: list[PointCloud], plane: float) -> float:
 
 
 def straightening_angle(cloud: PointCloud) -> float:
-    """The small angle about +Z by which a cloud is to be turned for its mirror plane to be y = 0; else 0."""
+    """Return the small angle about +Z that turns a cloud's mirror plane to y = 0; else 0."""
     angles = np.radians(np.arange(-20, 21, 2))
     costs = np.array([_mirror_change(cloud, angle) for angle in angles])
     fine = angles[costs.argmin()] + np.radians(np.arange(-2, 2.1, 0.5))

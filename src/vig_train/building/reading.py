@@ -17,8 +17,6 @@ from vig_world.assets.own.simplify import simplified
 from vig_world.assets.source_meshes import MOST_FACES
 from vig_world.mesh import face_normals
 
-LEAST_WIDTH = 1e-3
-"""Share of its length that a mesh is wide at least; what is narrower is a line."""
 _ONE_OF = f"one of {' '.join(SUFFIXES)}"
 SAME_SHAPE_TOLERANCE = 3e-4
 """Difference of `shape_invariants` up to which two surfaces are one."""
@@ -101,13 +99,14 @@ def read_scans(
 
 
 def folder_of(meshes: str | Path) -> Path:
-    """The folder of the meshes that `read_scans` reads, and of what goes with them."""
+    """Return the folder of the meshes that `read_scans` reads, and of what goes with them."""
     path = mesh_folder(meshes)
     return path.parent if path.is_file() else path
 
 
 def shape_invariants(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(5,) numbers of a surface that units, axes, place, mirroring and the triangles' order leave alone.
+    """Return (5,) numbers of a surface that units, axes, place, mirroring and the triangles' order leave
+    alone.
 
     The ratios of the second moments about its principal axes, and of the higher moments of the distance from
     its centroid, weighted by area.
@@ -135,7 +134,9 @@ def copies_by_name(scans: list[Scan]) -> dict[int, int]:
 
 
 def same_shapes(scans: list[Scan]) -> dict[int, int]:
-    """Which scans show the surface of an earlier one, by its number: copies, other formats, other units."""
+    """Return which scans show the surface of an earlier one, by its number: copies, other formats, other
+    units.
+    """
     invariants = [shape_invariants(scan.vertices, scan.faces) for scan in scans]
     copies: dict[int, int] = {}
     for number, invariant in enumerate(invariants):
@@ -148,7 +149,7 @@ def same_shapes(scans: list[Scan]) -> dict[int, int]:
 
 
 def _weld(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices at one place made one, faces without area or given twice left out."""
+    """Merge vertices at one place; leave out faces without area or given twice."""
     used = np.unique(faces)
     low, size = vertices[used].min(0), float(np.ptp(vertices[used], axis=0).max())
     if not size > 0:
@@ -160,7 +161,8 @@ def _weld(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarr
     corners = merged.ravel()[faces]
     points = unit[representative]
     spread = np.sqrt(np.linalg.eigvalsh(np.cov(points[np.unique(corners)].T)).clip(0))
-    if not spread[1] > LEAST_WIDTH * spread[2]:
+    # Share of its length that a mesh is wide at least; what is narrower is a line
+    if not spread[1] > 1e-3 * spread[2]:
         raise UserError("expected triangles with an area; all of them lie on a line.")
     area = np.linalg.norm(face_normals(points, corners), axis=1)
     _, first_of_face = np.unique(np.sort(corners, axis=1), axis=0, return_index=True)

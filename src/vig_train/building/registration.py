@@ -56,16 +56,8 @@ TANGENTIAL_WEIGHT = 0.03
 """s, the weight of distances along the surface over that of distances to it."""
 NORMAL_WEIGHT = 0.05
 """Sizes of the object that a difference of normals of length one counts as in the nearest-point search."""
-TARGET_SAMPLES = 6000
-"""Points of the target for which the nearest vertex of the template is searched."""
-INFLUENCES = 4
-"""Nodes that move a vertex."""
 SPATIAL_NEIGHBOURS = 4
 """Vertices near in space to which a vertex is joined, so that parts that only touch move together."""
-SPATIAL_LENGTH_FACTOR = 3.0
-"""Length of such a joint over its distance in space; an edge of the mesh counts its own length."""
-MAX_GEODESIC_NODES = 200
-"""Up to so many nodes are spread by distances along the surface; more by distances in space, for speed."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +78,8 @@ class DeformationGraph:
     def of(vertices: np.ndarray, faces: np.ndarray, count: int) -> DeformationGraph:
         """Make a graph of `count` nodes, far from each other along the surface."""
         chosen, distance = spread_nodes(vertices, edge_graph(vertices, faces), min(count, len(vertices)))
-        nodes, influences = vertices[chosen], min(INFLUENCES, len(chosen))
+        # Four nodes move a vertex.
+        nodes, influences = vertices[chosen], min(4, len(chosen))
         near = np.argsort(distance, axis=0, kind="stable")[: influences + 1]
         far = np.take_along_axis(distance, near, axis=0)
         edge = far[-1] if len(near) > influences else far[-1] + 1.0
@@ -106,23 +99,20 @@ def edge_graph(vertices: np.ndarray, faces: np.ndarray) -> sp.csr_matrix:
     """Return lengths (V, V) of a mesh's edges, and of joints to neighbours in space, for parts that touch."""
     _, near = cKDTree(vertices).query(vertices, SPATIAL_NEIGHBOURS + 1)
     beside = np.stack([np.repeat(np.arange(len(vertices)), SPATIAL_NEIGHBOURS), near[:, 1:].ravel()], axis=1)
-    lengths: dict[tuple[int, int], float] = {}
-    for pairs, factor in (
-        (beside, SPATIAL_LENGTH_FACTOR),
-        (face_edges(faces), 1.0),
-    ):  # an edge counts where both are
-        length = factor * np.linalg.norm(vertices[pairs[:, 0]] - vertices[pairs[:, 1]], axis=1) + 1e-12
-        ordered = np.sort(pairs, axis=1)
-        lengths |= dict(zip(map(tuple, ordered.tolist()), length.tolist(), strict=True))
-    rows, columns = np.array(list(lengths)).T
-    shape = (len(vertices), len(vertices))
-    return sp.csr_matrix((np.array(list(lengths.values())), (rows, columns)), shape)
+    edges = face_edges(faces)
+    pairs = np.sort(np.concatenate([edges, beside]), axis=1)
+    # A joint counts three times its length in space, an edge of the mesh its own length.
+    factor = np.repeat([1.0, 3.0], [len(edges), len(beside)])
+    length = factor * np.linalg.norm(vertices[pairs[:, 0]] - vertices[pairs[:, 1]], axis=1) + 1e-12
+    pairs, first = np.unique(pairs, axis=0, return_index=True)  # an edge counts where both are
+    return sp.csr_matrix((length[first], pairs.T), (len(vertices), len(vertices)))
 
 
 def spread_nodes(vertices: np.ndarray, graph: sp.csr_matrix, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (G,) that are far from each other, and distances (G, V) from them along the surface."""
+    """Return vertices (G,) that are far from each other, and distances (G, V) from them along the surface."""
     chosen = [int(np.linalg.norm(vertices - vertices.mean(0), axis=1).argmax())]
-    if count <= MAX_GEODESIC_NODES:
+    # Up to so many nodes are spread by distances along the surface; more by distances in space, for speed
+    if count <= 200:
         rows = [dijkstra(graph, directed=False, indices=chosen[0])]
         while len(chosen) < count:
             least = np.min(rows, axis=0)
@@ -183,7 +173,7 @@ class _Correspondences:
     def point_to_plane_step(
         self, rig: DeformationGraph, stiffness: float, smooth: sp.csc_matrix, maps: np.ndarray
     ) -> np.ndarray:
-        """The change of maps (4G, 3) of a Gauss-Newton step, all coordinates at once."""
+        """Return the change of maps (4G, 3) of a Gauss-Newton step, all coordinates at once."""
         blocks = self.weight[:, None, None] * self.normal[:, :, None] * self.normal[:, None, :]
         blocks += (TANGENTIAL_WEIGHT * self.weight + self.strength)[:, None, None] * np.eye(3)
         along = (self.weight * (self.gap * self.normal).sum(1))[:, None] * self.normal
@@ -204,7 +194,7 @@ class _Correspondences:
     def projected_step(
         self, rig: DeformationGraph, stiffness: float, smooth: sp.csc_matrix, maps: np.ndarray
     ) -> np.ndarray:
-        """The change of maps (4G, 3) that draws each vertex to its projection on the plane."""
+        """Return the change of maps (4G, 3) that draws each vertex to its projection on the plane."""
         along = (self.weight * (self.gap * self.normal).sum(1))[:, None] * self.normal
         weight = (1 + TANGENTIAL_WEIGHT) * self.weight + self.strength
         matrix = rig.skinning.T @ sp.diags(weight) @ rig.skinning + stiffness * smooth
@@ -270,7 +260,8 @@ class Registration:
         gap, normal = target.points[index] - moved, target.normals[index]
         agree = np.clip((normal * moved_surface.normals).sum(1), 0, 1)
         weight = self.area * agree / (1 + (gap**2).sum(1) / reach**2) ** 2
-        samples = target.some(TARGET_SAMPLES)
+        # Points of the target for which the nearest vertex of the template is searched
+        samples = target.some(6000)
         _, vertex = cKDTree(moved_surface.features(NORMAL_WEIGHT)).query(samples.features(NORMAL_WEIGHT))
         pull_vector = samples.points - moved[vertex]
         agree = np.clip((samples.normals * moved_surface.normals[vertex]).sum(1), 0, 1)

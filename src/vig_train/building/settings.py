@@ -11,12 +11,10 @@ from vig.io.errors import UserError
 from vig.scene import Symmetry
 from vig_train.building.reading import Scan
 from vig_train.building.template import TEMPLATE_VERTICES
-from vig_world.assets.props.families import ZONE_NAMES
+from vig_world.assets.things import ZONE_NAMES
 
 USUAL_LENGTH, LENGTHS = 0.2, (0.001, 1000.0)
 """Longest side of a class's mean shape where none is told, and the bounds of one that is, metres."""
-UNIT_CUBE_TOLERANCE = 0.011
-"""Share by which the longest side of a mesh scaled into a unit cube may differ from it: some leave 1 %."""
 MIN_VERTICES = 200
 MAX_VERTICES = 20_000
 AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "-x": (-1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1)}
@@ -76,7 +74,7 @@ class BuildSettings:
             raise UserError(f"expected places among {', '.join(ZONE_NAMES)}; got '{unknown[0]}'.")
 
     def used(self, count: int) -> list[int]:
-        """Indices, from 0, of those of `count` meshes that are not dropped.
+        """Return indices, from 0, of those of `count` meshes that are not dropped.
 
         Raises UserError when a number in `turns` or `drops` is no mesh's, or every mesh is dropped.
         """
@@ -89,7 +87,7 @@ class BuildSettings:
         return used
 
     def length_of(self, scans: Sequence[Scan]) -> tuple[float, bool]:
-        """Longest side of the mean shape of a class of these meshes, metres; whether it is known."""
+        """Return the longest side of the mean shape of these meshes' class, metres; whether it is known."""
         if self.length is not None:
             return self.length, True
         if len(scans) == 1 and scans[0].name.lower().endswith((".glb", ".gltf")):
@@ -100,12 +98,15 @@ class BuildSettings:
 
 
 def fills_unit_cube(length: float) -> bool:
-    """Whether a longest side is that of meshes that fill [-0.5, 0.5] or [-1, 1], as generators write them."""
-    return min(abs(length - 1), abs(length / 2 - 1)) < UNIT_CUBE_TOLERANCE
+    """Return whether a longest side is that of meshes that fill [-0.5, 0.5] or [-1, 1], as generators write
+    them.
+    """
+    # Share by which the longest side of a mesh scaled into a unit cube may differ from it: some leave 1 %
+    return min(abs(length - 1), abs(length / 2 - 1)) < 0.011
 
 
 def axis_vector(name: str) -> np.ndarray:
-    """The unit vector (3,) of an axis such as "+x"; UserError for others."""
+    """Return the unit vector (3,) of an axis such as "+x"; UserError for others."""
     axis = AXES.get(name.lower().removeprefix("+"))
     if axis is None:
         raise UserError(f"expected an axis such as +x, -y or z; got '{name}'.")

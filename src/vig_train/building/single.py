@@ -84,7 +84,7 @@ def pack_of_mesh(
 
 
 def _made_pack(mesh: Path, settings: BuildSettings, pack: Path, say: Callable[[str], None]) -> Path:
-    """The pack's folder, which is filled where it is not there."""
+    """Return the pack's folder, which is filled where it is not there."""
     if (pack / "class.json").is_file():
         return pack
     pack.parent.mkdir(parents=True, exist_ok=True)
@@ -107,7 +107,7 @@ def _is_gltf(mesh: Path) -> bool:
 
 
 def _size(mesh: Path, own: float, length: float | None, object_class: ObjectClass) -> str:
-    """The size that was taken of a file whose longest side is `own`, and where it comes from."""
+    """Return the size that was taken of a file whose longest side is `own`, and where it comes from."""
     taken = float(np.ptp(object_class.shape_model.mean, axis=0).max())
     if length is not None and _is_gltf(mesh) and abs(length / own - 1) > 0.01:
         return f"its longest side is {length:.3g} m as --length states, in place of the file's {own:.3g} m"

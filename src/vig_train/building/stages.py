@@ -11,17 +11,16 @@ import numpy as np
 
 from vig.io.progress import Meter
 from vig_train.building.acceptance import Quality, judged, quality_of
-from vig_train.building.families import genus
 from vig_train.building.pose import PointCloud
 from vig_train.building.reading import Scan
 from vig_train.building.registration import Registration
 from vig_train.building.stage_cache import StageCache
 from vig_train.building.surface import SurfaceSample, visible_surface
-from vig_train.building.template import closed_template
+from vig_train.building.template import closed_template, genus
 
 
 def surface_of(scan: Scan, cache: StageCache) -> SurfaceSample:
-    """The visible surface of a mesh, in its file's axes."""
+    """Return the visible surface of a mesh, in its file's axes."""
     arrays = cache.result(
         "surface", [scan.content_hash], lambda: vars(visible_surface(scan.vertices, scan.faces))
     )
@@ -48,7 +47,7 @@ class StandingMesh:
 
     @staticmethod
     def of(scan: Scan, surface: SurfaceSample, rotation: np.ndarray) -> StandingMesh:
-        """From a mesh, its surface in the file's axes, and the rotation (3, 3) that puts it upright.
+        """Make one of a mesh, its surface in the file's axes, and the rotation (3, 3) that puts it upright.
 
         The size is the root mean square distance of the surface from its middle.
         """
@@ -66,11 +65,11 @@ class StandingMesh:
         return self.scan.vertices @ self.linear.T + self.offset, self.scan.faces
 
     def hole_count(self, cache: StageCache) -> int:
-        """The number of holes through it."""
+        """Return the number of holes through it."""
         arrays = cache.result(
             "holes",
             [self.scan.content_hash],
-            lambda: {"holes": np.array([genus(*self.triangles, self.surface)])},
+            lambda: {"holes": np.array([genus(*self.triangles)])},
         )
         return int(arrays["holes"][0])
 
@@ -100,7 +99,8 @@ class Template:
 def template_of(
     meshes: Sequence[StandingMesh], used: list[int], about: int, cache: StageCache
 ) -> Template | None:
-    """The template from the first of the used meshes that can be closed, those most like the others first.
+    """Return the template from the first of the used meshes that can be closed, those most like the others
+    first.
 
     about: The number of its vertices. None where no mesh can be closed.
     """
@@ -115,7 +115,7 @@ def template_of(
 
 
 def _closed(mesh: StandingMesh, about: int, cache: StageCache) -> dict[str, np.ndarray]:
-    """Vertices and faces of a closed mesh of about so many vertices; none where it cannot be closed."""
+    """Return a closed mesh of about so many vertices; no vertices where it cannot be closed."""
 
     def compute() -> dict[str, np.ndarray]:
         try:
@@ -179,7 +179,7 @@ def register(
 def _registered(
     mesh: StandingMesh, medoid: StandingMesh, template: Template, cache: StageCache
 ) -> np.ndarray:
-    """Vertices (V, 3) of the template, which is the medoid's, as they lie on a mesh."""
+    """Return vertices (V, 3) of the template, which is the medoid's, as they lie on a mesh."""
     poses = repr(np.stack([mesh.rotation, medoid.rotation]))
     inputs = [mesh.scan.content_hash, medoid.scan.content_hash, poses, str(template.about)]
     arrays = cache.result(

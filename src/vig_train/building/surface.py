@@ -6,23 +6,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 
 from vig.scene import Camera
 from vig_world.mesh import face_normals
 from vig_world.raster.rasterize import rasterize
 
-VIEW_COUNT = 60
-"""Directions from which a mesh is rendered."""
-VIEW_PIXELS = 220
-"""Pixels on a side of these renderings."""
 EYE_DISTANCE = 50.0
-"""Distance of the eye, in sizes of the mesh: nearly parallel."""
-MIN_FACING_COSINE = math.cos(math.radians(75))
-"""Least cosine between a face's normal and the direction from which it counts as seen."""
-MAX_VISIBLE_PIXELS = 250_000
-"""Pixels of all renderings that are used, about."""
-SURFACE_POINTS = 24_000
-"""Points of a surface, about."""
+"""Distance of the eye from a mesh that is drawn alone, in its radii: nearly parallel."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +29,7 @@ class SurfaceSample:
     normals: np.ndarray
 
     def transformed(self, linear: np.ndarray, offset: np.ndarray) -> SurfaceSample:
-        """Moved by a linear map (3, 3) and an offset (3,)."""
+        """Return the sample moved by a linear map (3, 3) and an offset (3,)."""
         normals = self.normals @ np.linalg.inv(linear)
         return SurfaceSample(
             self.points @ linear.T + offset, normals / np.linalg.norm(normals, axis=1, keepdims=True)
@@ -50,7 +41,9 @@ class SurfaceSample:
         return float(np.ptp(self.points, axis=0).max())
 
     def features(self, weight: float) -> np.ndarray:
-        """Places and directions (N, 6): a difference of normals of one counts as a distance of `weight`."""
+        """Return places and directions (N, 6): a difference of normals of one counts as a distance of
+        `weight`.
+        """
         return np.concatenate([self.points, weight * self.normals], axis=1)
 
     def some(self, count: int) -> SurfaceSample:
@@ -60,47 +53,77 @@ class SurfaceSample:
 
 
 def sphere_directions(count: int) -> np.ndarray:
-    """Unit vectors (count, 3) spread evenly over the sphere (a Fibonacci spiral)."""
+    """Return unit vectors (count, 3) spread evenly over the sphere (a Fibonacci spiral)."""
     z = 1 - (2 * np.arange(count) + 1) / count
     turn = np.arange(count) * math.pi * (3 - math.sqrt(5))
     around = np.sqrt(1 - z**2)
     return np.stack([around * np.cos(turn), around * np.sin(turn), z], axis=1)
 
 
-def camera_rotation(direction: np.ndarray) -> np.ndarray:
-    """Rotation (3, 3) of a camera (x right, y down, z forward) that looks along -direction (3,)."""
+def camera_rotation(direction: np.ndarray, up: np.ndarray | None = None) -> np.ndarray:
+    """Return the rotation (3, 3) of a camera (x right, y down, z forward) that looks along -direction (3,).
+
+    up: (3,), which is up in the picture; any direction by default.
+    """
     forward = -direction
-    aside = np.cross(forward, np.eye(3)[np.abs(forward).argmin()])
+    aside = np.cross(forward, np.eye(3)[np.abs(forward).argmin()] if up is None else up)
     aside /= np.linalg.norm(aside)
     return np.stack([aside, np.cross(forward, aside), forward])
 
 
-def visible_surface(vertices: np.ndarray, faces: np.ndarray, count: int = SURFACE_POINTS) -> SurfaceSample:
-    """The surface of a mesh (V, 3), (F, 3) that is seen from outside, both sides of open sheets included.
+def draw_alone(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    rotation: np.ndarray,
+    sphere: tuple[np.ndarray, float],
+    side: int,
+    margin: float = 1.02,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Draw a mesh, nearly parallel.
+
+    Args:
+        vertices: (V, 3) of the mesh.
+        faces: (F, 3) of the mesh.
+        rotation: (3, 3) of the camera.
+        sphere: Middle (3,) and radius of the sphere that fills the picture.
+        side: Of the picture, pixels.
+        margin: Radius of what fits into the picture, in radii of the sphere.
+
+    Returns:
+        Covered pixels (side, side) bool; the face of each of them (N,), and its barycentric weights (N, 3).
+    """
+    unit = (vertices - sphere[0]) / sphere[1]  # the rasteriser's near plane is in metres
+    camera = Camera(side, side, 0.5 * side * EYE_DISTANCE / margin, side / 2, side / 2)
+    raster = rasterize(unit, faces, rotation, np.array([0.0, 0.0, EYE_DISTANCE]), camera)
+    covered = raster.face >= 0
+    return covered, raster.face[covered], raster.barycentric[covered]
+
+
+def sphere_of(vertices: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return middle (3,) and radius of a sphere round vertices (V, 3)."""
+    middle = (vertices.min(0) + vertices.max(0)) / 2
+    return middle, float(np.linalg.norm(vertices - middle, axis=1).max())
+
+
+def visible_surface(vertices: np.ndarray, faces: np.ndarray, count: int = 24_000) -> SurfaceSample:
+    """Return the surface of a mesh (V, 3), (F, 3) seen from outside, both sides of open sheets included.
 
     Inner walls, nested shells and doubled faces do not count, and the order of a face's corners does not
     matter: a normal points to where it is seen from.
     """
-    middle = (vertices.min(0) + vertices.max(0)) / 2
-    radius = float(np.linalg.norm(vertices - middle, axis=1).max())
+    middle, radius = sphere = sphere_of(vertices)
     face_normal = face_normals(vertices, faces)
     face_normal /= np.maximum(np.linalg.norm(face_normal, axis=1, keepdims=True), 1e-300)
-    camera = Camera(
-        VIEW_PIXELS, VIEW_PIXELS, 0.5 * VIEW_PIXELS * EYE_DISTANCE / 1.02, VIEW_PIXELS / 2, VIEW_PIXELS / 2
-    )
-    unit = (vertices - middle) / radius  # the rasteriser's near plane is in metres
+    unit = (vertices - middle) / radius
     points, normals = [], []
-    for direction in sphere_directions(VIEW_COUNT):
-        rotation = camera_rotation(direction)
-        raster = rasterize(unit, faces, rotation, np.array([0.0, 0.0, EYE_DISTANCE]), camera)
-        covered = raster.face >= 0
-        face, weights = raster.face[covered], raster.barycentric[covered]
+    for direction in sphere_directions(60):
+        _, face, weights = draw_alone(vertices, faces, camera_rotation(direction), sphere, 220)
         facing = face_normal[face] @ direction
-        steep = np.abs(facing) > MIN_FACING_COSINE
+        steep = np.abs(facing) > math.cos(math.radians(75))  # others are seen from elsewhere
         face, weights, facing = face[steep], weights[steep], facing[steep]
         points.append(np.einsum("nk,nkd->nd", weights, unit[faces[face]]))
         normals.append(face_normal[face] * np.sign(facing)[:, None])
-    step = max(1, sum(map(len, points)) // MAX_VISIBLE_PIXELS)
+    step = max(1, sum(map(len, points)) // 250_000)  # pixels of all views that are used
     cloud, towards = np.concatenate(points)[::step], np.concatenate(normals)[::step]
     chosen = thin_indices(cloud, towards, count)
     return SurfaceSample(cloud[chosen] * radius + middle, towards[chosen])
@@ -128,7 +151,7 @@ def thin_indices(points: np.ndarray, normals: np.ndarray, count: int) -> np.ndar
 
 
 def vertex_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """A third of the areas of the faces round each vertex: (V,)."""
+    """Return a third of the areas of the faces round each vertex: (V,)."""
     area = np.linalg.norm(face_normals(vertices, faces), axis=1)
     return np.asarray(np.bincount(faces.ravel(), np.repeat(area, 3), len(vertices)) / 6)
 
@@ -136,6 +159,22 @@ def vertex_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 def face_edges(faces: np.ndarray) -> np.ndarray:
     """Return the edges (3 F, 2) of faces (F, 3); an edge occurs once per face that has it."""
     return np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+
+
+def neighbour_mean(faces: np.ndarray, count: int) -> sp.csr_matrix:
+    """Return the matrix (V, V) that gives each of `count` vertices the mean of itself and its neighbours."""
+    edges = face_edges(faces)
+    rows, columns = np.concatenate([edges, edges[:, ::-1]]).T
+    graph = sp.csr_matrix((np.ones(len(rows)), (rows, columns)), (count, count))
+    graph.data[:] = 1.0
+    graph = graph + sp.eye(count)
+    return sp.diags(1 / np.asarray(graph.sum(1)).ravel()) @ graph
+
+
+def sample_points(vertices: np.ndarray, faces: np.ndarray, count: int) -> np.ndarray:
+    """Return points (count, 3) of a mesh, uniform by area, with a fixed seed."""
+    face, weights = sample_surface(vertices, faces, count)
+    return np.asarray(np.einsum("nk,nkd->nd", weights, vertices[faces[face]]))
 
 
 def sample_surface(vertices: np.ndarray, faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:

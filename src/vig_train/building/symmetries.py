@@ -15,12 +15,8 @@ from vig_world.rotations import about_z
 
 MIRROR_Y = np.array([1.0, -1.0, 1.0])
 """Factor on points or normals (..., 3) that mirrors them in y = 0."""
-SAMPLES_PER_FACE = 60
-"""Samples of each face, among which the place of a moved vertex is searched."""
 TURN_COUNT = 36
 """Turns of 10 degrees, over which a shape is averaged."""
-NORMAL_WEIGHT = 0.05
-"""Sizes of the object that a difference of normals of length one counts as."""
 
 
 class SurfaceLookup:
@@ -28,12 +24,14 @@ class SurfaceLookup:
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray):
         self.vertices, self.normals = vertices, vertex_normals(vertices, faces)
-        face, self.weights = sample_surface(vertices, faces, SAMPLES_PER_FACE * len(faces))
+        # Samples of each face, among which the place of a moved vertex is searched
+        face, self.weights = sample_surface(vertices, faces, 60 * len(faces))
         self.corners = faces[face]
         sampled = (
             np.einsum("nk,nkd->nd", self.weights, values[self.corners]) for values in (vertices, self.normals)
         )
-        self.scale = NORMAL_WEIGHT * float(np.ptp(vertices, axis=0).max())
+        # Sizes of the object that a difference of normals of length one counts as
+        self.scale = 0.05 * float(np.ptp(vertices, axis=0).max())
         self.tree = cKDTree(SurfaceSample(*sampled).features(self.scale))
 
     def resampling(self, linear: np.ndarray) -> sp.csr_matrix:

@@ -12,51 +12,43 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from skimage.measure import marching_cubes
 
-from vig_train.building.surface import SurfaceSample, face_edges, sample_surface, vertex_areas
+from vig_train.building.surface import SurfaceSample, face_edges, neighbour_mean, sample_points, vertex_areas
 from vig_world.mesh import vertex_normals
 
 TEMPLATE_VERTICES = 2600
 """Vertices of a template, about."""
-POINTS_PER_VERTEX = 40
-"""Points of the dense surface for each vertex of the template."""
-NORMAL_WEIGHT = 0.03
-"""Sizes of the object that a difference of normals of length one counts as; separates the sides of a wall."""
-CURVATURE_NORMAL_WEIGHT = 0.1
-"""The same weight where areas are measured that decide the density of vertices: curved places grow."""
-MAX_DENSITY = 3.0
-"""Greatest density of vertices where the surface curves, over that of flat places."""
-DENSITY_SMOOTHINGS = 40
-"""Times that this density is averaged with its neighbours'."""
 MAX_ROUNDS = 30
 """Rounds of Lloyd's algorithm; also the most rounds in which flawed clusters are split."""
-NORMAL_SMOOTHINGS = 4
-"""Times that the normals of the dense surface are averaged with their neighbours'."""
 
 
 def remesh(
     vertices: np.ndarray, faces: np.ndarray, count: int = TEMPLATE_VERTICES
 ) -> tuple[np.ndarray, np.ndarray]:
-    """About so many vertices, evenly spread over a closed mesh (V, 3), (F, 3) in place and direction.
+    """Return about so many vertices, evenly spread over a closed mesh (V, 3), (F, 3) in place and direction.
 
     The dual of a centroidal partition of the surface (Valette and Chassery 2004), in the six dimensions of
     points and normals (Levy and Bonneel 2013). Closed as the mesh is.
     """
     size = float(np.ptp(vertices, axis=0).max())
-    area_per_point = float(vertex_areas(vertices, faces).sum()) / (POINTS_PER_VERTEX * count)
+    # 40 points of the dense surface for each vertex of the template.
+    area_per_point = float(vertex_areas(vertices, faces).sum()) / (40 * count)
     points, corners = split_long_edges(vertices, faces, 1.5 * math.sqrt(area_per_point))
     dense = trimesh.Trimesh(points, corners, process=False)
     edges = face_edges(corners)
-    normals, neighbour_mean = vertex_normals(points, corners), _mean_of_neighbours(edges, len(points))
-    for _ in range(NORMAL_SMOOTHINGS):
-        normals = neighbour_mean @ normals
-    features = np.concatenate([points, NORMAL_WEIGHT * size * normals], axis=1)
+    normals, smooth = vertex_normals(points, corners), neighbour_mean(corners, len(points))
+    for _ in range(4):
+        normals = smooth @ normals
+    # Sizes of the object that a difference of normals of length one counts as; separates the sides of a wall
+    features = np.concatenate([points, 0.03 * size * normals], axis=1)
     areas = vertex_areas(points, corners)
+    # Normals weigh .1 where areas decide the density of vertices, so that curved places grow.
     curvature = _vertex_areas_in(
-        np.concatenate([points, CURVATURE_NORMAL_WEIGHT * size * normals], axis=1), corners
+        np.concatenate([points, 0.1 * size * normals], axis=1), corners
     ) / areas.clip(1e-12)
-    for _ in range(DENSITY_SMOOTHINGS):
-        curvature = neighbour_mean @ curvature
-    areas = areas * curvature.clip(1, MAX_DENSITY)
+    for _ in range(40):
+        curvature = smooth @ curvature
+    # Greatest density of vertices where the surface curves, over that of flat places
+    areas = areas * curvature.clip(1, 3.0)
     for attempt in range(3):
         cluster = _partition(features, areas, edges, count, attempt)
         for _ in range(MAX_ROUNDS):
@@ -74,7 +66,7 @@ def remesh(
 def split_long_edges(
     vertices: np.ndarray, faces: np.ndarray, longest: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The same surface, with edges that are too long cut in two until none is; closed as before."""
+    """Return the same surface, with edges that are too long cut in two until none is; closed as before."""
     while True:
         low, high = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1).T.astype(np.int64)
         numbered, edge = np.unique(low * len(vertices) + high, return_inverse=True)
@@ -105,14 +97,8 @@ def split_long_edges(
         faces = np.concatenate(parts)
 
 
-def _mean_of_neighbours(edges: np.ndarray, count: int) -> sp.csr_matrix:
-    """The matrix (V, V) that gives each vertex the mean of itself and its neighbours."""
-    graph = sp.csr_matrix((np.ones(len(edges)), edges.T), (count, count)) + sp.eye(count)
-    return sp.diags(1 / np.asarray(graph.sum(1)).ravel()) @ graph
-
-
 def _vertex_areas_in(features: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Of the surface round each vertex, in the space of the features (N, D): (N,)."""
+    """Return areas round each vertex, in the space of the features (N, D): (N,)."""
     side_a, side_b = (
         features[faces[:, 1]] - features[faces[:, 0]],
         features[faces[:, 2]] - features[faces[:, 0]],
@@ -153,7 +139,7 @@ def _clusters_not_discs(owner: np.ndarray, faces: np.ndarray) -> np.ndarray:
 def _split_clusters(
     owner: np.ndarray, chosen: np.ndarray, points: np.ndarray, edges: np.ndarray
 ) -> np.ndarray:
-    """Clusters with the chosen ones cut in two, across their longest direction."""
+    """Return clusters with the chosen ones cut in two, across their longest direction."""
     owner, count = owner.copy(), owner.max() + 1
     for number, cluster in enumerate(chosen):
         mine = np.flatnonzero(owner == cluster)
@@ -166,7 +152,7 @@ def _split_clusters(
 def _partition(
     features: np.ndarray, areas: np.ndarray, edges: np.ndarray, count: int, seed: int
 ) -> np.ndarray:
-    """The cluster of each point (N,): Lloyd's algorithm, then each cluster in one piece."""
+    """Return the cluster of each point (N,): Lloyd's algorithm, then each cluster in one piece."""
     rng = np.random.default_rng(seed)
     centres = features[rng.choice(len(features), count, replace=False, p=areas / areas.sum())]
     owner = np.zeros(len(features), int)
@@ -183,7 +169,7 @@ def _partition(
 
 
 def _connected_clusters(owner: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Clusters, numbered anew, whose pieces that are not the largest went to a neighbouring cluster."""
+    """Return clusters, numbered anew, whose pieces but the largest went to a neighbouring cluster."""
     while True:
         inside = owner[edges[:, 0]] == owner[edges[:, 1]]
         graph = sp.csr_matrix((np.ones(inside.sum()), edges[inside].T), (len(owner),) * 2)
@@ -208,7 +194,7 @@ def _owner_of_pieces(owner: np.ndarray, piece: np.ndarray) -> np.ndarray:
 
 
 def _dual(points: np.ndarray, faces: np.ndarray, areas: np.ndarray, owner: np.ndarray) -> trimesh.Trimesh:
-    """A vertex for each cluster, a triangle where three meet."""
+    """Return the mesh with a vertex for each cluster, a triangle where three meet."""
     corners = owner[faces]
     a, b, c = corners.T
     meet = corners[(a != b) & (b != c) & (c != a)]
@@ -224,28 +210,27 @@ def _dual(points: np.ndarray, faces: np.ndarray, areas: np.ndarray, owner: np.nd
     return trimesh.Trimesh(points[chosen], triangles, process=False)
 
 
-VOXELS_ACROSS = 160
-"""Voxels across the longest side of a mesh, from which its outer surface is extracted."""
-
-
 def outer_surface(
     vertices: np.ndarray, faces: np.ndarray, visible: SurfaceSample
 ) -> tuple[np.ndarray, np.ndarray]:
-    """One closed surface round all that a mesh (V, 3), (F, 3) holds: parts joined, cracks closed.
+    """Return one closed surface round all that a mesh (V, 3), (F, 3) holds, drawn onto what is visible."""
+    outer, cell = _voxel_surface(vertices, faces)
+    return _project_onto(np.asarray(outer.vertices), np.asarray(outer.faces), visible, cell)
+
+
+def _voxel_surface(vertices: np.ndarray, faces: np.ndarray) -> tuple[trimesh.Trimesh, float]:
+    """Return the closed surface of the voxels that a mesh takes, and their size: parts joined, cracks closed.
 
     What the air outside reaches through openings of more than a hundredth of the size stays outside.
 
     Args:
-        vertices: Of the mesh.
-        faces: Its triangles, in any order of corners.
-        visible: Its visible surface, onto which the result is drawn.
+        vertices: (V, 3) of the mesh.
+        faces: (F, 3) triangles, in any order of corners.
     """
     low, size = vertices.min(0), float(np.ptp(vertices, axis=0).max())
-    cell, margin = size / VOXELS_ACROSS, 3
+    cell, margin = size / 160, 3
     count = int(12 * vertex_areas(vertices, faces).sum() / cell**2)
-    face, weights = sample_surface(vertices, faces, count)
-    samples = np.einsum("nk,nkd->nd", weights, vertices[faces[face]])
-    points = np.concatenate([samples, vertices[np.unique(faces)]])
+    points = np.concatenate([sample_points(vertices, faces, count), vertices[np.unique(faces)]])
     voxel = ((points - low) / cell).astype(int) + margin
     occupied = np.zeros(voxel.max(0) + 1 + margin, bool)
     occupied[tuple(voxel.T)] = True
@@ -258,15 +243,14 @@ def outer_surface(
     mesh = trimesh.Trimesh((surface - margin + 0.5) * cell + low, triangles[:, ::-1])
     if mesh.volume < 0:
         mesh.invert()
-    outer = max(mesh.split(only_watertight=True), key=lambda part: part.area, default=mesh)
-    return _project_onto(np.asarray(outer.vertices), np.asarray(outer.faces), visible, cell)
+    return max(mesh.split(only_watertight=True), key=lambda part: part.area, default=mesh), cell
 
 
 def _project_onto(
     vertices: np.ndarray, faces: np.ndarray, visible: SurfaceSample, cell: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Move vertices, which are off by about half a cell, onto a surface, smoothly."""
-    neighbour_mean = _mean_of_neighbours(face_edges(faces), len(vertices))
+    smooth = neighbour_mean(faces, len(vertices))
     tree = cKDTree(np.concatenate([visible.points, 2 * cell * visible.normals], axis=1))
     for _ in range(4):
         normals = vertex_normals(vertices, faces)
@@ -276,7 +260,7 @@ def _project_onto(
         along[(np.abs(along) > 2 * cell) | ((normal * normals).sum(1) < 0.3)] = 0
         move = along[:, None] * normal
         for _ in range(2):
-            move = neighbour_mean @ move
+            move = smooth @ move
         vertices = vertices + move
     return vertices, faces
 
@@ -284,7 +268,7 @@ def _project_onto(
 def closed_template(
     vertices: np.ndarray, faces: np.ndarray, visible: SurfaceSample, count: int = TEMPLATE_VERTICES
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A template from a mesh (V, 3), (F, 3): itself where it is one closed surface, else its outer surface.
+    """Return a template of a mesh (V, 3), (F, 3): of itself where it is closed, else of its outer surface.
 
     Raises ValueError where neither gives a closed mesh.
     """
@@ -297,3 +281,8 @@ def closed_template(
         except ValueError:
             pass
     return remesh(*outer_surface(vertices, faces, visible), count)
+
+
+def genus(vertices: np.ndarray, faces: np.ndarray) -> int:
+    """Return the genus of a mesh's outer surface: the number of holes through it."""
+    return max(0, 1 - int(_voxel_surface(vertices, faces)[0].euler_number) // 2)

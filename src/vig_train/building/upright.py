@@ -115,7 +115,7 @@ def upright_poses(
 def _common_pose(
     scans: Sequence[Scan], surfaces: Sequence[SurfaceSample], cache: StageCache, progress: bool
 ) -> list[np.ndarray]:
-    """Rotations (3, 3) of the surfaces from their files' axes to a pose in which they are alike."""
+    """Return rotations (3, 3) of the surfaces from their files' axes to a pose in which they are alike."""
 
     def compute() -> dict[str, np.ndarray]:
         clouds = [PointCloud.from_surface(surface) for surface in surfaces]
@@ -127,7 +127,7 @@ def _common_pose(
 
 
 def _source(setting: str | None) -> str:
-    """Where a reported axis or symmetry comes from."""
+    """Return where a reported axis or symmetry comes from."""
     return "estimated" if setting is None else "as stated"
 
 
@@ -138,7 +138,7 @@ def _turned_cloud(surface: SurfaceSample, rotation: np.ndarray) -> PointCloud:
 def _levelled(
     surface: SurfaceSample, upright: np.ndarray, usual_up: np.ndarray, symmetry: str | None
 ) -> np.ndarray:
-    """The rotation (3, 3) that puts a mesh level, near the rotation `upright` of the common pose.
+    """Return the rotation (3, 3) that puts a mesh level, near the rotation `upright` of the common pose.
 
     That is its foot level; or, where the user states a class of surfaces of revolution, its axis vertical.
     """
@@ -159,7 +159,9 @@ def _upright_by_axis(surface: SurfaceSample, upright: np.ndarray, usual_up: np.n
 
 
 def _symmetries(clouds: list[PointCloud], stated: str | None) -> ClassSymmetry:
-    """The symmetries of upright clouds, with the one that the user states in place of the estimated one."""
+    """Return the symmetries of upright clouds, with the one that the user states in place of the estimated
+    one.
+    """
     symmetries = class_symmetry(clouds)
     if stated is not None:
         symmetries = replace(symmetries, symmetry=stated)
@@ -167,14 +169,14 @@ def _symmetries(clouds: list[PointCloud], stated: str | None) -> ClassSymmetry:
 
 
 def _estimated_front(clouds: list[PointCloud], symmetries: ClassSymmetry) -> float:
-    """The angle of the front about +Z, radians; 0 where nothing tells front from sides."""
+    """Return the angle of the front about +Z, radians; 0 where nothing tells front from sides."""
     if symmetries.mirror and symmetries.symmetry == "none":
         return front_angle(clouds, symmetries.mirror_plane)
     return 0.0
 
 
 def _faced(surface: SurfaceSample, rotation: np.ndarray, symmetries: ClassSymmetry) -> np.ndarray:
-    """The rotation (3, 3) of a mesh to the front, near one given: its own mirror plane becomes y = 0."""
+    """Return the rotation (3, 3), near one given, that turns a mesh's own mirror plane to y = 0."""
     if symmetries.mirror and symmetries.symmetry == "none":
         return about_z(straightening_angle(_turned_cloud(surface, rotation))) @ rotation
     return rotation

@@ -57,8 +57,6 @@ MASK_FEATURES = (
     "outline_agreement",
 )
 """Features by which a mask is judged to be right."""
-MIN_FEATURE_DEVIATION = 1e-3
-"""Least standard deviation by which a feature is standardised: a constant one would get a huge weight."""
 FOLDS = 20
 """Folds of the cross-validation. With five a threshold hangs on which photos are in which fold."""
 REPORTED_LEVELS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1.01)
@@ -69,8 +67,6 @@ COVERAGE, MOST_COVERAGE = 0.9, 0.98
 """Share of errors that intervals of 1.645 deviations are to hold, and the most that they are widened to."""
 MIN_GROUP = 40
 """Number of fits below which a group takes the deviations of others."""
-CERTAIN_LOG_ODDS = 20.0
-"""Log odds of a photo being in distribution where the samples hold none out of distribution."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +98,7 @@ class CalibrationSamples:
     out_of_distribution_fold: np.ndarray
 
     def without(self, fold: int) -> CalibrationSamples:
-        """The same less a fold."""
+        """Return the same less a fold."""
         kept_in, kept_out = self.fold != fold, self.out_of_distribution_fold != fold
         return CalibrationSamples(
             **{n: a[kept_out if n.startswith("out") else kept_in] for n, a in vars(self).items()}
@@ -145,7 +141,8 @@ def learn(samples: CalibrationSamples) -> FitCalibration:
 
 
 def out_of_fold(samples: CalibrationSamples) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Confidence in the view (N,) and in the mask (N,) of each fit, and in the view (M,) of rolled photos.
+    """Return confidence in the view (N,) and in the mask (N,) of each fit, and in the view (M,) of rolled
+    photos.
 
     Each is by a calibration on the other folds.
     """
@@ -166,19 +163,19 @@ def out_of_fold(samples: CalibrationSamples) -> tuple[np.ndarray, np.ndarray, np
 
 
 def _view_weights(samples: CalibrationSamples) -> tuple[np.ndarray, float]:
-    """Weights (C,) and bias for a view being right."""
+    """Return weights (C,) and bias for a view being right."""
     return _weights_of(VIEW_FEATURES, samples.features, samples.right, samples.weight)
 
 
 def _mask_weights(samples: CalibrationSamples) -> tuple[np.ndarray, float]:
-    """Weights (C,) and bias for a mask being right."""
+    """Return weights (C,) and bias for a mask being right."""
     return _weights_of(MASK_FEATURES, samples.features, samples.mask_right, samples.weight)
 
 
 def _weights_of(
     names: Sequence[str], features: np.ndarray, right: np.ndarray, weight: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """Weights (C,), 0 but for the features that are named, and bias, see `logistic`."""
+    """Return weights (C,), 0 but for the features that are named, and bias, see `logistic`."""
     weights = np.zeros(len(CONFIDENCE_FEATURES))
     used = [CONFIDENCE_FEATURES.index(name) for name in names]
     weights[used], bias = logistic(features[:, used], right, weight, [SIGNS[index] for index in used])
@@ -186,9 +183,10 @@ def _weights_of(
 
 
 def _in_distribution_weights(samples: CalibrationSamples) -> tuple[np.ndarray, float]:
-    """Weights (C,) and bias for a photo being in distribution; both groups weigh the same."""
+    """Return weights (C,) and bias for a photo being in distribution; both groups weigh the same."""
     if not len(samples.out_of_distribution):
-        return np.zeros(len(CONFIDENCE_FEATURES)), CERTAIN_LOG_ODDS
+        # Log odds of 20, as nothing is known of photos out of distribution.
+        return np.zeros(len(CONFIDENCE_FEATURES)), 20.0
     features = np.concatenate([samples.features, samples.out_of_distribution])
     is_in_distribution = np.arange(len(features)) < len(samples.features)
     share = np.full(len(samples.out_of_distribution), 1 / len(samples.out_of_distribution))
@@ -197,7 +195,9 @@ def _in_distribution_weights(samples: CalibrationSamples) -> tuple[np.ndarray, f
 
 
 def describe(calibration: FitCalibration, samples: CalibrationSamples) -> list[str]:
-    """Lines on the confidence's reliability out of sample: each fit by a calibration on the other folds."""
+    """Return lines on the confidence's reliability out of sample: each fit by a calibration on the other
+    folds.
+    """
     confidence, mask_confidence, rolled_confidence = out_of_fold(samples)
     trusted = confidence >= calibration.threshold
     right = f", of which {samples.right[trusted].mean():.1%} are right" if trusted.any() else ""
@@ -232,8 +232,11 @@ def describe(calibration: FitCalibration, samples: CalibrationSamples) -> list[s
 def logistic(
     features: np.ndarray, right: np.ndarray, weight: np.ndarray, signs: Sequence[int] = SIGNS
 ) -> tuple[np.ndarray, float]:
-    """Weights (C,), of the signs given, and bias of a ridge logistic regression of right (N,) on features."""
-    mean, deviation = features.mean(0), np.maximum(features.std(0), MIN_FEATURE_DEVIATION)
+    """Return weights (C,), of the signs given, and bias of a ridge logistic regression of right (N,) on
+    features.
+    """
+    # Least standard deviation by which a feature is standardised: a constant one would get a huge weight
+    mean, deviation = features.mean(0), np.maximum(features.std(0), 1e-3)
     standard, sign = (features - mean) / deviation, np.where(right, 1.0, -1.0)
 
     def loss(parameters: np.ndarray) -> tuple[float, np.ndarray]:
@@ -254,7 +257,7 @@ def logistic(
 def lowest_threshold(
     confidence: np.ndarray, right: np.ndarray, weight: np.ndarray, model: np.ndarray | None = None
 ) -> float:
-    """The lowest threshold at which the precision less its standard error is at least `PRECISION`.
+    """Return the lowest threshold at which the precision less its standard error is at least `PRECISION`.
 
     It is at least `LEAST_THRESHOLD`. The standard error is robust to what fits of one `model` (N,) have in
     common (Liang and Zeger 1986): where all that is wrong is of a few meshes, other meshes may be like these.
@@ -284,7 +287,7 @@ def lowest_threshold(
 def deviation_scale_and_floor(
     error: np.ndarray, deviation: np.ndarray, weight: np.ndarray, model: np.ndarray | None = None
 ) -> tuple[float, float]:
-    """scale and floor such that 90 % of errors lie within 1.645 sqrt((scale d)^2 + floor^2).
+    """Return scale and floor such that 90 % of errors lie within 1.645 sqrt((scale d)^2 + floor^2).
 
     They hold so many more as the standard error of that share is, robust to what fits of one `model` (N,)
     have in common: other photos show other meshes.
@@ -300,7 +303,7 @@ def deviation_scale_and_floor(
 def _narrowest(
     error: np.ndarray, deviation: np.ndarray, weight: np.ndarray, coverage: float
 ) -> tuple[float, float]:
-    """Of all pairs of scale and floor whose intervals hold this share of the errors that of least mean width.
+    """Return the scale and floor of least mean width whose intervals hold this share of the errors.
 
     The floor is searched over quantiles of the errors; the scale follows from it.
     """

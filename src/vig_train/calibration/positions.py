@@ -17,7 +17,7 @@ from vig.recognition import Recognizer
 from vig.scene import ObjectClass
 from vig_train.calibration.learning import MIN_GROUP
 from vig_train.calibration.samples import StudioPhotos
-from vig_train.evaluation.framing import box_of_silhouette
+from vig_train.evaluation.fits import box_of_silhouette
 from vig_world.dataset import Dataset
 from vig_world.raster.view import View
 
@@ -33,7 +33,7 @@ def calibrate_positions(
     count: int = POSITION_PHOTOS,
     advance: Callable[[int], None] = lambda done: None,
 ) -> FitCalibration:
-    """The calibration with `position` learned on photographs whose cameras are known, boxes given.
+    """Return the calibration with `position` learned on photographs whose cameras are known, boxes given.
 
     Args:
         calibration: Decides which fits are trusted.
@@ -72,7 +72,7 @@ def calibrate_positions(
 def _explained_photos(
     dataset: Dataset, object_class: ObjectClass, explainer: Explainer, advance: Callable[[int], None]
 ) -> Iterator[tuple[Explanation, np.ndarray]]:
-    """Photos explained with their boxes and cameras, and the true poses (4, 4); others are passed over."""
+    """Yield explanations of photos with boxes and cameras given, and the true poses (4, 4)."""
     for image, silhouette, spec in zip(dataset.images, dataset.amodal, dataset.specs(), strict=True):
         view = View.of_scene(spec, object_class)
         camera = view.camera.focal, view.camera.focal, view.camera.cx, view.camera.cy
@@ -84,7 +84,8 @@ def _explained_photos(
 
 
 def position_error(explanation: Explanation, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Errors (3,) of a position in the units of `FitCalibration.position`, and the curvature's deviations.
+    """Return errors (3,) of a position in the units of `FitCalibration.position`, and the curvature's
+    deviations.
 
     true: (4, 4) camera_from_object.
     """

@@ -18,8 +18,7 @@ from vig.recognition import Recognizer
 from vig.recognition.network import latents_of
 from vig.scene import Latents, ObjectClass, Symmetry, angle_difference, layout_of_width, linear_from_srgb
 from vig_train.calibration.learning import FOLDS, CalibrationSamples, learn
-from vig_train.evaluation.fits import Fits, cache_key, fit_all
-from vig_train.evaluation.framing import fit_settings, frame_images
+from vig_train.evaluation.fits import Fits, cache_key, fit_all, fit_settings, frame_images
 from vig_train.evaluation.metrics import segmentation_iou
 from vig_train.training.drawing import examples_of
 from vig_train.training.examples import Examples
@@ -27,10 +26,6 @@ from vig_train.training.studio import Studio, StudioSettings
 from vig_world.dataset import Dataset
 from vig_world.dataset.spec import Split
 
-MAX_RIGHT_ERROR = math.radians(15.0)
-"""Error of azimuth, radians, up to which a view counts as right."""
-ROLL_STRIDE = 2
-"""One in so many photos from low elevations is also rolled, as a photo out of distribution."""
 MAX_ROLLED_ELEVATION = math.radians(50.0)
 """Radians. A photo from below this elevation is out of distribution when rolled; one from above it looks like
 a photo of another azimuth."""
@@ -53,8 +48,6 @@ AS_USERS_TAKE_THEM = StudioSettings(
 are as wide as they can be. `absent` is the share that show something else."""
 MIN_ROLL_DEG = 20.0
 """Least roll, degrees, of a photo out of distribution."""
-FEW_MESHES = 4
-"""Up to so many meshes folds of the cross-validation are by photo."""
 GOLDEN_RATIO = (math.sqrt(5) - 1) / 2
 """Its multiples modulo one spread evenly (a Weyl sequence)."""
 
@@ -179,31 +172,35 @@ def calibrate_fits(
 
 
 def _by_mesh(model: np.ndarray, fold: np.ndarray) -> np.ndarray:
-    """Folds (N,) with all fits of a mesh, numbered from 0 on, in one, where there are enough meshes: what is
-    learned is then tried on other meshes. Others keep theirs.
+    """Return folds (N,) with all fits of a mesh, numbered from 0 on, in one, where there are enough meshes:
+    what is learned is then tried on other meshes. Others keep theirs.
     """
     meshes, of_mesh = np.unique(model, return_inverse=True)
-    return np.where(model >= 0, of_mesh % FOLDS, fold) if (meshes >= 0).sum() > FEW_MESHES else fold
+    # Up to four meshes folds of the cross-validation are by photo.
+    return np.where(model >= 0, of_mesh % FOLDS, fold) if (meshes >= 0).sum() > 4 else fold
 
 
 def low_views(dataset: Dataset | StudioPhotos) -> np.ndarray:
-    """Indices of the photos of a dataset from below `MAX_ROLLED_ELEVATION`."""
+    """Return indices of the photos of a dataset from below `MAX_ROLLED_ELEVATION`."""
     elevation = dataset.latents[:, layout_of_width(dataset.latents.shape[1]).at("elevation")]
     return np.flatnonzero(elevation < MAX_ROLLED_ELEVATION)
 
 
 def photos_to_roll(dataset: Dataset | StudioPhotos) -> np.ndarray:
-    """Indices (M,) of the photos of a dataset that are rolled as well."""
-    return low_views(dataset)[::ROLL_STRIDE]
+    """Return indices (M,) of the photos of a dataset that are rolled as well."""
+    # Every other photo from a low elevation is also rolled, as a photo out of distribution.
+    return low_views(dataset)[::2]
 
 
 def roll_angles(count: int) -> np.ndarray:
-    """Degrees (count,) of `MIN_ROLL_DEG` or more either way, of which each subsequence is spread evenly."""
+    """Return degrees (count,) of `MIN_ROLL_DEG` or more either way, of which each subsequence is spread
+    evenly.
+    """
     return MIN_ROLL_DEG + (np.arange(count) * GOLDEN_RATIO) % 1 * (360 - 2 * MIN_ROLL_DEG)
 
 
 def roll_photos(images: np.ndarray, degrees: np.ndarray) -> np.ndarray:
-    """Photos (M, H, W, 3) uint8, each rolled about its centre; the corners are filled by reflection."""
+    """Return photos (M, H, W, 3) uint8, each rolled about its centre; corners are filled by reflection."""
     rolled = [
         rotate(image, angle, (0, 1), reshape=False, order=1, mode="mirror")
         for image, angle in zip(images, degrees, strict=True)
@@ -212,7 +209,7 @@ def roll_photos(images: np.ndarray, degrees: np.ndarray) -> np.ndarray:
 
 
 def fit_count(dataset: Dataset | StudioPhotos) -> int:
-    """How many fits `calibrate_fits` makes of a dataset."""
+    """Return how many fits `calibrate_fits` makes of a dataset."""
     if isinstance(dataset, StudioPhotos):
         return len(dataset) + len(dataset.others)
     return len(dataset) + len(photos_to_roll(dataset))
@@ -226,7 +223,7 @@ def samples_of(
     rolled_features: np.ndarray,
     symmetry: Symmetry = Symmetry.NONE,
 ) -> CalibrationSamples:
-    """The samples of fits of a whole dataset, made without calibration.
+    """Return the samples of fits of a whole dataset, made without calibration.
 
     Args:
         fits: Of the photos of the dataset.
@@ -241,7 +238,8 @@ def samples_of(
     true = symmetry.nearest(Latents.from_vector(dataset.latents), fits.latents[:, azimuth])
     error = fits.latents.astype(np.float64) - true.to_vector()
     error[:, azimuth] = angle_difference(error[:, azimuth], np.zeros(1))
-    right = np.abs(error[:, azimuth if symmetry.fold else layout.at("elevation")]) < MAX_RIGHT_ERROR
+    # A view is right within 15 degrees of azimuth.
+    right = np.abs(error[:, azimuth if symmetry.fold else layout.at("elevation")]) < math.radians(15.0)
     weight, deviation = np.full(len(right), 1 / len(right)), fits.deviation.astype(np.float64)
     features, mask_right = fits.confidence_features, segmentation_iou(fits.masks, visible) >= MASK_RIGHT
     # Photos of a dataset, whose objects differ, count each by itself; below 0, where no number of a mesh is.

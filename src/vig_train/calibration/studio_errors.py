@@ -24,7 +24,7 @@ def studio_errors(
     advance: Callable[[int], None] = lambda done: None,
     cache: Path | None = None,
 ) -> dict[str, Any]:
-    """Errors on photos that show the object, and the precision of the verdict "trusted".
+    """Return errors on photos that show the object, and the precision of the verdict "trusted".
 
     Args:
         parts: Photos, each with a network that has not seen their meshes.

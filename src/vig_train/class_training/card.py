@@ -10,14 +10,24 @@ from typing import Any
 
 from vig.io.checks import decode, read_json, reading
 from vig.io.files import atomic_write
+from vig_train.packs.card import table_lines
 from vig_world.assets.own.catalogue import mesh_folder, read_sources
 
 HEADING = "## Recognition"
 """Heading of the section, which is replaced."""
+COLUMNS = (
+    "error of azimuth, median",
+    "within 15 degrees",
+    "within 30",
+    "half round (off by more than 150)",
+    "error of elevation, median",
+    "IoU of the visible pixels, mean",
+)
+"""Headers of `_cells`."""
 
 
 def quick_section(pack: Path, images: int) -> str:
-    """The section on the quick recognizer of a pack, made on so many images."""
+    """Return the section on the quick recognizer of a pack, made on so many images."""
     return "\n".join(
         [
             HEADING,
@@ -38,7 +48,7 @@ def section(
     history: Sequence[Mapping[str, Any]],
     props: Sequence[str] = (),
 ) -> str:
-    """The section on a network that was trained and tested.
+    """Return the section on a network that was trained and tested.
 
     Args:
         errors: As `studio_errors` gives them.
@@ -58,10 +68,7 @@ def section(
         "",
         f"Tested on {errors['photos']} rendered images: {unseen}.",
         "",
-        "| | error of azimuth, median | within 15 degrees | within 30 | half round (off by more than 150) |"
-        " error of elevation, median | IoU of the visible pixels, mean |",
-        "|---|---|---|---|---|---|---|",
-        *(f"| {name} | {_cells(row)} |" for name, row in errors["methods"].items()),
+        *table_lines(["", *COLUMNS], [[name, *_cells(row)] for name, row in errors["methods"].items()]),
         "",
         f"Of the fits {errors['trusted']:.0%} are `trusted`"
         + (
@@ -72,13 +79,8 @@ def section(
         "",
     ]
     if len(history) > 1:
-        lines += [
-            "| minutes | images | fits: error of azimuth | within 15 degrees | within 30 | half round |"
-            " error of elevation | IoU of the visible pixels |",
-            "|---|---|---|---|---|---|---|---|",
-            *(f"| {old['minutes']} | {old['images']} | {_cells(old)} |" for old in history),
-            "",
-        ]
+        rows = [[str(old["minutes"]), str(old["images"]), *_cells(old)] for old in history]
+        lines += ["Fits of earlier trainings:", "", *table_lines(["minutes", "images", *COLUMNS], rows), ""]
     lines += ["![reliability](reliability.png)", ""]
     if props:
         lines += [
@@ -91,7 +93,7 @@ def section(
 
 
 def origins(source: str) -> list[str]:
-    """Where the models of a folder or of catalogues come from, a line for each catalogue and licence.
+    """Return where the models of a folder or of catalogues come from, a line for each catalogue and licence.
 
     source: What `mesh_folder` takes.
     """
@@ -107,7 +109,7 @@ def origins(source: str) -> list[str]:
 
 
 def unseen_in_test(held_out: bool, folds: int) -> str:
-    """What the tested members had never seen, in words.
+    """Return what the tested members had never seen, in words.
 
     held_out: Whether meshes were held out for the test. folds: Of cross-validation; 1, none.
     """
@@ -122,18 +124,16 @@ def unseen_in_test(held_out: bool, folds: int) -> str:
     return f"{unseen}, of the shapes that it was trained on"
 
 
-def _cells(row: Mapping[str, float]) -> str:
-    azimuth = "- | - | - | -"
+def _cells(row: Mapping[str, float]) -> list[str]:
+    azimuth = ["-"] * 4
     if "azimuth_deg" in row:
-        azimuth = (
-            f"{row['azimuth_deg']:.1f} degrees | {row['within_15']:.0%} | {row['within_30']:.0%}"
-            f" | {row['turned']:.0%}"
-        )
-    return f"{azimuth} | {row['elevation_deg']:.1f} degrees | {row['visible_iou']:.2f}"
+        shares = (f"{row[name]:.0%}" for name in ("within_15", "within_30", "turned"))
+        azimuth = [f"{row['azimuth_deg']:.1f} degrees", *shares]
+    return [*azimuth, f"{row['elevation_deg']:.1f} degrees", f"{row['visible_iou']:.2f}"]
 
 
 def read_history(path: Path) -> list[dict[str, Any]]:
-    """Errors of the fits of earlier trainings, with "minutes", "images" and "trusted" each."""
+    """Return errors of the fits of earlier trainings, with "minutes", "images" and "trusted" each."""
     if not path.exists():
         return []
     with reading(path, "earlier trainings of a class", "Remove it."):

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 from vig import __version__
 from vig.inference import ExplainSettings, FitCalibration
@@ -144,7 +143,7 @@ class ClassTraining:
         self.record = Record.open(path, settings, machine(), f"vig {__version__} class train")
 
     def _props_fingerprint(self) -> str:
-        """Of the models of the splits that are drawn; UserError where one has none."""
+        """Return a hash of the models of the splits that are drawn; UserError where one has none."""
         return "".join(model_cutouts(self.props, of, self.object_class.name).fingerprint for of in SPLITS)
 
     def _renew(self, record: Record, settings: _RunSettings) -> None:
@@ -194,7 +193,7 @@ class ClassTraining:
             )
 
     def plan(self) -> Plan:
-        """What fits into the time; measured once, on the first images, which count."""
+        """Return what fits into the time; measured once, on the first images, which count."""
         if self.quick:
             return Plan(QUICK_CHUNKS, QUICK_DECODER_STEPS, QUICK_PICTURES)
         path = self.run_folder / "plan.json"
@@ -273,20 +272,17 @@ class ClassTraining:
     def _photos(
         self, split: Split, count: int, seed: int, things: Split
     ) -> list[tuple[StudioPhotos, Examples]]:
-        """Photos of each fold of the meshes, or of a split of held-out designs, no refused ones; with grounds
-        and other things of a split.
+        """Return photos of each fold of the meshes, or of a split of held-out designs, no refused ones; with
+        grounds and other things of a split.
         """
         folds = self.folds if split == "train" else 1
         items = [(split, count // folds, seed, (k, folds) if folds > 1 else None) for k in range(folds)]
         shared = (self.pack, self.props, things)
         drawn = map_in_processes(_photo_drawer, shared, items, min(self.workers, folds))
-        return [
-            (photos, Examples(**{name: torch.from_numpy(value) for name, value in arrays.items()}))
-            for photos, arrays in drawn
-        ]
+        return [(photos, Examples.of_arrays(arrays)) for photos, arrays in drawn]
 
     def _recognizers(self) -> list[Recognizer]:
-        """The member of each fold, which has not seen its meshes; the whole where there are no folds."""
+        """Return the member of each fold, which has not seen its meshes; the whole without folds."""
         recognizers = [Recognizer.of_class(self.object_class, self._weights) for _ in range(self.folds)]
         if self.folds == 1:
             return recognizers
@@ -346,7 +342,7 @@ class ClassTraining:
 def _photo_drawer(
     shared: tuple[Path, str, Split],
 ) -> Callable[[tuple[Split, int, int, tuple[int, int] | None]], tuple[StudioPhotos, dict[str, np.ndarray]]]:
-    """The work of a process: photos, and their examples as arrays."""
+    """Return the work of a process: photos, and their examples as arrays."""
     pack, props, things = shared
     object_class = ObjectClass.load(pack, unfinished=True)
 
@@ -354,6 +350,6 @@ def _photo_drawer(
         item: tuple[Split, int, int, tuple[int, int] | None],
     ) -> tuple[StudioPhotos, dict[str, np.ndarray]]:
         photos, examples = StudioPhotos.draw(object_class, *item, props, things)
-        return photos, {name: value.numpy() for name, value in vars(examples).items()}
+        return photos, examples.arrays()
 
     return draw

@@ -24,7 +24,7 @@ from vig.scene import ObjectClass, angle_difference
 from vig.scene.object_class import PACKAGED
 from vig_train.cli.common import check_workers, check_writable
 from vig_train.cli.settings import CheckClass
-from vig_train.packs.card import replace_section
+from vig_train.packs.card import replace_section, table_lines
 
 HEADING = "## On photographs"
 """Heading of the card's section, which is replaced."""
@@ -89,7 +89,7 @@ class CheckRow:
 
 
 def check_class(settings: CheckClass) -> int:
-    """`vig class check`."""
+    """Run `vig class check`."""
     object_class = ObjectClass.load(settings.pack)
     labels = read_labels(settings.photos, settings.labels or settings.photos / "labels.json")
     check_workers(settings.workers)
@@ -119,7 +119,7 @@ def check_class(settings: CheckClass) -> int:
 
 
 def read_labels(folder: Path, path: Path) -> list[PhotoLabel]:
-    """Labels of photos in a folder. UserError when they are damaged, or name files that are not there."""
+    """Return labels of photos in a folder; UserError when damaged, or of files that are not there."""
     if not folder.is_dir():
         raise UserError(f"expected a folder of photos; got '{folder}'.")
     with reading(path, "labels of photos", "See `vig class check --help`."):
@@ -177,7 +177,7 @@ def _errors(
 def errors_of(
     explanation: Explanation, label: PhotoLabel, folder: Path, object_class: ObjectClass
 ) -> PhotoErrors:
-    """How far an explanation is off."""
+    """Return how far an explanation is off."""
     fold = object_class.symmetry.fold
     turn = np.radians(explanation.azimuth_deg - label.azimuth_deg)
     azimuth = np.degrees(abs(angle_difference(turn * fold, 0.0))) / fold if fold else np.nan
@@ -205,7 +205,7 @@ def errors_of(
 
 
 def _mask_of(folder: Path, label: PhotoLabel, name: str, explanation: Explanation) -> np.ndarray:
-    """A mask (H, W) bool of a label; UserError where it is not as large as the photo."""
+    """Return a mask (H, W) bool of a label; UserError where it is not as large as the photo."""
     mask = read_mask(folder / name)
     if mask.shape != explanation.mask.shape:
         raise UserError(f"expected a mask as large as '{label.photo}'; got '{name}'.")
@@ -217,7 +217,7 @@ def _iou(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def row_of(name: str, errors: Sequence[PhotoErrors], tolerance: float) -> CheckRow:
-    """A row of the table. Where any turn looks the same a view is right by its elevation."""
+    """Return a row of the table. Where any turn looks the same a view is right by its elevation."""
     azimuth = np.array([error.azimuth_deg for error in errors])
     elevation = np.array([error.elevation_deg for error in errors])
     view = np.where(np.isnan(azimuth), elevation, azimuth)
@@ -250,27 +250,27 @@ def _median(values: Sequence[float]) -> float:
 
 
 def table_of(rows: Sequence[CheckRow], settings: CheckClass) -> str:
-    """The table in Markdown, with a line on what it says."""
+    """Return the table in Markdown, with a line on what it says."""
     lines = [
         f"Labelled photos, {'found by vig' if settings.find else 'with their boxes'}; a trusted view is right"
         f" within {settings.tolerance:g} degrees; balanced: views from right, left, elsewhere count alike.",
         "",
-        "| photos | count | azimuth, median | within 15 / 30 | balanced | turned by more than 150 |"
-        " elevation | outline IoU | visible IoU | trusted | right |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
     ]
+    table = []
     for row in rows:
         shares = ((row.within_15, row.within_30), (row.balanced_15, row.balanced_30))
         cells = [row.photos, str(row.count), _cell(row.azimuth_deg, 1)]
         cells += [" / ".join(_cell(share) for share in pair) for pair in shares]
         cells += [_cell(row.turned), _cell(row.elevation_deg, 1), _cell(row.outline_iou)]
         cells += [_cell(row.visible_iou), str(row.trusted), _cell(row.trusted_right)]
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+        table.append(cells)
+    columns = ["photos", "count", "azimuth, median", "within 15 / 30", "balanced", "turned by more than 150"]
+    columns += ["elevation", "outline IoU", "visible IoU", "trusted", "right"]
+    return "\n".join(lines + table_lines(columns, table))
 
 
 def _known(value: Any) -> Any:
-    """A value for JSON, which has no NaN: None in its place."""
+    """Return a value for JSON, which has no NaN: None in its place."""
     return None if isinstance(value, float) and np.isnan(value) else value
 
 

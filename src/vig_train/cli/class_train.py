@@ -18,7 +18,7 @@ MOST_MINUTES = 10_000.0
 
 
 def train_class(settings: TrainClass) -> int:
-    """`vig class train`."""
+    """Run `vig class train`."""
     if not settings.pack.is_dir():
         raise UserError(
             f"expected the folder of a class pack; got '{settings.pack}'. `vig class build` makes one."

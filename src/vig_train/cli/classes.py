@@ -13,7 +13,7 @@ from vig_train.cli.settings import Build
 
 
 def build(settings: Build) -> int:
-    """`vig class build`."""
+    """Run `vig class build`."""
     from vig.recognition import WEIGHTS_FILE
     from vig_train.building import BuildSettings, build_class
 
@@ -85,7 +85,7 @@ def build(settings: Build) -> int:
 
 
 def _turn(text: str) -> tuple[int, float]:
-    """NUMBER:DEGREES."""
+    """Return NUMBER:DEGREES."""
     match = re.fullmatch(r"(\d{1,6}):([-+]?\d{1,4}(?:\.\d+)?)", text)
     if match is None:
         raise UserError(f"expected --turn NUMBER:DEGREES, such as 7:90; got '{text}'.")

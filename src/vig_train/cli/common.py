@@ -23,7 +23,7 @@ def check_writable(folder: Path) -> None:
 def command_line(
     verb: str, settings: Any, positional: Sequence[str] = (), skipped: Sequence[str] = ()
 ) -> str:
-    """The command of a verb with these settings, a dataclass.
+    """Return the command of a verb with these settings, a dataclass.
 
     Args:
         verb: With `vig` before it.

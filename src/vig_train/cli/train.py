@@ -27,8 +27,6 @@ from vig_world.dataset import Dataset, read_dataset
 
 TRUNK_STAGES = len(NetworkSettings().blocks)
 MOST_RATE = 0.1
-OTHERS_SHARE = 1 / 3
-"""Images of each other class, over those of this one."""
 MAP_PICTURES = 8000
 """That are put together for the map of objects."""
 WITHOUT_MAP = ("epochs", "rate", "batch", "frozen")
@@ -38,7 +36,7 @@ CONTEXT = (192, 128, 96, 64)
 
 
 def train(settings: Train) -> int:
-    """`vig train`."""
+    """Run `vig train`."""
     lines: list[str] = []
     report = lines.append if settings.json else lambda line: print(line, flush=True)
     if not settings.dataset and not (settings.map_alone and settings.distinct):
@@ -127,7 +125,7 @@ def _end(folder: Path, weights: Path) -> None:
 
 
 def _train_map(settings: Train, datasets: Sequence[Dataset], drawing: Drawing | None, mirror: bool) -> Path:
-    """Weights with a new map, trained on all images of datasets and of the studio's distinct ones.
+    """Return weights with a new map, trained on all images of datasets and of the studio's distinct ones.
 
     Of each other class there are a third as many, which count as without an object.
     """
@@ -139,7 +137,8 @@ def _train_map(settings: Train, datasets: Sequence[Dataset], drawing: Drawing | 
         ]
         for folder in folders:
             own = folder == drawing.object_class
-            count = drawing.distinct if own else math.ceil(OTHERS_SHARE * drawing.distinct)
+            # A third as many images of each other class.
+            count = drawing.distinct if own else math.ceil((1 / 3) * drawing.distinct)
             drawn = replace(drawing, object_class=folder, distinct=count)
             with Meter(drawn.distinct, 0, not settings.json, "images") as meter:
                 part = drawn_once(drawn, settings.out, settings.seed, meter.advance)

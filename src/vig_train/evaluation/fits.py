@@ -3,33 +3,34 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import json
 from collections.abc import Callable, Generator
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
 from safetensors import SafetensorError
 
 from vig import __version__
-from vig.inference import (
-    CONFIDENCE_FEATURES,
-    Fit,
-    FitSettings,
-    explain_one,
-)
+from vig.inference import CONFIDENCE_FEATURES, ExplainSettings, Fit, FitSettings, explain_one, resolve
 from vig.io.checks import check_arrays, decode, parse_json, read_tensors
 from vig.io.errors import UserError
 from vig.io.files import write_arrays
 from vig.parallel.cluster import map_on_cluster
 from vig.parallel.processes import Lost, map_in_processes
 from vig.parallel.threads import map_on_threads, thread_limit
+from vig.photo import Window
+from vig.photo.masks import box_of
 from vig.recognition import Prediction, Recognizer
-from vig.scene import ObjectClass
+from vig.recognition.find import upright
+from vig.scene import ObjectClass, linear_from_srgb, srgb_from_linear
+from vig_world.dataset import Dataset
 
 CHUNK_PHOTOS = 50
 """Photos per file of the cache."""
+MASKS = ("masks", "masks_by_pixel")
 MIN_PHOTOS_FOR_PROCESSES = 150
 """Fewest photos for which processes are used: starting them takes seconds."""
 
@@ -73,15 +74,9 @@ class Fits:
     @staticmethod
     def joined(parts: list[Fits]) -> Fits:
         """Concatenate."""
-        return Fits(
-            np.concatenate([part.latents for part in parts]),
-            np.concatenate([part.deviation for part in parts]),
-            np.concatenate([part.masks for part in parts]),
-            np.concatenate([part.masks_by_pixel for part in parts]),
-            np.concatenate([part.confidence_features for part in parts]),
-            np.concatenate([part.confidence for part in parts]),
-            tuple(verdict for part in parts for verdict in part.verdicts),
-        )
+        names = [field.name for field in fields(Fits) if field.name != "verdicts"]
+        arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+        return Fits(**arrays, verdicts=tuple(itertools.chain(*(part.verdicts for part in parts))))
 
 
 def fit_all(
@@ -163,7 +158,7 @@ FitStream = Generator[tuple[int, Fits]]
 
 
 def _photo_fitter(shared: RunContext) -> Callable[[Photo], Fits]:
-    """The function that fits one photo from its prediction, in any process."""
+    """Return the function that fits one photo from its prediction, in any process."""
     object_class, settings = shared
 
     def fit_one(photo: Photo) -> Fits:
@@ -204,7 +199,7 @@ def _arrays(photo: np.ndarray, prediction: Prediction) -> PhotoArrays:
 
 
 def _array_fitter(shared: RunContext) -> Callable[[PhotoArrays], Fits]:
-    """`_photo_fitter` of arrays, which can be sent to another process."""
+    """Return `_photo_fitter` of arrays, which can be sent to another process."""
     fit_one = _photo_fitter(shared)
 
     def fit_arrays(arrays: PhotoArrays) -> Fits:
@@ -215,7 +210,7 @@ def _array_fitter(shared: RunContext) -> Callable[[PhotoArrays], Fits]:
 
 
 def cache_key(recognizer: Recognizer, object_class: ObjectClass, settings: FitSettings) -> str:
-    """Hash of everything that a fit depends on, but for its photo and the code."""
+    """Return a hash of everything that a fit depends on, but for its photo and the code."""
     uncalibrated = replace(settings, calibration=None)
     digest = hashlib.sha256(
         f"{__version__} {object_class.fingerprint} {uncalibrated!r} {CONFIDENCE_FEATURES}".encode()
@@ -240,35 +235,54 @@ def _read(path: Path, key: str) -> Fits | None:
         size = decode(tuple[int, int, int], parse_json(metadata["size"]))
         row = -(-size[1] * size[2] // 8)
         bits, floats = ("uint8", (size[0], row)), "float32 float64"
-        rows: dict[str, tuple[str, tuple[int | str, ...]]]
-        rows = {"latents": (floats, (size[0], "P")), "deviation": (floats, (size[0], "P"))}
-        rows |= {"confidence_features": (floats, (size[0], "C")), "confidence": (floats, (size[0],))}
-        check_arrays(tensors, rows | {"masks": bits, "masks_by_pixel": bits})
-        masks, by_pixel = (
-            np.unpackbits(tensors[name], axis=1, count=size[1] * size[2]).astype(bool).reshape(size)
-            for name in ("masks", "masks_by_pixel")
-        )
-        return Fits(
-            tensors["latents"],
-            tensors["deviation"],
-            masks,
-            by_pixel,
-            tensors["confidence_features"],
-            tensors["confidence"],
-            decode(tuple[str, ...], parse_json(metadata["verdicts"])),
-        )
+        count = (floats, (size[0],))
+        latents: tuple[str, tuple[int | str, ...]] = (floats, (size[0], "P"))
+        rows = {"latents": latents, "deviation": latents, "masks": bits, "masks_by_pixel": bits}
+        check_arrays(tensors, rows | {"confidence_features": (floats, (size[0], "C")), "confidence": count})
+        for name in MASKS:
+            flat = np.unpackbits(tensors[name], axis=1, count=size[1] * size[2])
+            tensors[name] = flat.astype(bool).reshape(size)
+        return Fits(**tensors, verdicts=decode(tuple[str, ...], parse_json(metadata["verdicts"])))
     except (OSError, KeyError, TypeError, ValueError, SafetensorError):
         return None
 
 
 def _write(path: Path, fits: Fits, key: str) -> None:
-    tensors = {
-        "latents": fits.latents,
-        "deviation": fits.deviation,
-        "masks": np.packbits(fits.masks.reshape(len(fits.masks), -1), axis=1),
-        "masks_by_pixel": np.packbits(fits.masks_by_pixel.reshape(len(fits.masks), -1), axis=1),
-        "confidence_features": fits.confidence_features,
-        "confidence": fits.confidence,
-    }
+    tensors = {name: value for name, value in vars(fits).items() if name != "verdicts"}
+    for name in MASKS:
+        tensors[name] = np.packbits(tensors[name].reshape(len(fits.masks), -1), axis=1)
     metadata = {"key": key, "size": json.dumps(fits.masks.shape), "verdicts": json.dumps(fits.verdicts)}
     write_arrays(path, tensors, metadata)
+
+
+def frame_images(dataset: Dataset, recognizer: Recognizer) -> tuple[np.ndarray, np.ndarray]:
+    """Return images (N, H, W, 3) uint8 sRGB as fits take them, and visible pixels (N, H, W) bool.
+
+    Those of the paper's world are as they are. Of photographs the box of the object's whole silhouette is
+    given, as to `vig fit --boxes`, and the window is turned as the network sees the object rolled.
+    """
+    dataset = dataset.at_network_size()
+    if dataset.world == "paper":
+        return dataset.images, dataset.visible
+    images, visible = np.empty_like(dataset.images), np.empty_like(dataset.visible)
+    for number, (image, silhouette) in enumerate(zip(dataset.images, dataset.amodal, strict=True)):
+        linear = linear_from_srgb(image.astype(np.float32) / 255)
+        height, width = silhouette.shape
+        window = upright(linear, Window.of(width, height, box_of_silhouette(silhouette)), recognizer)
+        cropped, _ = window.crop(linear)
+        images[number] = (srgb_from_linear(cropped) * 255).round()
+        visible_channels = np.repeat(dataset.visible[number][..., None].astype(np.float32), 3, axis=2)
+        mask, inside = window.crop(visible_channels)
+        visible[number] = (mask[..., 0] > 0.5) & inside
+    return images, visible
+
+
+def fit_settings(settings: ExplainSettings, object_class: ObjectClass, dataset: Dataset) -> FitSettings:
+    """Return settings of the fits of such images."""
+    return resolve(settings, object_class, photo=dataset.world == "photo")
+
+
+def box_of_silhouette(silhouette: np.ndarray) -> tuple[float, float, float, float] | None:
+    """Return the box of a silhouette (H, W) bool; None where a side is under 8 pixels."""
+    box = box_of(silhouette)
+    return None if box is None or min(box[2:]) < 8 else box

@@ -21,7 +21,7 @@ _XYZ_FROM_RGB = np.array(
 
 
 def angle_error_deg(predicted: Any, true: Any) -> np.ndarray:
-    """Absolute difference of angles round the circle: azimuth or elevation.
+    """Return the absolute difference of angles round the circle: azimuth or elevation.
 
     predicted, true: (B,) radians, any number of turns. Returns degrees in [0, 180].
     """
@@ -30,7 +30,7 @@ def angle_error_deg(predicted: Any, true: Any) -> np.ndarray:
 
 
 def appearance_error(predicted: Any, true: Any) -> np.ndarray:
-    """Distance of two albedos in the chroma plane (a, b) of CIE Lab, eq. 5.
+    """Return the distance of two albedos in the chroma plane (a, b) of CIE Lab, eq. 5.
 
     predicted, true: (B, 3) linear albedo in [0, 1] (clipped to it). As in the paper the numbers are taken as
     if they were sRGB, and the unit is that of OpenCV's 8-bit Lab divided by 255, without its rounding:
@@ -42,7 +42,7 @@ def appearance_error(predicted: Any, true: Any) -> np.ndarray:
 
 
 def appearance_ab(predicted: Any, true: Any) -> np.ndarray:
-    """Distance of two albedos in the chroma plane (a, b) of CIE Lab, taken as the linear RGB that they are.
+    """Return the distance of two albedos in the chroma plane (a, b) of CIE Lab, taken as linear RGB.
 
     predicted, true: (B, 3) linear albedo in [0, 1] (clipped to it). Returns CIE ab units: 2.3 is just
     noticeable.
@@ -52,7 +52,7 @@ def appearance_ab(predicted: Any, true: Any) -> np.ndarray:
 
 
 def illumination_error(predicted: Any, true: Any) -> np.ndarray:
-    """Scale-invariant mean squared error of 9 spherical-harmonic coefficients.
+    """Return the scale-invariant mean squared error of 9 spherical-harmonic coefficients.
 
     predicted, true: (B, 9) radiance (vig's convention, where exposure puts L00 at 0.75 pi). The prediction is
     scaled by least squares, so only the truth's unit counts; it is the paper's, with L00 = 0.75, which has no
@@ -63,7 +63,8 @@ def illumination_error(predicted: Any, true: Any) -> np.ndarray:
 
 
 def illumination_relative(predicted: Any, true: Any) -> np.ndarray:
-    """What of a light is missed whatever its scale, relative to the truth's norm: in [0, 1], 0 is best.
+    """Return what of a light is missed whatever its scale, relative to the truth's norm: in [0, 1], 0 is
+    best.
 
     predicted, true: (B, 9) radiance. It is the sine of the angle between the two, and 0 for no light at all.
     """
@@ -73,7 +74,7 @@ def illumination_relative(predicted: Any, true: Any) -> np.ndarray:
 
 
 def shape_error_mm(predicted: Any, true: Any) -> np.ndarray:
-    """Mean distance of corresponding vertices in the object's frame.
+    """Return the mean distance of corresponding vertices in the object's frame.
 
     predicted, true: (B, V, 3) metres. Returns millimetres.
     """
@@ -82,7 +83,7 @@ def shape_error_mm(predicted: Any, true: Any) -> np.ndarray:
 
 
 def shape_paper(predicted: Any, true: Any) -> np.ndarray:
-    """Root of the summed squared distances of all vertices, as in the paper's code.
+    """Return the root of the summed squared distances of all vertices, as in the paper's code.
 
     predicted, true: (B, V, 3) metres. Returns metres that grow with the root of V: comparable only between
     shapes of one mesh.
@@ -92,7 +93,7 @@ def shape_paper(predicted: Any, true: Any) -> np.ndarray:
 
 
 def shape_ratio(error_mm: Any, mean_shape_error_mm: Any) -> np.ndarray:
-    """Shape error in units of the mean shape's: what the paper's shape row shows, up to its unit.
+    """Return the shape error in units of the mean shape's: what the paper's shape row shows, up to its unit.
 
     error_mm, mean_shape_error_mm: (B,) from `shape_error_mm` on the same images. Each error is divided by
     the *median* error of the mean shape, so that the median of the result is the ratio of the medians.
@@ -102,7 +103,7 @@ def shape_ratio(error_mm: Any, mean_shape_error_mm: Any) -> np.ndarray:
 
 
 def segmentation_iou(predicted: Any, true: Any) -> np.ndarray:
-    """Intersection over union of predicted-visible and truly visible pixels.
+    """Return the intersection over union of predicted-visible and truly visible pixels.
 
     predicted, true: (B, H, W) bool. Returns [0, 1]; 1 where both masks are empty.
     """
@@ -115,14 +116,14 @@ def segmentation_iou(predicted: Any, true: Any) -> np.ndarray:
 
 
 def _scaled_miss(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """The prediction scaled by least squares, less the truth."""
+    """Return the prediction scaled by least squares, less the truth."""
     power = (predicted**2).sum(-1, keepdims=True)
     scale = (predicted * true).sum(-1, keepdims=True) / np.where(power > 0, power, 1)
     return scale * predicted - true
 
 
 def _chroma(linear: np.ndarray) -> np.ndarray:
-    """CIE (a, b) of linear RGB in [0, 1]: (..., 3) -> (..., 2)."""
+    """Return CIE (a, b) of linear RGB in [0, 1]: (..., 3) -> (..., 2)."""
     xyz = linear @ _XYZ_FROM_RGB.T / _WHITE_XYZ
     f = np.where(xyz > (6 / 29) ** 3, np.cbrt(xyz), xyz * (29 / 6) ** 2 / 3 + 4 / 29)
     return np.stack([500 * (f[..., 0] - f[..., 1]), 200 * (f[..., 1] - f[..., 2])], axis=-1)

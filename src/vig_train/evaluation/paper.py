@@ -76,7 +76,7 @@ class MedianComparison:
 
 
 def paper_median(renderer: str, metric: str, method: str) -> float | None:
-    """The paper's number, None where it has none.
+    """Return the paper's number, None where it has none.
 
     Args:
         renderer: "raster" or "cycles".
@@ -157,7 +157,7 @@ def comparison(table: Mapping[str, Any]) -> tuple[list[str], list[tuple[str, dic
 
 
 def comparison_title(table: Mapping[str, Any]) -> str:
-    """Title of the comparison."""
+    """Return the title of the comparison."""
     return (
         f"Table 1, {TITLES[table['tier']]}: medians over {table['count']} photos with at most"
         f" {table['max_occlusion']:.0%} of the object hidden, 95 % interval, the paper's number"
@@ -165,7 +165,7 @@ def comparison_title(table: Mapping[str, Any]) -> str:
 
 
 def comparison_block(table: Mapping[str, Any]) -> TableBlock:
-    """The comparison for a terminal and for Markdown."""
+    """Return the comparison for a terminal and for Markdown."""
     methods, rows = comparison(table)
     lines = [[title, *(row[m].text if m in row else "-" for m in methods)] for title, row in rows]
     return TableBlock(comparison_title(table), ["", *methods], lines)
@@ -182,6 +182,6 @@ def _entry(summary: Mapping[str, Any], compared: MedianComparison | None) -> Com
 
 
 def _digits(value: float) -> str:
-    """Three significant digits, at most four decimals."""
+    """Format three significant digits, at most four decimals."""
     places = 4 if abs(value) < 0.1 else 3 if abs(value) < 1 else 2 if abs(value) < 10 else 1
     return f"{value:.{places}f}"

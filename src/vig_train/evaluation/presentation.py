@@ -14,6 +14,7 @@ from rich.text import Text
 from vig_train.evaluation.protocol import MASK_HEAD
 from vig_train.evaluation.statistics import FAR_DEG, NEAR_DEG
 from vig_train.evaluation.table import METRICS, OTHER_METRICS
+from vig_train.packs.card import table_lines
 
 MIN_P = 1e-4
 """Smaller p values are printed as "p < MIN_P"."""
@@ -31,7 +32,7 @@ class TableBlock:
     rows: Sequence[Sequence[str]]
 
     def rich(self) -> Group:
-        """For a terminal; line breaks in cells are kept."""
+        """Return the table for a terminal; line breaks in cells are kept."""
         view = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 0, 0, 1))
         for place, name in enumerate(self.header):
             view.add_column(name, justify="right" if place else "left", no_wrap=place > 0)
@@ -40,14 +41,13 @@ class TableBlock:
         return Group(Text(self.title, "bold"), view, "")
 
     def markdown(self) -> str:
-        """As Markdown, its title above it."""
-        rule = ["---", *["---:"] * (len(self.header) - 1)]
-        lines = ["| " + " | ".join(row) + " |" for row in (self.header, rule, *self.rows)]
+        """Return the table in Markdown, its title above it."""
+        lines = table_lines(self.header, self.rows, right=True)
         return "\n".join([self.title, "", *(line.replace("\n", "<br>") for line in lines)]) + "\n"
 
 
 def blocks(table: Mapping[str, Any]) -> list[TableBlock]:
-    """The blocks of a table from `summarise`, in reading order; empty ones are left out."""
+    """Return the blocks of a table from `summarise`, in reading order; empty ones are left out."""
     candidates = [
         _medians(table, "rows", METRICS, "Table 1"),
         _medians(table, "other_rows", OTHER_METRICS, "Further metrics"),
@@ -60,7 +60,7 @@ def blocks(table: Mapping[str, Any]) -> list[TableBlock]:
 
 
 def markdown_table(table: Mapping[str, Any]) -> str:
-    """The table as Markdown: every block, one after another."""
+    """Return the table as Markdown: every block, one after another."""
     return "\n".join(block.markdown() for block in blocks(table))
 
 
@@ -81,7 +81,7 @@ def _medians(table: Mapping[str, Any], key: str, titles: Mapping[str, str], name
 
 
 def _fits(table: Mapping[str, Any]) -> TableBlock:
-    """Failures of every method, and the verdicts of fits."""
+    """Return failures of every method, and the verdicts of fits."""
     verdicts, lines = table.get("verdicts", {}), []
     for method, failures in table.get("failures", {}).items():
         low, high = failures["ci95"]
@@ -98,7 +98,7 @@ def _fits(table: Mapping[str, Any]) -> TableBlock:
 
 
 def _kinds(table: Mapping[str, Any]) -> TableBlock:
-    """Images by how much of the object is hidden, photographs by what the object is covered with, too."""
+    """Return images by the share hidden, and photographs by what the object is covered with."""
     lines = []
     for kind, methods in table.get("kinds", {}).items():
         for method, summary in methods.items():
@@ -138,7 +138,7 @@ def _coverage(table: Mapping[str, Any]) -> TableBlock:
 
 
 def _tests(table: Mapping[str, Any]) -> TableBlock:
-    """Fits against the recognition model, and "spatial" against "robust"."""
+    """Return fits against the recognition model, and "spatial" against "robust"."""
     tests = [test for test in table.get("tests", []) if test["metric"] in METRICS]
     pairs = list(dict.fromkeys((test["method"], test["against"]) for test in tests))
     shown = [pair for pair in pairs if pair[1] == "rm" or pair == ("spatial", "robust")]
@@ -167,7 +167,7 @@ def _test(test: Mapping[str, Any]) -> str:
 
 
 def _digits(value: float) -> str:
-    """Two or three significant digits."""
+    """Format two or three significant digits."""
     if value == 0:
         return "0"
     decimals_from = {100: 0, 10: 1, 1: 2, 0.01: 3}  # decimals from each size on

@@ -15,8 +15,7 @@ from vig.likelihood import LIKELIHOODS
 from vig.recognition import MASK_CLASSES, Prediction, Recognizer
 from vig.scene import EXPOSURE_L00, Latents, ObjectClass, layout_of_width, linear_from_srgb
 from vig_train import METHODS
-from vig_train.evaluation.fits import Fits, cache_key, fit_all
-from vig_train.evaluation.framing import fit_settings, frame_images
+from vig_train.evaluation.fits import Fits, cache_key, fit_all, fit_settings, frame_images
 from vig_train.evaluation.metrics import (
     angle_error_deg,
     appearance_ab,
@@ -39,12 +38,9 @@ FITTED_AS = {"robust": "spatial"}
 MASK_HEAD = "rm mask head"
 """Reported beside "rm": the visible pixels as the network itself predicts them, without a silhouette."""
 
-_MEAN_ELEVATION = np.pi / 4
-_MEAN_ALBEDO = 0.5
-
 
 def fitted_likelihoods(methods: Iterable[str]) -> list[str]:
-    """The likelihoods under which photos must be fitted for methods, each once."""
+    """Return the likelihoods under which photos must be fitted for methods, each once."""
     needed = {FITTED_AS.get(method, method) for method in methods}
     return [name for name in LIKELIHOODS if name in needed]
 
@@ -116,7 +112,7 @@ def evaluate(
 
 
 def silhouettes(latents: Latents, object_class: ObjectClass) -> np.ndarray:
-    """Whole silhouettes (N, H, W) bool of N explanations: pixels whose centre the object covers."""
+    """Return whole silhouettes (N, H, W) bool of N explanations: pixels whose centre the object covers."""
     camera = object_class.camera()
     model = object_class.shape_model
     rotations, translations = camera.pose(
@@ -138,7 +134,7 @@ class Truth:
 
     @staticmethod
     def of(dataset: Dataset, object_class: ObjectClass, visible: np.ndarray) -> Truth:
-        """The truth of a dataset, whose images show the object at the pixels (N, H, W) bool."""
+        """Return the truth of a dataset, whose images show the object at the pixels (N, H, W) bool."""
         latents = Latents.from_vector(dataset.latents)
         shapes = zip(latents.shape, dataset.design.tolist(), strict=True)
         vertices = [standing_vertices(shape, design, object_class) for shape, design in shapes]
@@ -167,15 +163,15 @@ def check_class(dataset: Dataset, object_class: ObjectClass) -> None:
 
 
 def _baseline(truth: Truth, object_class: ObjectClass) -> MethodResult:
-    """The mean of the training distribution, whatever the photo."""
+    """Return the mean of the training distribution, whatever the photo."""
     count = len(truth.vertices)
     light = object_class.light_prior_mean.astype(np.float32)
     light = light * (EXPOSURE_L00 / light[0])
     latents = Latents(
         np.zeros((count, object_class.shape_model.modes), np.float32),
         np.zeros(count, np.float32),
-        np.full(count, _MEAN_ELEVATION, np.float32),
-        np.full((count, 3), _MEAN_ALBEDO, np.float32),
+        np.full(count, (np.pi / 4), np.float32),
+        np.full((count, 3), 0.5, np.float32),
         np.tile(light, (count, 1)),
     )
     errors = _errors(latents, truth, object_class)
@@ -183,7 +179,7 @@ def _baseline(truth: Truth, object_class: ObjectClass) -> MethodResult:
 
 
 def _recognition(prediction: Prediction, truth: Truth, object_class: ObjectClass) -> dict[str, MethodResult]:
-    """The recognition model's best guess, and the mask that it predicts."""
+    """Return the recognition model's best guess, and the mask that it predicts."""
     latents, none = prediction.best(), [""] * len(truth.vertices)
     masks = silhouettes(latents, object_class)
     errors = _errors(latents, truth, object_class) | _segmentation(masks, truth)

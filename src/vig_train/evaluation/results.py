@@ -33,7 +33,7 @@ class MethodResult:
 
 
 def predicted_deviation(prediction: Prediction) -> np.ndarray:
-    """Standard deviations (N, P) of the latents about `Prediction.best`, in their order, world frame.
+    """Return standard deviations (N, P) of the latents about `Prediction.best`, in their order, world frame.
 
     Azimuth's is the root mean square of the differences between the best guess and all bins, so that a second
     hypothesis widens it. The light's is rotated from the heading frame by the best guess.
@@ -51,7 +51,7 @@ def predicted_deviation(prediction: Prediction) -> np.ndarray:
 
 
 def write_csv(path: Path, dataset: Dataset, results: dict[str, MethodResult]) -> None:
-    """One row per image and method: occlusion and cause, verdict, pose in degrees, every metric.
+    """Write a row for each image and method: occlusion and cause, verdict, pose in degrees, every metric.
 
     Pose: the truth's azimuth and elevation and the estimate's, empty where a method gives none. The metric
     `azimuth_deg` is between views that look the same, their difference need not be.
@@ -72,7 +72,7 @@ def write_csv(path: Path, dataset: Dataset, results: dict[str, MethodResult]) ->
 
 
 def _pose_deg(latents: Latents) -> np.ndarray:
-    """Azimuth in [0, 360) and elevation (N, 2), degrees."""
+    """Return azimuth in [0, 360) and elevation (N, 2), degrees."""
     pose = np.stack([latents.azimuth % (2 * np.pi), latents.elevation], axis=1)
     return np.degrees(pose.astype(np.float64))
 

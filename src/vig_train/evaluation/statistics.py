@@ -26,24 +26,24 @@ Summary = dict[str, Any]
 
 
 def within_occlusion(occlusion: np.ndarray, least: float, most: float) -> np.ndarray:
-    """Which of N images have an occlusion above `least`, or from it where that is 0, and up to `most`."""
+    """Return which of N images have an occlusion above `least`, or from 0 where that is 0, up to `most`."""
     occlusion = np.asarray(occlusion, dtype=np.float64)
     return ((occlusion > least) | (least == 0)) & (occlusion <= most)
 
 
 def bootstrap_indices(count: int, rng: np.random.Generator, resamples: int = 1000) -> np.ndarray:
-    """Bootstrap samples of `count` images: indices (resamples, count)."""
+    """Return bootstrap samples of `count` images: indices (resamples, count)."""
     return rng.integers(0, count, (resamples, count))
 
 
 def interval(estimates: np.ndarray) -> list[float]:
-    """The percentile bootstrap's 95 % interval of estimates (R,), one of each resample."""
+    """Return the percentile bootstrap's 95 % interval of estimates (R,), one of each resample."""
     low, high = np.percentile(estimates, [2.5, 97.5])
     return [float(low), float(high)]
 
 
 def summary(values: np.ndarray, resamples: np.ndarray) -> Summary:
-    """Median, mean, and the median's interval ("ci95") of values (N,) under resamples (R, N)."""
+    """Return the median, mean, and the median's interval ("ci95") of values (N,) under resamples (R, N)."""
     return {
         "median": float(np.median(values)),
         "mean": float(values.mean()),
@@ -58,7 +58,9 @@ def by_occlusion(
     rng: np.random.Generator,
     resamples: int = 300,
 ) -> list[Summary | None]:
-    """A summary of values (N,) for each range (least, most) of occlusion; None where there are no images."""
+    """Return a summary of values (N,) for each range (least, most) of occlusion; None where there are no
+    images.
+    """
     summaries: list[Summary | None] = []
     for least, most in ranges:
         chosen = values[within_occlusion(occlusion, least, most)]
@@ -68,7 +70,7 @@ def by_occlusion(
 
 
 def failure_rate(azimuth_deg: np.ndarray, resamples: np.ndarray) -> dict[str, Any]:
-    """How many of N azimuth errors exceed `FAR_DEG`: "count", "rate", and the rate's interval."""
+    """Return how many of N azimuth errors exceed `FAR_DEG`: "count", "rate", and the rate's interval."""
     far = azimuth_deg > FAR_DEG
     return {"count": int(far.sum()), "rate": float(far.mean()), "ci95": interval(far[resamples].mean(axis=1))}
 
@@ -96,7 +98,8 @@ def paired_difference(later: np.ndarray, earlier: np.ndarray, resamples: np.ndar
 def paired_tests(
     errors: Mapping[str, Mapping[str, np.ndarray]], metrics: Sequence[str], resamples: np.ndarray
 ) -> list[dict[str, Any]]:
-    """Each metric compared between every two methods: "metric", "method", "against", `paired_difference`.
+    """Return each metric compared between every two methods: "metric", "method", "against",
+    `paired_difference`.
 
     errors: method -> metric -> (N,); the later method is compared against the earlier.
     """
@@ -112,7 +115,8 @@ def paired_tests(
 
 
 def latent_groups(count: int) -> dict[str, list[int]]:
-    """Columns of a latent vector of `count` numbers, by group; each number is a group, too, as `light_1`.
+    """Return columns of a latent vector of `count` numbers, by group; each number is a group, too, as
+    `light_1`.
 
     The light's first, L00, is in none: exposure fixes it, so that its error is always 0.
     """
@@ -128,7 +132,7 @@ def latent_groups(count: int) -> dict[str, list[int]]:
 
 
 def standardised_errors(result: MethodResult, truth: np.ndarray) -> np.ndarray:
-    """Errors (N, P) in units of the standard deviations that a method predicts; truth (N, P) latents.
+    """Return errors (N, P) in units of the standard deviations that a method predicts; truth (N, P) latents.
 
     Azimuth differences are taken on the circle, between views that look the same. Where the deviation is 0,
     the result is 0 or infinite.
@@ -145,7 +149,7 @@ def standardised_errors(result: MethodResult, truth: np.ndarray) -> np.ndarray:
 
 
 def coverage(standard: np.ndarray, nominal: float = NOMINAL) -> dict[str, float]:
-    """Share of truths within the central interval of the predicted Gaussian of probability `nominal`.
+    """Return the share of truths within the predicted Gaussian's central interval of probability `nominal`.
 
     standard (N, P) from `standardised_errors`. By group, see `latent_groups`, whose latents are pooled.
     """
@@ -160,7 +164,7 @@ def coverage(standard: np.ndarray, nominal: float = NOMINAL) -> dict[str, float]
 def by_kind(
     results: Mapping[str, MethodResult], kinds: Mapping[str, np.ndarray], truth: np.ndarray
 ) -> dict[str, dict[str, Any]]:
-    """Kind of image to method to what counts of it; kinds: the images (N,) bool of each; truth (N, P).
+    """Return statistics by kind of image and method; kinds: the images (N,) bool of each; truth (N, P).
 
     That is the number of images, the azimuth's median error and its share within 15 degrees, the median IoU
     of the visible pixels, the `coverage` of azimuth and elevation, and of fits the `verdicts`.
@@ -184,7 +188,7 @@ def by_kind(
 
 
 def quarters_hidden(occlusion: np.ndarray, chosen: np.ndarray) -> dict[str, np.ndarray]:
-    """Name to images (N,) bool of quarters of those `chosen` (N,) bool, by how much of the object is hidden.
+    """Return by name the images (N,) bool of quarters of those `chosen` (N,) bool, by the share hidden.
 
     Ends of equal share go to the lower quarter; a quarter without images is left out.
     """
@@ -199,7 +203,8 @@ def quarters_hidden(occlusion: np.ndarray, chosen: np.ndarray) -> dict[str, np.n
 
 
 def verdicts(result: MethodResult, chosen: np.ndarray) -> dict[str, Any]:
-    """How often each verdict was given among the images `chosen` (N,) bool, and how reliable "trusted" is.
+    """Return how often each verdict was given among the images `chosen` (N,) bool, and how reliable "trusted"
+    is.
 
     Returns:
         "counts": verdict to number; "trusted_share" of the images; "trusted_within_15_deg": the share of the

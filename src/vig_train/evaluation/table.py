@@ -187,7 +187,7 @@ def _ranges(
     ranges: list[tuple[float, float]],
     rng: np.random.Generator,
 ) -> dict[str, Any]:
-    """Every metric of every method for each range of occlusion."""
+    """Return every metric of every method for each range of occlusion."""
     return {
         "ranges": [list(limits) for limits in ranges],
         "counts": [int(within_occlusion(occlusion, *limits).sum()) for limits in ranges],

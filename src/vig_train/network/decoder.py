@@ -28,7 +28,7 @@ class ContextDecoder(nn.Module):
         features: int,
         recalled: int,
     ):
-        """Channels of the maps and of the decoder at each.
+        """Make a decoder of these channels.
 
         Args:
             coarse: Of the coarsest map, `CELLS` a side, and of another as large.
@@ -63,7 +63,7 @@ class ContextDecoder(nn.Module):
         self.merge = nn.ModuleList(_Residual(width) for width in widths[1:])
 
     def forward(self, coarse: Sequence[torch.Tensor], finer: Sequence[torch.Tensor]) -> torch.Tensor:
-        """Features (B, C, h, w) as large as the last of the finer maps."""
+        """Return features (B, C, h, w) as large as the last of the finer maps."""
         merged: torch.Tensor = self.enter(torch.cat([*coarse, self.recall(coarse[0])], 1))
         cells = merged.flatten(2).mT + self.place
         with torch.autocast(cells.device.type, enabled=False):  # torch 2.5 mixes its types in such layers

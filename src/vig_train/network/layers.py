@@ -7,7 +7,7 @@ from torch import nn
 
 
 def convolution(inputs: int, outputs: int, kernel: int, stride: int = 1, groups: int = 1) -> nn.Module:
-    """A convolution with normalisation and ReLU6."""
+    """Return a convolution with normalisation and ReLU6."""
     return nn.Sequential(
         nn.Conv2d(inputs, outputs, kernel, stride, padding=kernel // 2, groups=groups, bias=False),
         nn.BatchNorm2d(outputs, 1e-3),

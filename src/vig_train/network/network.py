@@ -101,7 +101,7 @@ class RecognitionNetwork(nn.Module):
         )
 
     def maps(self, image: torch.Tensor) -> list[torch.Tensor]:
-        """Of the trunk's stages, for images (B, 3, H, W) of any size, sRGB in [0, 1]."""
+        """Return the maps of the trunk's stages, for images (B, 3, H, W) of any size, sRGB in [0, 1]."""
         x, maps = self.stem(image * 2 - 1), []
         for stage in self.stages:
             x = stage(x)
@@ -109,11 +109,11 @@ class RecognitionNetwork(nn.Module):
         return maps
 
     def coarse_maps(self, image: torch.Tensor) -> torch.Tensor:
-        """Of the last two stages, joined, from which the map of objects is read."""
+        """Return the maps of the last two stages, joined, from which the map of objects is read."""
         return torch.cat(self.maps(image)[-2:], 1)
 
     def _decoded(self, features: torch.Tensor, maps: list[torch.Tensor]) -> torch.Tensor:
-        """Features of the mask head's cells."""
+        """Return features of the mask head's cells."""
         half, quarter, eighth, sixteenth, coarse = maps
         if self.settings.context:
             decoded: torch.Tensor = self.context((coarse, sixteenth), (eighth, quarter, half))
@@ -128,13 +128,13 @@ class RecognitionNetwork(nn.Module):
 
 
 def has_bfloat16() -> bool:
-    """Whether the processor multiplies in bfloat16 (AVX-512 BF16, AMX); False when unknown."""
+    """Return whether the processor multiplies in bfloat16 (AVX-512 BF16, AMX); False when unknown."""
     ask = getattr(torch.cpu, "_is_avx512_bf16_supported", None)
     return bool(ask()) if ask is not None else False
 
 
 def bfloat16(device: torch.device) -> torch.autocast:
-    """Arithmetic in bfloat16 where the processor has it (AVX-512 BF16, AMX, CUDA), else as it is."""
+    """Compute in bfloat16 where the processor has it (AVX-512 BF16, AMX, CUDA), else as it is."""
     if device.type == "cuda":
         return torch.autocast("cuda", torch.bfloat16, enabled=torch.cuda.is_bf16_supported())
     return torch.autocast("cpu", torch.bfloat16, enabled=has_bfloat16())

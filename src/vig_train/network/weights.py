@@ -39,12 +39,12 @@ def load_network(network: nn.Module, tensors: Mapping[str, torch.Tensor]) -> Non
 
 
 def as_tensors(arrays: Mapping[str, np.ndarray]) -> dict[str, torch.Tensor]:
-    """Arrays of a weights file as torch's tensors."""
+    """Return arrays of a weights file as torch's tensors."""
     return {name: torch.from_numpy(np.array(value)) for name, value in arrays.items()}
 
 
 def read_network(path: Path) -> RecognitionNetwork:
-    """The network of a weights file, ready to predict; UserError when it is none."""
+    """Return the network of a weights file, ready to predict; UserError when it is none."""
     with reading(path, "recognition weights", "Take a file of `vig train`."):
         tensors, metadata = read_tensors(path)
         settings = decode(NetworkSettings, parse_json(metadata["settings"]))
@@ -57,7 +57,7 @@ def read_network(path: Path) -> RecognitionNetwork:
 
 
 def packed(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A matrix (R, 2 C) in 4 bits each: (R, C) uint8, and (R,) float16 steps, a row's largest over 7."""
+    """Pack a matrix (R, 2 C) into 4 bits: (R, C) uint8, and (R,) float16 steps, a row's largest over 7."""
     steps = np.maximum(np.abs(matrix).max(1) / np.float32(7), np.float32(1e-7)).astype(np.float16)
     levels = np.clip(np.round(matrix / steps.astype(np.float32)[:, None]), -8, 7).astype(np.int16) + 8
     return (levels[:, ::2] * 16 + levels[:, 1::2]).astype(np.uint8), steps

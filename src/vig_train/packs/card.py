@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from vig.io.files import atomic_write
@@ -17,16 +18,26 @@ def replace_section(pack: Path, object_class: ObjectClass, section: str) -> None
         object_class: Of the pack, whose name heads a card that is begun.
         section: In Markdown, its first line the heading.
     """
-    card = pack / "card.md"
-    head, sections = read_sections(card)
+    head, sections = read_sections(pack / "card.md")
     sections[section.partition("\n")[0]] = section
-    text = "\n\n".join(part.strip() for part in (head or f"# Class {object_class.name}", *sections.values()))
-    with atomic_write(card) as temporary:
-        temporary.write_text(text + "\n", encoding="utf-8")
+    write_card(pack, [head or f"# Class {object_class.name}", *sections.values()])
+
+
+def write_card(pack: Path, parts: Iterable[str]) -> None:
+    """Write a pack's card of parts in Markdown."""
+    text = "\n\n".join(part.strip() for part in parts)
+    with atomic_write(pack / "card.md") as temporary:
+        temporary.write_text(text + "\n", "utf-8", "backslashreplace")
+
+
+def table_lines(header: Sequence[str], rows: Iterable[Sequence[str]], right: bool = False) -> list[str]:
+    """Return the lines of a table in Markdown; right: whether all columns but the first are right-aligned."""
+    rule = ["---", *["---:" if right else "---"] * (len(header) - 1)]
+    return [f"| {' | '.join(row)} |" for row in (header, rule, *rows)]
 
 
 def read_sections(card: Path) -> tuple[str, dict[str, str]]:
-    """What a card begins with, and its sections in order, each by its heading, the heading included."""
+    """Return what a card begins with, and its sections by their headings, which they include."""
     text = card.read_text(encoding="utf-8") if card.exists() else ""
     head, *rest = re.split(r"^(?=## )", text, flags=re.MULTILINE)
     return head, {section.partition("\n")[0]: section for section in rest}

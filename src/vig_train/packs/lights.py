@@ -11,23 +11,24 @@ TURN_COUNT = 12
 """Turns of each panorama about the vertical."""
 GROUND_ALBEDOS = (0.1, 0.25, 0.5)
 """Albedos of what the object stands on."""
-EXPOSURE_SD = 0.05
-"""Relative uncertainty of L00, so that an exposure slightly off can be explained."""
 
 
 def light_prior() -> tuple[np.ndarray, np.ndarray]:
-    """Mean (9,) and covariance (9, 9) of spherical harmonics in the world frame, at the paper's exposure."""
+    """Return mean (9,) and covariance (9, 9) of spherical harmonics in the world frame, at the paper's
+    exposure.
+    """
     angles = 2 * np.pi * np.arange(TURN_COUNT) / TURN_COUNT
     library = Library("train")
     lights = np.array(
         [library.light(i, a, g) for i in range(library.panoramas) for a in angles for g in GROUND_ALBEDOS]
     )
     covariance = np.cov(lights.T)
-    covariance[0, 0] += (EXPOSURE_SD * EXPOSURE_L00) ** 2
+    # Relative uncertainty of L00, so that an exposure slightly off can be explained
+    covariance[0, 0] += (0.05 * EXPOSURE_L00) ** 2
     return lights.mean(0), covariance
 
 
 def packaged_light_prior() -> tuple[np.ndarray, np.ndarray]:
-    """`light_prior` as the packaged classes have it, for which no panorama has to be made."""
+    """Return `light_prior` as the packaged classes have it, for which no panorama has to be made."""
     packaged = ObjectClass.load("teapot")
     return packaged.light_prior_mean, packaged.light_prior_covariance

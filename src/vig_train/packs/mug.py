@@ -6,18 +6,13 @@ far designs lie from it by the number of components.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
 from vig.scene import ObjectClass
-from vig.scene.object_class import PACKAGED
 from vig_train.packs.lights import light_prior
-from vig_train.packs.shapes import distance_lines, fit_shape_model, relative_distance
-from vig_train.packs.transfer import write_transfer
-from vig_world.assets.held_out import save_coded
+from vig_train.packs.shapes import fit_shape_model, write_packaged
 from vig_world.assets.mugs import (
     HELD_OUT_MUGS,
     MUG_FACES,
@@ -63,12 +58,12 @@ def build_mug_class() -> ObjectClass:
 
 
 def vertices_of(designs: Sequence[MugDesign]) -> np.ndarray:
-    """Vertices of designs, (N, V, 3) float32."""
+    """Return the vertices of designs, (N, V, 3) float32."""
     return np.stack([mug_vertices(design) for design in designs])
 
 
 def designs_of_scenes() -> dict[str, tuple[MugDesign, ...]]:
-    """The designs of scenes by split. Never reorder them: datasets hold their numbers."""
+    """Return the designs of scenes by split. Never reorder them: datasets hold their numbers."""
     return {
         "test": HELD_OUT_MUGS,
         "validation": VALIDATION_MUGS,
@@ -77,29 +72,11 @@ def designs_of_scenes() -> dict[str, tuple[MugDesign, ...]]:
 
 
 def main() -> None:
-    """Build, save and describe the class, in the folder that is named or as the packaged one."""
-    built = build_mug_class()
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else PACKAGED / built.name
-    built.save(folder)
-    save_coded(designs_of_scenes(), folder)
-    write_transfer(built, folder)
-    model = built.shape_model
-    print(f"{len(model.mean)} vertices, {len(model.faces)} faces, mean size {np.ptp(model.mean, axis=0)} m")
-    print(f"{MODES} components hold {model.explained_variance_ratio.sum():.4f} of the variance")
-    kinds = {
-        "training": vertices_of(TRAINING_MUGS),
-        "test": vertices_of(HELD_OUT_MUGS),
-        "validation": vertices_of(VALIDATION_MUGS),
-        "drawn anew": vertices_of(drawn_mugs(20, seed=1)),
-    }
-    print("mean distance of vertices from the nearest shape, % of the design's longest side, by components")
-    for components in range(2, MODES + 1, 2):
-        errors = ", ".join(
-            f"{kind} {relative_distance(model, v, components):.2%}" for kind, v in kinds.items()
-        )
-        print(f"{components:2d}: {errors}")
-    print(*distance_lines(model, kinds), sep="\n")
-    print(folder)
+    """Build, save and describe the class."""
+    kinds = {"training": TRAINING_MUGS, "test": HELD_OUT_MUGS, "validation": VALIDATION_MUGS}
+    designs = kinds | {"drawn anew": drawn_mugs(20, seed=1)}
+    vertices = {kind: vertices_of(each) for kind, each in designs.items()}
+    write_packaged(build_mug_class(), designs_of_scenes(), vertices)
 
 
 if __name__ == "__main__":

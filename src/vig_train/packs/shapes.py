@@ -1,13 +1,20 @@
-"""Shape models of classes whose shapes are designed by code."""
+"""Packaged classes whose shapes are designed by code: their shape models and packs."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import sys
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
-from vig.scene import ShapeModel
+from vig.scene import ObjectClass, ShapeModel
+from vig.scene.object_class import PACKAGED
+from vig_train.packs.transfer import write_transfer
+from vig_world.assets.designs import TeapotDesign
+from vig_world.assets.held_out import save_coded
+from vig_world.assets.mugs import MugDesign
 from vig_world.assets.target import nearest_coefficients
 
 
@@ -18,7 +25,7 @@ def fit_shape_model(
     part_names: tuple[str, ...],
     modes: int = 10,
 ) -> ShapeModel:
-    """PCA of designs (N, V, 3) in correspondence; at most N - 1 modes.
+    """Return PCA of designs (N, V, 3) in correspondence; at most N - 1 modes.
 
     The sign of a component is such that its largest displacement is positive, so that the model does
     not depend on the linear-algebra library.
@@ -44,13 +51,39 @@ def fit_shape_model(
 
 
 def beyond_model_mm(model: ShapeModel, vertices: np.ndarray) -> np.ndarray:
-    """How far shapes (N, V, 3) are from the model's nearest (N,): mean distance of the vertices, mm."""
+    """Return how far shapes (N, V, 3) are from the model's nearest (N,): mean of the vertices, mm."""
     nearest = model.vertices(nearest_coefficients(model, vertices))
     return 1000 * np.linalg.norm(vertices - nearest, axis=-1).mean(axis=1)
 
 
+def write_packaged(
+    built: ObjectClass,
+    scenes: Mapping[str, Sequence[MugDesign | TeapotDesign]],
+    kinds: Mapping[str, np.ndarray],
+) -> None:
+    """Save a class in the folder that the command line names, or as the packaged one, and describe it.
+
+    Args:
+        built: The class.
+        scenes: Designs of scenes, by split.
+        kinds: Vertices (N, V, 3) of designs that are compared with the model, by name.
+    """
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else PACKAGED / built.name
+    built.save(folder)
+    save_coded(scenes, folder)
+    write_transfer(built, folder)
+    model, ratio = built.shape_model, built.shape_model.explained_variance_ratio
+    print(f"{len(model.mean)} vertices, {len(model.faces)} faces, mean size {np.ptp(model.mean, axis=0)} m")
+    print(f"{model.modes} components hold {ratio.sum():.4f} of the variance: {np.round(ratio, 3)}")
+    print("mean distance of vertices from the nearest shape, % of the design's longest side, by components")
+    for components in range(2, model.modes + 1, 2):
+        errors = (f"{kind} {relative_distance(model, v, components):.2%}" for kind, v in kinds.items())
+        print(f"{components:2d}: {', '.join(errors)}")
+    print(*distance_lines(model, kinds), folder, sep="\n")
+
+
 def distance_lines(model: ShapeModel, designs: Mapping[str, np.ndarray]) -> Iterator[str]:
-    """How far shapes (N, V, 3) of each name are from the model, a line each."""
+    """Yield how far shapes (N, V, 3) of each name are from the model, a line each."""
     for name, vertices in designs.items():
         away = beyond_model_mm(model, vertices)
         far = f"{away.min():.1f} to {away.max():.1f}, mean {away.mean():.1f} mm"
@@ -58,8 +91,7 @@ def distance_lines(model: ShapeModel, designs: Mapping[str, np.ndarray]) -> Iter
 
 
 def relative_distance(model: ShapeModel, vertices: np.ndarray, components: int) -> float:
-    """The mean of the same over shapes (N, V, 3), as a share of each one's longest side, by a model's first
-    components."""
+    """Return the mean of the same, over each shape's longest side, by a model's first components."""
     ratio = model.explained_variance_ratio[:components]
     fewer = replace(model, basis=model.basis[:components], explained_variance_ratio=ratio)
     return float((beyond_model_mm(fewer, vertices) / (1000 * np.ptp(vertices, axis=1).max(1))).mean())

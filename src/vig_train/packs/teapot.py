@@ -6,17 +6,13 @@ prints the variance that it holds.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
 from vig.scene import Family, ObjectClass, ShapeModel
-from vig.scene.object_class import PACKAGED
 from vig_train.packs.lights import light_prior
-from vig_train.packs.shapes import distance_lines, fit_shape_model
-from vig_train.packs.transfer import write_transfer
+from vig_train.packs.shapes import fit_shape_model, write_packaged
 from vig_world.assets.designs import (
     HANDLES,
     HELD_OUT_DESIGNS,
@@ -29,7 +25,6 @@ from vig_world.assets.designs import (
     drawn_designs,
     teapot_vertices,
 )
-from vig_world.assets.held_out import save_coded
 from vig_world.assets.target import nearest_coefficients
 
 MODES = 16
@@ -42,8 +37,6 @@ HELD_OUT_ABOVE = 2
 """Designs with the handle above among those of test scenes, and of validation scenes."""
 TARGET_HEIGHT = 0.08
 """Metres at which the camera looks: about half a pot's height, and that of photos made with earlier packs."""
-MIN_DEVIATION = 0.1
-"""Of a component within a family, in standard deviations of the class."""
 
 
 def build_teapot_class() -> ObjectClass:
@@ -63,7 +56,7 @@ def build_teapot_class() -> ObjectClass:
 
 
 def teapot_points(mean: np.ndarray) -> dict[str, int]:
-    """Vertices that a user may click: the farthest of the spout, the handle and the knob."""
+    """Return vertices that a user may click: the farthest of the spout, the handle and the knob."""
 
     def farthest(part: str, direction: np.ndarray) -> int:
         of_part = np.flatnonzero(TEAPOT_PARTS == PART_NAMES.index(part))
@@ -74,25 +67,25 @@ def teapot_points(mean: np.ndarray) -> dict[str, int]:
 
 
 def teapot_families(model: ShapeModel) -> tuple[Family, ...]:
-    """Teapots by where their handle is: between two of these there is nothing."""
+    """Return families by where a teapot's handle is: between two of these there is nothing."""
     designs = TRAINING_DESIGNS + drawn_designs(DRAWN_DESIGNS)
     coefficients = nearest_coefficients(model, vertices_of(designs))
     families = []
     for handle in HANDLES:
         chosen = np.array([design.handle == handle for design in designs])
-        mean, deviation = coefficients[chosen].mean(0), coefficients[chosen].std(0).clip(MIN_DEVIATION)
+        mean, deviation = coefficients[chosen].mean(0), coefficients[chosen].std(0).clip(0.1)
         middle, spread = (tuple(np.round(values, 4).tolist()) for values in (mean, deviation))
         families.append(Family(f"handle {handle}", middle, spread, round(float(chosen.mean()), 4)))
     return tuple(families)
 
 
 def vertices_of(designs: Sequence[TeapotDesign]) -> np.ndarray:
-    """Vertices of designs, (N, V, 3) float32."""
+    """Return the vertices of designs, (N, V, 3) float32."""
     return np.stack([teapot_vertices(design) for design in designs])
 
 
 def designs_of_scenes() -> dict[str, tuple[TeapotDesign, ...]]:
-    """The designs of scenes by split. Never reorder them: datasets hold their numbers."""
+    """Return the designs of scenes by split. Never reorder them: datasets hold their numbers."""
     return {
         "test": HELD_OUT_DESIGNS + drawn_designs(HELD_OUT_ABOVE, ("above",), seed=2),
         "validation": VALIDATION_DESIGNS + drawn_designs(HELD_OUT_ABOVE, ("above",), seed=1),
@@ -101,21 +94,10 @@ def designs_of_scenes() -> dict[str, tuple[TeapotDesign, ...]]:
 
 
 def main() -> None:
-    """Build, save and describe the class, in the folder that is named or as the packaged one."""
-    built = build_teapot_class()
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else PACKAGED / built.name
-    built.save(folder)
-    save_coded(designs_of_scenes(), folder)
-    write_transfer(built, folder)
-    model = built.shape_model
-    size = np.ptp(model.mean, axis=0)
-    ratios = ", ".join(f"{ratio:.3f}" for ratio in model.explained_variance_ratio)
-    print(f"{len(model.mean)} vertices, {len(model.faces)} faces, mean size {np.round(size, 3)} m")
-    print(f"target height {built.target_height} m")
-    print(f"{MODES} components hold {model.explained_variance_ratio.sum():.3f} of the variance: {ratios}")
-    designs = {"training": TRAINING_DESIGNS, "test": HELD_OUT_DESIGNS, "validation": VALIDATION_DESIGNS}
-    print(*distance_lines(model, {name: vertices_of(each) for name, each in designs.items()}), sep="\n")
-    print(folder)
+    """Build, save and describe the class."""
+    kinds = {"training": TRAINING_DESIGNS, "test": HELD_OUT_DESIGNS, "validation": VALIDATION_DESIGNS}
+    vertices = {kind: vertices_of(each) for kind, each in kinds.items()}
+    write_packaged(build_teapot_class(), designs_of_scenes(), vertices)
 
 
 if __name__ == "__main__":

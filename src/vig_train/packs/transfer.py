@@ -39,21 +39,13 @@ BOUNCES = 4
 """Interreflections that are added up."""
 SHAPE_SAMPLES = 160
 """Shapes drawn for the regression."""
-RIGID_SAMPLES = 4
-"""So often is the one shape of a rigid class computed: rays are drawn at random."""
 RAY_GRID = 16
 """Each vertex casts RAY_GRID squared rays, stratified."""
 
-RAY_OFFSET = 2e-4
-"""Distance along the normal at which rays start, metres at unit scale, lest a facet hides its own corners."""
-
-INSIDE_SHARE = 0.3
-"""A vertex that sees more than this share of faces from behind lies within another part."""
 
 KEPT_SHAPES = 4
 """Shapes that are kept together: a second or two of a core."""
 
-_BEHIND = -2
 _CHUNK = 1024
 
 Compute = Callable[[], Mapping[str, np.ndarray]]
@@ -94,19 +86,19 @@ class Rays:
 
     @staticmethod
     def numbers(points: int, side: int) -> int:
-        """How many random numbers `draw` takes."""
+        """Return how many random numbers `draw` takes."""
         return points + 2 * side**2 * math.ceil(points / _CHUNK)
 
 
 def frames_of(normals: np.ndarray) -> np.ndarray:
-    """Frames (N, 3, 3) of unit normals (N, 3): rows are a tangent, the bitangent and the normal."""
+    """Return frames (N, 3, 3) of unit normals (N, 3): rows are a tangent, the bitangent and the normal."""
     tangent = np.cross(normals, np.eye(3)[np.abs(normals).argmin(axis=1)])
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     return np.stack([tangent, np.cross(normals, tangent), normals], axis=1)
 
 
 def unoccluded(normals: np.ndarray) -> np.ndarray:
-    """The transfer where nothing is occluded, A_l Y_lm(n): (..., 3) to (..., 9)."""
+    """Return the transfer where nothing is occluded, A_l Y_lm(n): (..., 3) to (..., 9)."""
     return sh_basis(np.asarray(normals, np.float64)) * COSINE_LOBE
 
 
@@ -134,17 +126,20 @@ class Occlusion:
         total, count = len(vertices), side**2
         rays, frames = Rays.draw(total, side, rng), frames_of(normals)
         given = (vertices.astype(np.float64), frames, rays.patterns, rays.turns)
+        # Distance along the normal at which rays start, metres at unit scale, lest a facet hides its own
+        # corners
         blocked, face, weights = engine.cast_hemisphere_rays(
-            vertices.astype(np.float32), faces.astype(np.int32), *given, RAY_OFFSET, _CHUNK
+            vertices.astype(np.float32), faces.astype(np.int32), *given, 2e-4, _CHUNK
         )
         front = face >= 0
         starts = np.concatenate([[0], np.cumsum(3 * front.sum(1))])
         entries = weights[front].ravel().astype(np.float64) / count, faces[face[front]].ravel()
         seen = scipy.sparse.csr_matrix((*entries, starts), shape=(total, total))
-        return Occlusion(normals, blocked / count, seen, (face == _BEHIND).mean(axis=1) > INSIDE_SHARE)
+        # A vertex that sees more than this share of faces from behind lies within another part
+        return Occlusion(normals, blocked / count, seen, (face == -2).mean(axis=1) > 0.3)
 
     def change(self, albedo: float, bounces: int, neighbours: scipy.sparse.csr_matrix) -> np.ndarray:
-        """T minus `unoccluded` (V, 9) for an object of this albedo in its own light.
+        """Return T minus `unoccluded` (V, 9) for an object of this albedo in its own light.
 
         Vertices inside another part take the change from their neighbours (V, V) outside, as the triangles
         that reach in to them are seen in part.
@@ -161,7 +156,9 @@ class Occlusion:
 def fill_from_neighbours(
     values: np.ndarray, missing: np.ndarray, neighbours: scipy.sparse.csr_matrix
 ) -> np.ndarray:
-    """Values (V, C), the missing (V,) taken over from neighbours ring by ring; 0 where none are in reach."""
+    """Return values (V, C), the missing (V,) taken over from neighbours ring by ring; 0 where none are in
+    reach.
+    """
     filled = ~missing
     values = np.where(filled[:, None], values, 0.0)
     while not filled.all():
@@ -175,7 +172,7 @@ def fill_from_neighbours(
 
 
 def neighbours_of(faces: np.ndarray, total: int) -> scipy.sparse.csr_matrix:
-    """Which vertices share an edge: (V, V) of ones and zeros."""
+    """Return which vertices share an edge: (V, V) of ones and zeros."""
     pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     pairs = np.concatenate([pairs, pairs[:, ::-1]])
     table = scipy.sparse.csr_matrix((np.ones(len(pairs)), pairs.T), shape=(total, total))
@@ -192,14 +189,16 @@ def transfer_model(
     progress: bool = False,
     keep: Keep = computed,
 ) -> np.ndarray:
-    """The change of transfer by self-shadow and bounces, (K + 1, V, 9) float32: mean, then per coefficient.
+    """Return the change of transfer by self-shadow and bounces, (K + 1, V, 9) float32: mean, then per
+    coefficient.
 
     At coefficients c it is table[0] + sum_k c_k table[k + 1], by least squares over shapes drawn N(0, 1)
     within their limits. Add it to A_l Y_lm(n) of the shape's own normals.
 
     keep: Keeps the shapes that are done, so that a run that was stopped goes on.
     """
-    shapes = min(shapes, RIGID_SAMPLES) if model.rigid else shapes
+    # The one shape of a rigid class is computed four times: rays are drawn at random.
+    shapes = min(shapes, 4) if model.rigid else shapes
     with Meter(shapes, 0, progress, "shapes") as meter:
         samples = SampledChanges.draw(model, shapes, side, seed, albedo, meter.advance, keep)
     if model.rigid:
@@ -263,7 +262,7 @@ class SampledChanges:
 
 
 def relative_error(table: np.ndarray, model: ShapeModel, shapes: int = 12, seed: int = 1) -> float:
-    """Root mean square error of the table's changes over that of the changes, on shapes of its own.
+    """Return the root mean square error of the table's changes over theirs, on shapes of its own.
 
     Of vertices that lie outside other parts.
     """

@@ -41,7 +41,7 @@ class Batch:
     mask: torch.Tensor
 
     def to(self, device: torch.device) -> Batch:
-        """The same on another device."""
+        """Return the same on another device."""
         return Batch(*(value.to(device) for value in vars(self).values()))
 
 
@@ -155,7 +155,7 @@ class Augmentation:
         return images, masks
 
     def _photograph(self, images: torch.Tensor, rng: np.random.Generator) -> torch.Tensor:
-        """Uneven light, exposure and white balance, then blur and noise."""
+        """Apply uneven light, exposure and white balance, then blur and noise."""
         count, _, height, width = images.shape
         gain = rng.normal(0, self.exposure * np.log(2), (count, 1)) + rng.normal(0, self.balance, (count, 3))
         field = torch.from_numpy(rng.normal(0, self.relight, (count, 1, 4, 4))).to(images)
@@ -172,7 +172,7 @@ class Augmentation:
 
 
 def blobs(count: int, height: int, width: int, rng: np.random.Generator) -> np.ndarray:
-    """Random convex pieces (count, H, W) float32 in {0, 1}: ellipses and boxes, turned."""
+    """Return random convex pieces (count, H, W) float32 in {0, 1}: ellipses and boxes, turned."""
     centre = rng.uniform(0.1, 0.9, (count, 2)) * [width, height]
     reach = np.exp(rng.uniform(np.log(0.05), np.log(0.3), (count, 2))) * width
     angle, power = rng.uniform(0, np.pi, count), rng.choice([2.0, 8.0], count)
@@ -188,7 +188,7 @@ def blobs(count: int, height: int, width: int, rng: np.random.Generator) -> np.n
 
 
 def _blurred(images: torch.Tensor, deviation: float) -> torch.Tensor:
-    """Gaussian blur by `deviation` pixels of images (B, 3, H, W)."""
+    """Blur images (B, 3, H, W) by a Gaussian of `deviation` pixels."""
     offsets = torch.arange(-2, 3, device=images.device, dtype=images.dtype)
     kernel = torch.softmax(-0.5 * (offsets / deviation) ** 2, 0)
     padded = functional.pad(images, (2, 2, 2, 2), mode="replicate")

@@ -79,7 +79,7 @@ def calibrate_network(
 
 
 def learn_calibration(parts: Sequence[tuple[Recognizer, Examples]]) -> CalibrationResult:
-    """A calibration of networks of one class, each on examples that it has not seen."""
+    """Return a calibration of networks of one class, each on examples that it has not seen."""
     symmetry = parts[0][0].symmetry
     examples = Examples.joined([part for _, part in parts])
     outputs = zip(*(_network_outputs(*part) for part in parts), strict=True)
@@ -109,7 +109,7 @@ def write_calibration(path: Path, calibration: NetworkCalibration) -> None:
 
 @torch.inference_mode()
 def _network_outputs(recognizer: Recognizer, examples: Examples) -> tuple[torch.Tensor, ...]:
-    """Azimuth logits, numbers, their stated deviations, and mask logits, all uncalibrated."""
+    """Return azimuth logits, numbers, their stated deviations, and mask logits, all uncalibrated."""
     outputs = []
     for indices in torch.arange(len(examples)).split(64):
         heads = recognizer.heads(examples[indices].pixels().numpy())
@@ -120,19 +120,19 @@ def _network_outputs(recognizer: Recognizer, examples: Examples) -> tuple[torch.
 
 
 def azimuth_bins(azimuth: torch.Tensor, bins: int) -> torch.Tensor:
-    """The bin (N,) that each azimuth (N,) in [0, 2 pi) lies in."""
+    """Return the bin (N,) that each azimuth (N,) in [0, 2 pi) lies in."""
     return (azimuth * bins / (2 * math.pi)).long().clamp(0, bins - 1)
 
 
 def fit_temperature(logits: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
-    """The temperature () under which logits (N, C) give soft labels (N, C) the greatest likelihood."""
+    """Return the temperature () under which logits (N, C) give soft labels (N, C) the greatest likelihood."""
     temperatures = torch.logspace(-0.5, 0.7, 121)
     losses = [functional.cross_entropy(logits / t, labels) for t in temperatures]
     return temperatures[int(torch.stack(losses).argmin())]
 
 
 def deviation_factors(error: torch.Tensor, deviation: torch.Tensor) -> torch.Tensor:
-    """Factors (M,) of deviations (N, M) after which 90 % of errors (N, M) lie within 90 % intervals.
+    """Return factors (M,) of deviations (N, M) after which 90 % of errors (N, M) lie within 90 % intervals.
 
     At least `MIN_DEVIATION_FACTOR`.
     """

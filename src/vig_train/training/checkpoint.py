@@ -10,6 +10,7 @@ from pathlib import Path
 
 import torch
 from safetensors.torch import save_file
+from torch import nn
 
 from vig.io.checks import read_tensors, reading
 from vig.io.errors import UserError
@@ -19,8 +20,11 @@ from vig.recognition.weights import shared_trunk as trunk_of_classes
 from vig_train.network import weights
 from vig_train.network.network import RecognitionNetwork
 
-MOMENTS = ("step", "exp_avg", "exp_avg_sq")
-"""What AdamW keeps of each weight."""
+MOMENTS: dict[type, tuple[str, ...]] = {
+    torch.optim.AdamW: ("step", "exp_avg", "exp_avg_sq"),
+    torch.optim.SGD: ("momentum_buffer",),
+}
+"""State that an optimiser keeps of each weight which it has changed."""
 
 Scale = dict[str, torch.Tensor]
 """`mean` and `deviation` (M,) of the regressed numbers over the training images."""
@@ -67,7 +71,7 @@ def save_weights(
 
 def save_checkpoint(
     path: Path,
-    networks: dict[str, RecognitionNetwork],
+    networks: Mapping[str, nn.Module],
     optimizer: torch.optim.Optimizer,
     state: dict[str, str],
 ) -> None:
@@ -80,14 +84,14 @@ def save_checkpoint(
 
 
 def load_checkpoint(
-    path: Path, networks: dict[str, RecognitionNetwork], optimizer: torch.optim.Optimizer, run: str
+    path: Path, networks: Mapping[str, nn.Module], optimizer: torch.optim.Optimizer, run: str
 ) -> dict[str, str]:
-    """Put a checkpoint back; returns the state of its run.
+    """Put a checkpoint back; return the state of its run.
 
     Args:
         path: Of the checkpoint.
         networks: As they were saved; they take on its weights.
-        optimizer: AdamW of the first network's parameters; it takes on its moments.
+        optimizer: Of `MOMENTS`; it takes on its moments.
         run: The `run` that the state must have.
 
     Raises:
@@ -100,15 +104,18 @@ def load_checkpoint(
                 f"'{path.parent}' holds another training run's checkpoint; choose another folder or remove it"
             )
         parameters = [p for group in optimizer.param_groups for p in group["params"]]
+        names = MOMENTS[type(optimizer)]
+        changed = {name.split(".")[1] for name in tensors if name.startswith("optimizer.")}
+        changed &= {str(i) for i in range(len(parameters))}
         expected = {f"{name}.{k}" for name, module in networks.items() for k in module.state_dict()}
-        expected |= {f"optimizer.{i}.{k}" for i in range(len(parameters)) for k in MOMENTS}
+        expected |= {f"optimizer.{i}.{k}" for i in changed for k in names}
         if differing := sorted(expected ^ tensors.keys()):
             raise ValueError(f"tensors are missing or unknown: {', '.join(differing)[:100]}")
         for name, module in networks.items():
             module.load_state_dict({k: tensors[f"{name}.{k}"] for k in module.state_dict()})
-        moments: dict[int, dict[str, torch.Tensor]] = {i: {} for i in range(len(parameters))}
-        for (i, parameter), name in itertools.product(enumerate(parameters), MOMENTS):
-            tensor = tensors[f"optimizer.{i}.{name}"]
+        moments: dict[int, dict[str, torch.Tensor]] = {int(i): {} for i in sorted(changed, key=int)}
+        for i, name in itertools.product(moments, names):
+            parameter, tensor = parameters[i], tensors[f"optimizer.{i}.{name}"]
             if tensor.shape != (shape := () if name == "step" else parameter.shape):
                 raise ValueError(f"'{name}' of a weight must be {tuple(shape)}; it is {tuple(tensor.shape)}")
             # The fused step walks through memory: its moments must lie as the weights do.

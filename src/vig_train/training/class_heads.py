@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -29,8 +29,8 @@ from vig_train.training.class_network import (
     Features,
     read_features,
 )
+from vig_train.training.loop import Trainer
 from vig_train.training.losses import LOSS_WEIGHTS, dense_losses
-from vig_train.training.schedule import Schedule
 
 HEADS = ("azimuth", "numbers", "others")
 """The network's dense heads."""
@@ -38,10 +38,6 @@ PACKED_MATRICES = ("dense.2.weight", "recalled.weight")
 """Of the network, those that are written in 4 bits."""
 EPOCHS = 20
 """Passes over the features; of 12, 20 and 40 twenty was best on real cars, of one network."""
-FEATURE_BATCH = 256
-"""Rows of features a step."""
-FEATURE_DECAY = 5e-2
-"""Weight decay."""
 
 DenseOutputs = tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]
 
@@ -62,7 +58,7 @@ class _Member(nn.Module):
         self.azimuth, self.numbers, self.others = network.azimuth, network.numbers, network.others
 
     def forward(self, coarse: torch.Tensor) -> DenseOutputs:
-        """azimuth logits, mean, log variance, roll and presence; see `vig.recognition.network.Heads`."""
+        """Return azimuth logits, mean, log variance, roll and presence; see `Heads`."""
         read = self.dropout(self.squeeze(coarse).flatten(1))
         features = self.dropout(torch.relu(self.normalise(self.linear(read))))
         mean, log_variance = self.numbers(features).chunk(2, dim=1)
@@ -99,10 +95,10 @@ class HeadsTraining:
     def steps(self) -> int:
         """That a member takes, about."""
         rows = PASSES * CHUNK * self.chunks
-        return self.epochs * (rows // min(FEATURE_BATCH, rows))
+        return self.epochs * (rows // min(256, rows))
 
     def path(self, number: int) -> Path:
-        """Of a member's weights."""
+        """Return the path of a member's weights."""
         return self.out / f"member-{number}.safetensors"
 
     def run(
@@ -156,25 +152,26 @@ def _train_member(
     training: HeadsTraining,
 ) -> None:
     targets, count = features.targets, len(features.coarse)
-    member.train()
-    optimizer = torch.optim.AdamW(member.parameters(), LEARNING_RATE, weight_decay=FEATURE_DECAY, fused=True)
-    batch = min(FEATURE_BATCH, count)
+    batch = min(256, count)  # rows of features
     steps = count // batch
-    rate = Schedule(LEARNING_RATE, training.epochs * steps)
-    for epoch in range(training.epochs):
-        order = torch.from_numpy(np.random.default_rng([training.seed, epoch, 3]).permutation(count))
-        for step, chosen in enumerate(order[: steps * batch].split(batch)):
-            part = targets[chosen]
-            part = replace(part, numbers=(part.numbers - scale["mean"]) / scale["deviation"])
-            with bfloat16(torch.device("cpu")):
-                outputs: DenseOutputs = member(features.coarse[chosen].float())
-            azimuth, mean, log_variance, roll, presence = (output.float() for output in outputs)
-            parts = dense_losses(azimuth, mean, log_variance, roll, presence, part, training.symmetry)
-            optimizer.zero_grad()
-            torch.stack([LOSS_WEIGHTS[name] * loss for name, loss in parts.items()]).sum().backward()
-            for group in optimizer.param_groups:
-                group["lr"] = rate(epoch * steps + step)
-            optimizer.step()
+
+    def batches() -> Iterator[torch.Tensor]:
+        for epoch in range(training.epochs):
+            order = torch.from_numpy(np.random.default_rng([training.seed, epoch, 3]).permutation(count))
+            yield from order[: steps * batch].split(batch)
+
+    def loss(chosen: torch.Tensor) -> dict[str, torch.Tensor]:
+        part = targets[chosen]
+        part = replace(part, numbers=(part.numbers - scale["mean"]) / scale["deviation"])
+        with bfloat16(torch.device("cpu")):
+            outputs: DenseOutputs = member(features.coarse[chosen].float())
+        azimuth, mean, log_variance, roll, presence = (output.float() for output in outputs)
+        return dense_losses(azimuth, mean, log_variance, roll, presence, part, training.symmetry)
+
+    total, decay = training.epochs * steps, 5e-2
+    trainer = Trainer.adamw(member.parameters(), loss, LEARNING_RATE, total, decay, LOSS_WEIGHTS)
+    member.train()
+    trainer.steps(batches())
     member.eval()
 
 
@@ -203,7 +200,7 @@ def _join(network: RecognitionNetwork, members: Sequence[_Member]) -> None:
 
 
 def keep_member(recognizer: Recognizer, number: int) -> Recognizer:
-    """The same, but that the dense heads hear one of several members alone; the decoder hears all.
+    """Return the same, but that the dense heads hear one of several members alone; the decoder hears all.
 
     Their biases stay the mean of all members'.
     """

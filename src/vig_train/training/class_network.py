@@ -25,11 +25,10 @@ from vig.scene import ObjectClass
 from vig_train.network.network import RecognitionNetwork, bfloat16
 from vig_train.network.weights import as_tensors
 from vig_train.training.augmentation import Augmentation
-from vig_train.training.checkpoint import load_checkpoint, save_checkpoint
 from vig_train.training.drawing import examples_of
 from vig_train.training.examples import Examples
+from vig_train.training.loop import Trainer, TrainingRun
 from vig_train.training.losses import Targets, mask_loss
-from vig_train.training.schedule import Schedule
 from vig_train.training.studio import Studio, StudioSettings
 from vig_train.training.training import load_start_weights
 
@@ -43,8 +42,6 @@ PIXEL_CHUNKS = 128
 """Files that keep their images, for the decoder; the others keep features alone."""
 LEARNING_RATE = 2e-3
 """The highest, of heads and decoder alike."""
-DECODER_BATCH = 48
-"""Images a step."""
 DECODER_PARTS = ("recalled", "deep", "side", "merge", "mask")
 """What of the network is the decoder."""
 CHECKPOINT_STEPS = 50
@@ -74,7 +71,7 @@ class Features:
 
 
 def new_network(object_class: ObjectClass) -> RecognitionNetwork:
-    """Untrained heads on the shared trunk; the decoder begins as one of teapots, where that fits."""
+    """Return untrained heads on the shared trunk; the decoder begins as one of teapots, where that fits."""
     network = RecognitionNetwork(replace(SIZES, modes=object_class.shape_model.modes))
     load_start_weights(network, PLAIN_DECODER, trunk_only=False)
     trunk, _ = shared_trunk()
@@ -114,7 +111,7 @@ def draw_chunks(
 
 
 def chunk_path(folder: Path, chunk: int) -> Path:
-    """Of a file of images."""
+    """Return the path of a file of images."""
     return folder / f"{chunk:05d}.safetensors"
 
 
@@ -146,7 +143,7 @@ def _prepare(shared: tuple[str, str, int, str]) -> Callable[[int], None]:
 
 @torch.inference_mode()
 def coarse_features(network: RecognitionNetwork, images: torch.Tensor) -> torch.Tensor:
-    """Of the trunk's last stage, (N, C, 10, 10) float16, for images (N, 3, 150, 150)."""
+    """Return features (N, C, 10, 10) float16 of the trunk's last stage, for images (N, 3, 150, 150)."""
     with bfloat16(images.device):
         return network.maps(images)[-1].half()
 
@@ -159,7 +156,7 @@ def _read(folder: Path, chunk: int) -> dict[str, torch.Tensor]:
 
 
 def read_features(folder: Path, chunks: Sequence[int]) -> Features:
-    """The features of files of images."""
+    """Return the features of files of images."""
     columns: dict[str, list[torch.Tensor]] = {}
     for chunk in chunks:
         for name, value in _read(folder, chunk).items():
@@ -170,7 +167,7 @@ def read_features(folder: Path, chunks: Sequence[int]) -> Features:
 
 
 def read_images(folder: Path, chunks: Sequence[int]) -> Examples:
-    """The images of files that keep them."""
+    """Return the images of files that keep them."""
     parts = []
     for chunk in chunks:
         tensors = _read(folder, chunk)
@@ -209,46 +206,35 @@ class DecoderTraining:
         network.requires_grad_(False)
         for part in parts:
             part.train().requires_grad_(True)
-        optimizer = torch.optim.AdamW(
-            [parameter for part in parts for parameter in part.parameters()],
-            LEARNING_RATE,
-            weight_decay=2e-2,
-            fused=True,
-        )
-        run, done = f"decoder {steps} {self.seed} {len(self.examples)}", 0
-        if checkpoint is not None and checkpoint.exists():
-            done = int(load_checkpoint(checkpoint, {"network": network}, optimizer, run)["step"])
-        advance(done)
-        rate = Schedule(LEARNING_RATE, steps)
-        for step in range(done, steps):
-            for group in optimizer.param_groups:
-                group["lr"] = rate(step)
-            self._step(step, optimizer)
-            advance(1)
-            if checkpoint is not None and (step + 1) % CHECKPOINT_STEPS == 0:
-                state = {"run": run, "step": str(step + 1)}
-                save_checkpoint(checkpoint, {"network": network}, optimizer, state)
+        parameters = [parameter for part in parts for parameter in part.parameters()]
+        trainer = Trainer.adamw(parameters, self._loss, LEARNING_RATE, steps)
+        name = f"decoder {steps} {self.seed} {len(self.examples)}"
+        run = TrainingRun(trainer.optimizer, {"network": network}, checkpoint, name)
+        advance(min(steps, run.done() * CHECKPOINT_STEPS))
+        for number in run.epochs(-(-steps // CHECKPOINT_STEPS)):
+            first = number * CHECKPOINT_STEPS
+            trainer.steps(range(first, min(first + CHECKPOINT_STEPS, steps)), first, advance)
+            run.save()
         network.eval().requires_grad_(True)
 
     def seconds_per_step(self) -> float:
-        """Measured on a copy's three steps."""
+        """Measure on a copy's three steps."""
         trial = replace(self, network=_copy(self.network))
         trial.run(1)
         begin = time.perf_counter()
         trial.run(2)
         return (time.perf_counter() - begin) / 2
 
-    def _step(self, step: int, optimizer: torch.optim.Optimizer) -> None:
+    def _loss(self, step: int) -> dict[str, torch.Tensor]:
         rng = np.random.default_rng([self.seed, step, 4])
-        chosen = rng.choice(len(self.examples), min(DECODER_BATCH, len(self.examples)), replace=False)
+        # 48 images a step.
+        chosen = rng.choice(len(self.examples), min(48, len(self.examples)), replace=False)
         torch.manual_seed(int(rng.integers(2**31)))
         augment = Augmentation() if self.mirror else replace(Augmentation(), flip=0.0)
         batch = augment(self.examples[torch.from_numpy(chosen)], rng)
         with bfloat16(torch.device("cpu")):
             logits = self.network(batch.images).mask
-        optimizer.zero_grad()
-        mask_loss(logits, batch.mask).backward()
-        optimizer.step()
+        return {"mask": mask_loss(logits, batch.mask)}
 
 
 def _copy(network: RecognitionNetwork) -> RecognitionNetwork:

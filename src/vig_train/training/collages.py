@@ -24,14 +24,6 @@ TILES, TILES_SHARES = (1, 2, 3), (0.4, 0.4, 0.2)
 """Images along the side of a quarter of a mosaic, and how often."""
 PASTED = (48.0, 220.0)
 """Sides of images that are pasted, pixels."""
-MOST_PASTED = 5
-"""Images on a picture."""
-PIECE_SHARE = 0.3
-"""Share of pasted images with an object of which not the object alone is pasted, but all, with soft edges."""
-SOFT_EDGE = 0.15
-"""Width of such an edge, in halves of the image's side."""
-IMAGES = 96
-"""That are augmented at a time."""
 PICTURES = 16
 """That are made of them."""
 
@@ -54,7 +46,7 @@ class Tile:
     box: Box | None
 
     def placed(self, left: float, top: float, side: float) -> list[Box]:
-        """Its box in a picture at whose place it is put; none where it has no object."""
+        """Return its box in a picture at whose place it is put; none where it has no object."""
         if self.box is None:
             return []
         x0, y0, x1, y1, seen = self.box
@@ -64,8 +56,9 @@ class Tile:
 def draw_pictures(
     examples: Examples, rng: np.random.Generator, mirror: bool = True
 ) -> tuple[torch.Tensor, list[list[Box]]]:
-    """`PICTURES` pictures (N, 3, SIDE, SIDE), sRGB in [0, 1], and the boxes of each one's objects."""
-    chosen = rng.choice(len(examples), min(IMAGES, len(examples)), replace=False)
+    """Return `PICTURES` pictures (N, 3, SIDE, SIDE), sRGB in [0, 1], and the boxes of each one's objects."""
+    # 96 images are augmented at a time.
+    chosen = rng.choice(len(examples), min(96, len(examples)), replace=False)
     tiles = _tiles(examples[torch.from_numpy(chosen)], rng, mirror)
     without = [tile for tile in tiles if tile.box is None]
     endless = _taken(tiles, rng)
@@ -81,7 +74,7 @@ def draw_pictures(
 
 
 def _tiles(examples: Examples, rng: np.random.Generator, mirror: bool) -> list[Tile]:
-    """Augmented images."""
+    """Return augmented images as tiles."""
     augment = Augmentation() if mirror else replace(Augmentation(), flip=0.0)
     batch = augment(examples, rng)
     side = batch.images.shape[2]
@@ -100,13 +93,13 @@ def _tiles(examples: Examples, rng: np.random.Generator, mirror: bool) -> list[T
 
 
 def _taken(tiles: list[Tile], rng: np.random.Generator) -> Iterator[Tile]:
-    """Tiles at random, without end."""
+    """Yield tiles at random, without end."""
     while True:
         yield tiles[rng.integers(len(tiles))]
 
 
 def _mosaic(tiles: Iterator[Tile], rng: np.random.Generator) -> tuple[torch.Tensor, list[Box]]:
-    """Images side by side, in quarters of their own sizes."""
+    """Return images side by side, in quarters of their own sizes."""
     picture, boxes = torch.zeros(3, SIDE, SIDE), []
     for left in (0, SIDE // 2):
         for top in (0, SIDE // 2):
@@ -122,14 +115,17 @@ def _mosaic(tiles: Iterator[Tile], rng: np.random.Generator) -> tuple[torch.Tens
 
 
 def _pasted(ground: Tile, tiles: Iterator[Tile], rng: np.random.Generator) -> tuple[torch.Tensor, list[Box]]:
-    """Objects, and pieces of images, on an image without an object."""
+    """Return objects, and pieces of images, on an image without an object."""
     picture, boxes = _resized(ground.image, SIDE), list[Box]()
-    for _ in range(int(rng.integers(1, MOST_PASTED + 1))):
+    # One to five images on a picture.
+    for _ in range(int(rng.integers(1, 5 + 1))):
         tile = next(tiles)
         side = int(math.exp(rng.uniform(math.log(PASTED[0]), math.log(PASTED[1]))))
         left, top = (int(each) for each in rng.integers(-side // 4, SIDE - side + side // 4 + 1, 2))
         placed, square = tile.placed(left, top, side), (left, top, left + side, top + side, 1.0)
-        alone = bool(placed) and rng.random() > PIECE_SHARE
+        # Share of pasted images with an object of which not the object alone is pasted, but all, with soft
+        # edges
+        alone = bool(placed) and rng.random() > 0.3
         cover = tile.object if alone else _soft_square(len(tile.object))
         rows, columns = slice(max(top, 0), top + side), slice(max(left, 0), left + side)
         inside = slice(max(-top, 0), SIDE - top), slice(max(-left, 0), SIDE - left)
@@ -142,16 +138,17 @@ def _pasted(ground: Tile, tiles: Iterator[Tile], rng: np.random.Generator) -> tu
 
 
 def _share_inside(box: Box, other: Box) -> float:
-    """Share of a box that lies in another."""
+    """Return the share of a box that lies in another."""
     across = max(0.0, min(box[2], other[2]) - max(box[0], other[0])) / (box[2] - box[0])
     down = max(0.0, min(box[3], other[3]) - max(box[1], other[1])) / (box[3] - box[1])
     return across * down
 
 
 def _soft_square(side: int) -> torch.Tensor:
-    """(S, S) cover of a piece with soft edges."""
+    """Return (S, S) cover of a piece with soft edges."""
     off = (torch.arange(side) + 0.5 - side / 2).abs() / (side / 2)
-    return ((1 - torch.maximum(off[:, None], off[None])) / SOFT_EDGE).clamp(0, 1)
+    # The edge is .15 halves of the image's side wide.
+    return ((1 - torch.maximum(off[:, None], off[None])) / 0.15).clamp(0, 1)
 
 
 def _resized(image: torch.Tensor, side: int) -> torch.Tensor:

@@ -62,7 +62,7 @@ class Drawing:
         return CutoutLibrary.draw(seed, "train", name, model_cutouts(self.studio.props, "train", name))
 
     def described(self) -> dict[str, Any]:
-        """What a checkpoint must match to be resumed."""
+        """Return what a checkpoint must match to be resumed."""
         settings = asdict(self) | {"object_class": ObjectClass.load(self.object_class).fingerprint}
         return {name: value for name, value in settings.items() if name != "workers"}
 
@@ -70,7 +70,8 @@ class Drawing:
 def drawn_once(
     drawing: Drawing, folder: Path, seed: int, advance: Callable[[int], None] = lambda count: None
 ) -> Examples:
-    """The first `drawing.distinct` images of the studio, or a few more; files that are in the folder stay.
+    """Return the first `drawing.distinct` images of the studio, or a few more; files that are in the folder
+    stay.
 
     Args:
         drawing: How many, and of what.
@@ -121,11 +122,9 @@ def add_drawn_examples(
     Raises:
         UserError: The dataset is of another class than the studio's.
     """
-    items = (
-        (step, {name: value.numpy() for name, value in vars(examples).items()}) for examples, step in steps
-    )
+    items = ((step, examples.arrays()) for examples, step in steps)
     for step, arrays in map_in_processes(_prepare, (drawing, seed), items, drawing.workers):
-        examples = Examples(**{name: torch.from_numpy(value) for name, value in arrays.items()})
+        examples = Examples.of_arrays(arrays)
         if once is not None:
             rng = np.random.default_rng([seed, step, 3])
             taken = rng.choice(len(once), min(drawing.count, len(once)), replace=False)
@@ -139,8 +138,7 @@ def _prepare_once(shared: tuple[Drawing, int]) -> Callable[[tuple[int, int, int]
 
     def work(item: tuple[int, int, int]) -> StepArrays:
         number, *bounds = item
-        examples = studio_examples(studio, seed, range(*bounds))
-        return number, {name: value.numpy() for name, value in vars(examples).items()}
+        return number, studio_examples(studio, seed, range(*bounds)).arrays()
 
     return work
 
@@ -153,7 +151,7 @@ def _prepare(shared: tuple[Drawing, int]) -> Callable[[StepArrays], StepArrays]:
 
     def work(item: StepArrays) -> StepArrays:
         step, arrays = item
-        examples = Examples(**{name: torch.from_numpy(value) for name, value in arrays.items()})
+        examples = Examples.of_arrays(arrays)
         layout = layout_of_numbers(examples.numbers.shape[1])
         if layout.count("shape") != modes:
             raise UserError(
@@ -164,18 +162,18 @@ def _prepare(shared: tuple[Drawing, int]) -> Callable[[StepArrays], StepArrays]:
         parts = [recolour_share(examples, drawing.recoloured, rng)]
         if fresh:
             parts.append(studio_examples(studio, seed, range(step * fresh, (step + 1) * fresh)))
-        return step, {name: value.numpy() for name, value in vars(Examples.joined(parts)).items()}
+        return step, Examples.joined(parts).arrays()
 
     return work
 
 
 def studio_examples(studio: Studio, seed: int, indices: range) -> Examples:
-    """The studio's images of these indices."""
+    """Return the studio's images of these indices."""
     return examples_of([studio.draw(seed, index) for index in indices])
 
 
 def examples_of(images: Sequence[StudioImage]) -> Examples:
-    """Images of the studio, stacked."""
+    """Return images of the studio, stacked."""
     latents = Latents.from_vector(torch.from_numpy(np.stack([image.latents for image in images])))
     return Examples(
         torch.from_numpy(np.stack([image.image for image in images])),
@@ -188,7 +186,7 @@ def examples_of(images: Sequence[StudioImage]) -> Examples:
 
 
 def recolour_share(examples: Examples, share: float, rng: np.random.Generator) -> Examples:
-    """Examples of a dataset, the object of a share of them in other colours."""
+    """Return examples of a dataset, the object of a share of them in other colours."""
     images, numbers = examples.images.clone(), examples.numbers.clone()
     albedo = layout_of_numbers(numbers.shape[1])["albedo"]
     for index in np.flatnonzero(rng.random(len(examples)) < share):

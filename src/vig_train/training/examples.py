@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -57,28 +57,37 @@ class Examples:
         names = [field.name for field in fields(Examples)]
         return Examples(*(torch.cat([getattr(part, name) for part in parts]) for name in names))
 
+    @staticmethod
+    def of_arrays(arrays: Mapping[str, np.ndarray]) -> Examples:
+        """Return the examples whose `arrays` these are."""
+        return Examples(**{name: torch.from_numpy(value) for name, value in arrays.items()})
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return all fields as arrays, which can be sent to another process."""
+        return {name: value.numpy() for name, value in vars(self).items()}
+
     def __len__(self) -> int:
         return len(self.azimuth)
 
     def to(self, device: torch.device) -> Examples:
-        """The same on another device."""
+        """Return the same on another device."""
         return Examples(*(getattr(self, field.name).to(device) for field in fields(self)))
 
     def pixels(self, device: torch.device | str = "cpu") -> torch.Tensor:
-        """Network input (N, 3, H, W), sRGB in [0, 1]."""
+        """Return network input (N, 3, H, W), sRGB in [0, 1]."""
         images = self.images.permute(0, 3, 1, 2).float().div(255).to(device)
         return images.contiguous(memory_format=torch.channels_last)
 
     def mask(self) -> torch.Tensor:
-        """Shares (N, 3, h, w) of the mask head's cells."""
+        """Return shares (N, 3, h, w) of the mask head's cells."""
         return cell_shares(self.visible.float() / 255, self.hidden.float() / 255)
 
     def present(self) -> torch.Tensor:
-        """Whether an image shows the object at all: (N,) float, 0 or 1."""
+        """Return whether an image shows the object at all: (N,) float, 0 or 1."""
         return (self.visible.flatten(1).amax(1) > 127).float()
 
     def as_absent(self, numbers: int) -> Examples:
-        """The same images for a class of so many regressed numbers, whose object they do not show."""
+        """Return the same images for a class of so many regressed numbers, whose object they do not show."""
         nothing = torch.zeros_like(self.visible)
         unknown = self.numbers.new_zeros(len(self), numbers)
         return Examples(self.images, self.azimuth, unknown, self.roll, nothing, nothing)

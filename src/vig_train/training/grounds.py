@@ -12,16 +12,15 @@ from vig_train.training.things import draw_thing
 from vig_world import Split
 from vig_world.assets.coats import any_colour
 
-MIN_ROLL = math.radians(2.0)
-"""Radians; grounds of cameras that roll less stay level."""
-UPRIGHT_SHARE = 0.25
-"""Share of grounds that do not roll with the camera."""
-
 
 def draw_ground(rng: np.random.Generator, split: Split, roll: float = 0.0) -> np.ndarray:
-    """What is behind the object, in most pictures rolled clockwise with the camera: (H, W, 3) linear RGB."""
+    """Return what is behind the object, in most pictures rolled clockwise with the camera: (H, W, 3) linear
+    RGB.
+    """
     ground = _level_ground(rng, split)
-    if abs(roll) < MIN_ROLL or rng.random() < UPRIGHT_SHARE:
+    # Radians; grounds of cameras that roll less stay level
+    # Share of grounds that do not roll with the camera
+    if abs(roll) < math.radians(2.0) or rng.random() < 0.25:
         return ground
     cos, sin = math.cos(roll), math.sin(roll)
     x, y = pixels()
@@ -35,7 +34,7 @@ def draw_ground(rng: np.random.Generator, split: Split, roll: float = 0.0) -> np
 
 
 def _level_ground(rng: np.random.Generator, split: Split) -> np.ndarray:
-    """Seamless, a table before a wall, or clutter: (H, W, 3) linear RGB."""
+    """Return seamless, a table before a wall, or clutter: (H, W, 3) linear RGB."""
     x, y = pixels()
     kind = rng.random()
     if kind < 0.33:  # seamless
@@ -65,7 +64,7 @@ def _level_ground(rng: np.random.Generator, split: Split) -> np.ndarray:
 def cast_shadow(
     rng: np.random.Generator, ground: np.ndarray, cover: np.ndarray, place: tuple[float, float, float]
 ) -> np.ndarray:
-    """The ground with a soft shadow under and beside what stands on it."""
+    """Return the ground with a soft shadow under and beside what stands on it."""
     if rng.random() < 0.25 or not cover.any():
         return ground
     x, y = pixels()

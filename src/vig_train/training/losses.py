@@ -17,14 +17,10 @@ LOSS_WEIGHTS = {"azimuth": 1.0, "numbers": 2.0, "mask": 2.0, "roll": 1.0, "prese
 """Weights of the parts of the loss."""
 MASK_MARGIN_CELLS = 9
 """Side, in cells of the mask head, of the square about each object's cell that counts as near the object."""
-MASK_MARGIN_WEIGHT = 3.0
-"""Weight of cells on and near the object in the mask's loss, over that of others."""
-ROLL_UNIT = math.radians(10.0)
-"""Unit of errors of roll in the loss, radians."""
 
 
 def losses(heads: Heads, batch: Batch, symmetry: Symmetry = Symmetry.NONE) -> dict[str, torch.Tensor]:
-    """Each part of the loss: see `dense_losses` and `mask_loss`.
+    """Return each part of the loss: see `dense_losses` and `mask_loss`.
 
     Args:
         heads: The network's outputs.
@@ -48,7 +44,7 @@ class Targets:
 
     @staticmethod
     def of(batch: Batch) -> Targets:
-        """Those of a batch."""
+        """Return those of a batch."""
         return Targets(batch.azimuth, batch.numbers, batch.roll, batch.present)
 
     def __getitem__(self, chosen: torch.Tensor) -> Targets:
@@ -64,7 +60,8 @@ def dense_losses(
     targets: Targets,
     symmetry: Symmetry = Symmetry.NONE,
 ) -> dict[str, torch.Tensor]:
-    """Parts of the loss of all heads but the mask: a distribution over azimuth, Gaussian likelihoods, others.
+    """Return parts of the loss of all heads but the mask: a distribution over azimuth, Gaussian likelihoods,
+    others.
 
     Terms of numbers are weighted by their own deviations (beta-NLL, Seitzer et al. 2022), so that those that
     are hard to predict continue to be learned. Where the object is absent only presence counts.
@@ -79,7 +76,8 @@ def dense_losses(
     variance = log_variance.exp()
     likelihood = (mean - targets.numbers) ** 2 / variance + log_variance
     weight = targets.present / targets.present.sum().clamp_min(1.0)
-    roll_error = angle_difference(roll, targets.roll) / ROLL_UNIT
+    # Unit of errors of roll in the loss, radians
+    roll_error = angle_difference(roll, targets.roll) / math.radians(10.0)
     roll_loss = functional.smooth_l1_loss(roll_error, torch.zeros_like(roll_error), reduction="none")
     return {
         "azimuth": (azimuth * weight).sum(),
@@ -90,18 +88,14 @@ def dense_losses(
 
 
 def mask_loss(logits: torch.Tensor, shares: torch.Tensor) -> torch.Tensor:
-    """Cross-entropy of mask logits (B, 3, h, w) with shares of the classes, of the same shape.
+    """Return the cross-entropy of mask logits (B, 3, h, w) with shares of the classes, of the same shape.
 
     Cells on and about the object count more than others, for its parts may be thin.
     """
     near_object = functional.max_pool2d(
         1 - shares[:, 2], MASK_MARGIN_CELLS, stride=1, padding=MASK_MARGIN_CELLS // 2
     )
-    weight = 1 + (MASK_MARGIN_WEIGHT - 1) * near_object
+    # Weight of cells on and near the object in the mask's loss, over that of others
+    weight = 1 + (3.0 - 1) * near_object
     cell_loss = functional.cross_entropy(logits, shares, reduction="none")
     return (cell_loss * weight).sum() / weight.sum()
-
-
-def weighted_sum(parts: dict[str, torch.Tensor]) -> torch.Tensor:
-    """The weighted sum that is minimised."""
-    return sum((LOSS_WEIGHTS[name] * loss for name, loss in parts.items()), torch.zeros(()))

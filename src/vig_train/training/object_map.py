@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -24,25 +24,15 @@ from vig_train.network.object_map import ObjectMap
 from vig_train.network.weights import read_network
 from vig_train.training.collages import PICTURES, SIDE, Box, draw_pictures
 from vig_train.training.examples import Examples
+from vig_train.training.loop import Trainer
 from vig_train.training.presence import fit_presence
-from vig_train.training.schedule import Schedule
 
 CELLS = SIDE // MAP_STRIDE
 """A side of a picture's map."""
-LEAST_SHOWN = 0.12
-"""Share of an object, or of its box, that is seen: with less it counts neither as there nor as absent."""
 MAP_CHANNELS = 96
 """Of a map; it has 50,000 weights."""
-PASSES = 12
-"""Over the pictures; each takes a sixteenth of the time in which they are made."""
-BATCH = 32
-"""Pictures a step."""
-LEARNING_RATE = 2e-3
-"""The highest."""
 CENTRE_FOCUS, MISS_FOCUS = 2, 4
 """Exponents of the focal loss, of how wrong a cell is and how far from a centre (Law and Deng 2018)."""
-BOX_UNIT = 0.2
-"""Error of a box, in cells or in logarithms, from which it counts linearly."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +53,7 @@ class MapTargets:
 
     @staticmethod
     def joined(parts: list[MapTargets]) -> MapTargets:
-        """Stacked."""
+        """Stack."""
         return MapTargets(
             *(torch.stack(values) for values in zip(*(vars(part).values() for part in parts), strict=True))
         )
@@ -72,7 +62,7 @@ class MapTargets:
         return MapTargets(*(value[chosen] for value in vars(self).values()))
 
     def mirrored(self) -> MapTargets:
-        """Of pictures flipped left to right."""
+        """Return the targets of pictures flipped left to right."""
         flipped = MapTargets(*(value.flip(-1) for value in vars(self).values()))
         return replace(flipped, box=flipped.box * flipped.box.new_tensor([-1, 1, 1, 1])[:, None, None])
 
@@ -100,27 +90,25 @@ class MapTraining:
         network.eval()
         maps, targets = self._through_trunk(network)
         network.object_map.train()
-        optimizer = torch.optim.AdamW(
-            network.object_map.parameters(), LEARNING_RATE, weight_decay=2e-2, fused=True
-        )
-        rng = np.random.default_rng([self.seed, 6])
-        steps = -(-len(maps) // BATCH)
-        rate = Schedule(LEARNING_RATE, PASSES * steps)
-        for number in range(PASSES):
-            order = torch.from_numpy(rng.permutation(len(maps))).split(BATCH)
-            for step, chosen in enumerate(order, number * steps):
-                seen, wanted = maps[chosen].float(), targets[chosen]
-                if self.mirror and rng.random() < 0.5:
-                    seen, wanted = seen.flip(3), wanted.mirrored()
-                for group in optimizer.param_groups:
-                    group["lr"] = rate(step)
-                optimizer.zero_grad()
-                map_loss(network.object_map(seen), wanted).backward()
-                optimizer.step()
+        passes, batch = 12, 32  # each pass takes a sixteenth of the time in which the pictures are made
+
+        def batches() -> Iterator[tuple[torch.Tensor, MapTargets]]:
+            rng = np.random.default_rng([self.seed, 6])
+            for _ in range(passes):
+                for chosen in torch.from_numpy(rng.permutation(len(maps))).split(batch):
+                    seen, wanted = maps[chosen].float(), targets[chosen]
+                    flipped = self.mirror and rng.random() < 0.5
+                    yield (seen.flip(3), wanted.mirrored()) if flipped else (seen, wanted)
+
+        def loss(pair: tuple[torch.Tensor, MapTargets]) -> dict[str, torch.Tensor]:
+            return {"map": map_loss(network.object_map(pair[0]), pair[1])}
+
+        parameters, steps = network.object_map.parameters(), passes * -(-len(maps) // batch)
+        Trainer.adamw(parameters, loss, 2e-3, steps).steps(batches())
         network.eval()
 
     def _through_trunk(self, network: RecognitionNetwork) -> tuple[torch.Tensor, MapTargets]:
-        """What the trunk makes of pictures (N, C, h, w) float16, and what the map should say of them."""
+        """Return the trunk's features of pictures (N, C, h, w) float16, and the map's targets."""
         maps, targets = [], []
         for number in range(-(-self.pictures // PICTURES)):
             rng = np.random.default_rng([self.seed, number, 5])
@@ -163,7 +151,8 @@ def add_object_map(start: Path, path: Path, training: MapTraining) -> None:
 
 
 def map_loss(numbers: torch.Tensor, targets: MapTargets) -> torch.Tensor:
-    """Focal loss of centres (Law and Deng 2018), for each of them, and the mean error of boxes near them.
+    """Return focal loss of centres (Law and Deng 2018), for each of them, and the mean error of boxes near
+    them.
 
     numbers: (N, 5, h, w), see `ObjectMap`.
     """
@@ -173,12 +162,13 @@ def map_loss(numbers: torch.Tensor, targets: MapTargets) -> torch.Tensor:
     hit = (1 - probability) ** CENTRE_FOCUS * functional.logsigmoid(logit)
     miss = (1 - targets.centre) ** MISS_FOCUS * probability**CENTRE_FOCUS * functional.logsigmoid(-logit)
     centres = -torch.where(at_centre, hit, miss)[targets.counts].sum() / at_centre.sum().clamp_min(1)
-    errors = functional.smooth_l1_loss(numbers[:, 1:], targets.box, reduction="none", beta=BOX_UNIT).sum(1)
+    # Error of a box, in cells or in logarithms, from which it counts linearly
+    errors = functional.smooth_l1_loss(numbers[:, 1:], targets.box, reduction="none", beta=0.2).sum(1)
     return centres + errors[targets.near].sum() / targets.near.sum().clamp_min(1)
 
 
 def targets_of(boxes: list[Box]) -> MapTargets:
-    """What the map of a picture with these objects should say."""
+    """Return what the map of a picture with these objects should say."""
     middle = torch.arange(CELLS) + 0.5
     down, right = middle[:, None], middle[None]
     centre, counts = torch.zeros(CELLS, CELLS), torch.ones(CELLS, CELLS, dtype=torch.bool)
@@ -189,7 +179,8 @@ def targets_of(boxes: list[Box]) -> MapTargets:
         x, y = (x0 + x1) / 2 / MAP_STRIDE, (y0 + y1) / 2 / MAP_STRIDE
         spread = ((right - x) / (0.12 * w + 0.25)) ** 2 + ((down - y) / (0.12 * h + 0.25)) ** 2
         here = torch.exp(-0.5 * spread)
-        known = BOX_SIDES[0] <= max(x1 - x0, y1 - y0) <= BOX_SIDES[1] and seen >= LEAST_SHOWN
+        # Share of an object, or of its box, that is seen: with less it counts neither as there nor as absent
+        known = BOX_SIDES[0] <= max(x1 - x0, y1 - y0) <= BOX_SIDES[1] and seen >= 0.12
         if not known or not (0 <= x < CELLS and 0 <= y < CELLS):
             counts &= here < 0.1
             continue

@@ -16,12 +16,6 @@ from vig_world.renderers.coated import Appearance, Mirrored, fresnel_of
 
 DARK = 0.06
 """Albedo up to which a material counts as dark, such as tyres and windows: it mostly stays dark."""
-OPAQUE = 0.9
-"""Opacity from which a material is no glass."""
-CLEAR_SHARE = 0.3
-"""Share of images in which glass lets the inside be seen; in the others it is dark."""
-DARK_CHANGED_SHARE = 0.15
-"""Share of dark materials that get another colour where others do."""
 
 
 @dataclass(frozen=True)
@@ -35,25 +29,28 @@ class Paint:
 
 
 def draw_paint(rng: np.random.Generator, mesh: SourceMesh, own: float) -> Paint:
-    """Materials of a mesh, a share `own` of the time as the file has them, else in other colours."""
+    """Return materials of a mesh, a share `own` of the time as the file has them, else in other colours."""
     count = len(mesh.textures)
     textures, gloss, drawn = [], np.zeros(count), np.ones(count, bool)
     keep = rng.random() < own
     changed = 0.0 if keep else rng.choice([0.3, 0.6, 0.9])
     tint = np.exp(rng.normal(0, 0.25)) * np.exp(rng.normal(0, 0.1, 3))
-    clear = rng.random() < CLEAR_SHARE
+    # Share of images in which glass lets the inside be seen; in the others it is dark
+    clear = rng.random() < 0.3
     shiny = rng.random()
     for number, texture in enumerate(mesh.textures):
         mean = texture.mean((0, 1))
         dark = mean.max() < DARK
         flat = texture.size == 3
         texture = texture * tint
-        if mesh.opacity[number] < OPAQUE:
+        # Opacity from which a material is no glass
+        if mesh.opacity[number] < 0.9:
             drawn[number] = not clear
             texture = np.full((1, 1, 3), np.exp(rng.uniform(np.log(0.01), np.log(0.15))), np.float32)
             gloss[number] = rng.uniform(0.5, 2.0)
         else:
-            if rng.random() < (DARK_CHANGED_SHARE * (changed > 0) if dark else changed):
+            # Share of dark materials that get another colour where others do
+            if rng.random() < (0.15 * (changed > 0) if dark else changed):
                 if flat:
                     colour = (
                         any_colour(rng) if rng.random() < 0.9 else stock_texture(int(rng.integers(TEXTURES)))
@@ -71,7 +68,7 @@ def draw_paint(rng: np.random.Generator, mesh: SourceMesh, own: float) -> Paint:
 def appearance(
     mesh: SourceMesh, vertices: np.ndarray, paint: Paint, light: np.ndarray, view: View, mirrored: Mirrored
 ) -> Appearance:
-    """How a mesh looks at vertices (V, 3), lit by spherical harmonics (9,) in the world's frame."""
+    """Return how a mesh looks at vertices (V, 3), lit by spherical harmonics (9,) in the world's frame."""
     shown = paint.drawn[mesh.material]
     faces, material = mesh.faces[shown], mesh.material[shown]
     fragments = rasterize(vertices, faces, view.rotation, view.translation, view.camera)

@@ -23,18 +23,12 @@ SIDE, MARGIN = 128, 16
 """Pixels a side of a cut-out's picture, and those that are free about it."""
 COUNT = 4096
 """Cut-outs that a training has."""
-MODEL_SHARE = 0.75
-"""Share of them that are of models in files, where there are such."""
 MORE = (1.0, 0.5, 0.3)
 """Shares of the pasted images that get a first, a second and a third one."""
 LEAST_HIDDEN, MOST_HIDDEN = 0.1, 0.85
 """An image's cut-outs hide no more of its object than a share drawn between these."""
 SIZES = (0.25, 1.2)
 """Of a cut-out, in sides of the object's box."""
-ALIKE = 0.25
-"""Share of cut-outs that get the object's mean colour."""
-SHADED = 0.4
-"""Share that darken softly what is beside them."""
 NOWHERE = (25.0, 125.0)
 """The box, from and to, of an object that is not in the image, pixels."""
 
@@ -57,11 +51,12 @@ class CutoutLibrary:
     def draw(
         seed: int, split: Split, class_name: str, models: ModelCutouts | None, count: int = COUNT
     ) -> CutoutLibrary:
-        """So many cut-outs of a split's things and models that are not of a class."""
+        """Return so many cut-outs of a split's things and models that are not of a class."""
         rng = np.random.default_rng(np.random.SeedSequence([seed, 72]))
         pictures = np.zeros((count, SIDE, SIDE, 4), np.uint8)
         for picture in pictures:
-            of_file = models is not None and rng.random() < MODEL_SHARE
+            # Three quarters are of models in files, where there are such.
+            of_file = models is not None and rng.random() < 0.75
             drawn = models.draw(rng) if models and of_file else draw_other(rng, split, class_name)
             cutout = drawn.convert("RGBA")
             cutout.thumbnail((SIDE - 2 * MARGIN,) * 2, Image.Resampling.LANCZOS)
@@ -70,13 +65,13 @@ class CutoutLibrary:
         return CutoutLibrary(torch.from_numpy(pictures).permute(0, 3, 1, 2).contiguous())
 
     def to(self, device: torch.device) -> CutoutLibrary:
-        """The same on another device."""
+        """Return the same on another device."""
         return CutoutLibrary(self.rgba.to(device))
 
     def paste(
         self, images: torch.Tensor, masks: torch.Tensor, share: float, rng: np.random.Generator
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Images (B, 3, H, W) with cut-outs before a share of their objects, and their masks.
+        """Return images (B, 3, H, W) with cut-outs before a share of their objects, and their masks.
 
         Args:
             images: sRGB in [0, 1].
@@ -97,13 +92,15 @@ class CutoutLibrary:
             colour, cover = self._drawn(places, size, rng, images)
             own = (colour * cover).sum((2, 3)) / cover.sum((2, 3)).clamp_min(1)
             gain = torch.exp(0.2 * normal(count, 1) + 0.06 * normal(count, 3))
-            alike = (uniform(count) < ALIKE) & (seen > 0)
+            # Share of cut-outs that get the object's mean colour
+            alike = (uniform(count) < 0.25) & (seen > 0)
             towards = ((mean + 0.03) / (own + 0.03)) ** (0.5 + 0.5 * uniform(count, 1))
             gain = torch.where(alike[:, None], towards, gain)[:, :, None, None]
             left = (masks[:, :1] * (1 - cover)).sum((1, 2, 3))
             taken = chosen & (uniform(count) < share_of_these) & ((left > least_left * area) | (area == 0))
             cover = cover * taken[:, None, None, None]
-            dark = 0.4 * uniform(count) * (uniform(count) < SHADED)
+            # Of the cut-outs .4 darken softly what is beside them.
+            dark = 0.4 * uniform(count) * (uniform(count) < 0.4)
             images = images * (1 - dark[:, None, None, None] * _beside(cover))
             images = images + cover * ((colour * gain).clamp(0, 1) - images)
             newly_hidden = masks[:, :1] * cover
@@ -113,7 +110,7 @@ class CutoutLibrary:
     def _drawn(
         self, places: torch.Tensor, size: torch.Tensor, rng: np.random.Generator, like: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Colour (B, 3, H, W) and coverage (B, 1, H, W) of some cut-outs about places (B, 2), pixels."""
+        """Draw colour (B, 3, H, W) and coverage (B, 1, H, W) of cut-outs about places (B, 2), pixels."""
         uniform, normal = _sources(rng, like)
         count, _, height, width = like.shape
         index = torch.from_numpy(rng.integers(len(self.rgba), size=count)).to(like.device)
@@ -136,7 +133,7 @@ class CutoutLibrary:
 
 
 def _sources(rng: np.random.Generator, like: torch.Tensor) -> tuple[Source, Source]:
-    """Uniform and normal numbers of any shape as tensors."""
+    """Return uniform and normal numbers of any shape as tensors."""
 
     def uniform(*shape: int) -> torch.Tensor:
         return torch.from_numpy(rng.random(shape)).to(like)
@@ -148,7 +145,7 @@ def _sources(rng: np.random.Generator, like: torch.Tensor) -> tuple[Source, Sour
 
 
 def _boxes(cover: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """Middles (B, 2) and lengths (B, 2) in x and y of what a cover (B, H, W) shows; see `NOWHERE`."""
+    """Return middles (B, 2) and lengths (B, 2) in x and y of what a cover (B, H, W) shows; see `NOWHERE`."""
     least, most = [], []
     for axis in (1, 2):
         on = (cover > 0.5).any(axis).float()
@@ -160,6 +157,6 @@ def _boxes(cover: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
 
 
 def _beside(cover: torch.Tensor) -> torch.Tensor:
-    """A soft shadow below and to the right of a cover (B, 1, H, W)."""
+    """Return a soft shadow below and to the right of a cover (B, 1, H, W)."""
     shifted = functional.pad(cover, (2, 0, 3, 0))[:, :, : cover.shape[2], : cover.shape[3]]
     return functional.avg_pool2d(shifted, 13, 1, 6)

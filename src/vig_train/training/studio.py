@@ -26,12 +26,10 @@ from vig.scene import (
     ObjectClass,
     ShapeModel,
 )
-from vig_train.training.environment import Environment
 from vig_train.training.grounds import cast_shadow, draw_ground
-from vig_train.training.layers import Layer, place_of
+from vig_train.training.layers import Environment, Layer, continue_border, photograph, place_of
 from vig_train.training.model_cutouts import model_cutouts
 from vig_train.training.painted_meshes import appearance, draw_paint
-from vig_train.training.snapshots import continue_border, photograph
 from vig_train.training.things import draw_instead, draw_thing
 from vig_world.assets.coats import any_colour, draw_coat
 from vig_world.assets.held_out import held_out_designs_of
@@ -44,8 +42,6 @@ from vig_world.renderers.coated import appearance_of
 
 SUPERSAMPLING = 2
 """Points across a pixel at which the object is drawn."""
-MAX_OCCLUDERS = 5
-"""Things in front of the object, at most."""
 MAX_ATTEMPTS = 8
 """Attempts at drawing an image, each from its own random stream, before an error is raised."""
 NOTHING, OTHER_VESSEL, OTHER_THING, PART, WHOLE = range(5)
@@ -239,10 +235,11 @@ class Studio:
         colours: list[np.ndarray],
         place: tuple[float, float, float],
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The picture (H, W, 3) with things before the object, and what is left of its cover (H, W)."""
+        """Put things before the object; return the picture (H, W, 3) and what is left of its cover (H, W)."""
         visible, full_area = cover, max(float(cover.sum()), 1e-6)
         target_share = 1 - rng.uniform(0, self.settings.most_hidden)
-        for _ in range(MAX_OCCLUDERS):
+        # At most five things in front of the object.
+        for _ in range(5):
             occluder = draw_thing(rng, self.split, colours, place, True, self._props)
             remaining = visible * (1 - occluder.cover)
             if remaining.sum() < (1 - self.settings.most_hidden) * full_area:
@@ -253,14 +250,16 @@ class Studio:
         return picture, visible
 
     def _model(self, rng: np.random.Generator) -> tuple[int, StudioModel | None]:
-        """What the object is drawn after, with its number; 0 and None where the class has nothing."""
+        """Return what the object is drawn after, with its number; 0 and None where the class has nothing."""
         if not self.models:
             return 0, None
         number = list(self.models)[int(rng.integers(len(self.models)))]
         return number, self.models[number]
 
     def _shape(self, rng: np.random.Generator, model: StudioModel | None) -> tuple[Latents, np.ndarray]:
-        """Latents but for the albedo, and vertices, a little off the shape model, or off what is drawn."""
+        """Return latents but for the albedo, and vertices, a little off the shape model, or off what is
+        drawn.
+        """
         settings = self.settings
         shape_model = self.object_class.shape_model
         draws = rng.standard_normal(shape_model.modes)
@@ -296,7 +295,7 @@ class Studio:
         return latents, vertices.astype(np.float32)
 
     def _camera(self, rng: np.random.Generator, vertices: np.ndarray, latents: Latents) -> Camera:
-        """A camera whose image frames the object as boxes do, or as the paper's camera does, about."""
+        """Return a camera whose image frames the object as boxes do, or as the paper's camera does, about."""
         settings = self.settings
         camera = self.object_class.camera()
         camera_distance_ratio = (
@@ -334,7 +333,7 @@ class Studio:
         )
 
     def _part(self, rng: np.random.Generator) -> np.ndarray:
-        """Faces of something like the object that is none: its body with one other part."""
+        """Return faces of something like the object that is none: its body with one other part."""
         model = self.object_class.shape_model
         kept_parts = [*self._body_parts, self._detachable_parts[rng.integers(len(self._detachable_parts))]]
         return model.faces[np.isin(model.parts[model.faces[:, 0]], kept_parts)]
@@ -348,7 +347,7 @@ class Studio:
         camera: Camera,
         environment: Environment,
     ) -> tuple[Layer, np.ndarray]:
-        """One of the user's meshes, lit, and the mean albedo (3,) of what is seen of it."""
+        """Return one of the user's meshes, lit, and the mean albedo (3,) of what is seen of it."""
         matrix = camera.camera_from_world(float(latents.azimuth), float(latents.elevation))
         view = View(camera.scaled(SUPERSAMPLING), matrix[:3, :3], matrix[:3, 3])
         paint = draw_paint(rng, mesh, self.settings.own_colours)
@@ -368,7 +367,7 @@ class Studio:
         environment: Environment,
         ground: np.ndarray,
     ) -> tuple[Layer, np.ndarray]:
-        """The object lit, and the mean albedo (3,) of what is seen of it."""
+        """Return the object lit, and the mean albedo (3,) of what is seen of it."""
         model = self.object_class.shape_model
         normals = vertex_normals(vertices, model.faces)
         light = vertex_irradiance(latents, torch.from_numpy(normals), self.object_class).numpy()
@@ -392,7 +391,9 @@ class Studio:
 
 @lru_cache(maxsize=8)
 def _models(object_class: ObjectClass, split: Split) -> tuple[StudioModel, ...]:
-    """The designs of a split, each with its mesh where that has materials, then meshes that were refused."""
+    """Return the designs of a split, each with its mesh where that has materials, then meshes that were
+    refused.
+    """
     designs, meshes = held_out_designs_of(object_class), source_meshes_of(object_class)
     of_design = {mesh.design: mesh for mesh in meshes}
     numbers = [] if designs is None else [n for n, of in enumerate(designs.splits) if of == split]
@@ -407,7 +408,7 @@ def _models(object_class: ObjectClass, split: Split) -> tuple[StudioModel, ...]:
 
 
 def separate_parts(model: ShapeModel) -> tuple[list[int], list[int]]:
-    """The first part with all that share triangles with it; and the others, which can be taken off it."""
+    """Return the first part with all that share triangles with it; and the others, which are separable."""
     faces = model.parts[model.faces]
     body = {0}
     while True:

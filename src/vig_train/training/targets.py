@@ -17,7 +17,7 @@ def azimuth_labels(
     spread: float = math.radians(4.0),
     symmetry: Symmetry = Symmetry.NONE,
 ) -> torch.Tensor:
-    """Soft labels (B, bins) of azimuths (B,) radians: a wrapped Gaussian of `spread` radians.
+    """Return soft labels (B, bins) of azimuths (B,) radians: a wrapped Gaussian of `spread` radians.
 
     Of half turns two, half a circle apart; of any turn all bins are alike.
     """
@@ -27,14 +27,14 @@ def azimuth_labels(
 
 
 def numbers_of(latents: Latents) -> torch.Tensor:
-    """The regressed numbers (B, M), see `regressed_layout`; light in the heading frame."""
+    """Return the regressed numbers (B, M), see `regressed_layout`; light in the heading frame."""
     light = rotate_z(latents.light, -latents.azimuth)
     parts = {"shape": latents.shape, "elevation": latents.elevation[:, None], "albedo": latents.albedo}
     return regressed_layout(latents.shape.shape[1]).join(parts | {"light": light})
 
 
 def cell_shares(visible: torch.Tensor, hidden: torch.Tensor) -> torch.Tensor:
-    """Shares (B, 3, ceil(H / 2), ceil(W / 2)) of `MASK_CLASSES` in each of the mask head's cells.
+    """Return shares (B, 3, ceil(H / 2), ceil(W / 2)) of `MASK_CLASSES` in each of the mask head's cells.
 
     visible, hidden: (B, H, W) float, shares of each pixel.
     """

@@ -8,6 +8,7 @@ import time
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -18,21 +19,20 @@ from torch import nn
 from vig.io.checks import decode, parse_json, read_tensors, reading
 from vig.io.errors import UserError
 from vig.io.progress import Meter
+from vig.recognition import WEIGHTS_FILE
 from vig.recognition.network import NetworkSettings, layout_of_numbers
 from vig.recognition.weights import TRUNK_PREFIXES, whole_tensors
 from vig.scene import Symmetry
 from vig_train.network.network import RecognitionNetwork, bfloat16
 from vig_train.network.weights import as_tensors
 from vig_train.training.augmentation import Augmentation, Batch
-from vig_train.training.checkpoint import Scale, load_checkpoint, save_checkpoint, save_weights
+from vig_train.training.checkpoint import Scale, save_weights
 from vig_train.training.drawing import Drawing, add_drawn_examples, drawn_once
 from vig_train.training.examples import Examples, hold_out
-from vig_train.training.losses import LOSS_WEIGHTS, losses, weighted_sum
-from vig_train.training.schedule import Schedule
+from vig_train.training.loop import Trainer, TrainingRun
+from vig_train.training.losses import LOSS_WEIGHTS, losses
 from vig_world.dataset import Dataset
 
-AVERAGE_DECAY = 0.998
-"""Decay of the exponential moving average of weights, per step."""
 TRUNK_RATE = 0.3
 """Learning rate of a trunk that was trained before, over that of the rest."""
 REPORT_SECONDS = 300.0
@@ -94,7 +94,7 @@ class TrainingSettings:
             raise UserError(f"training needs at least {2 * self.batch} images; {folders} has {count}")
 
     def fingerprint(self, datasets: Sequence[Dataset]) -> str:
-        """Settings and data that a checkpoint must match to be resumed."""
+        """Return settings and data that a checkpoint must match to be resumed."""
         data = 0
         for dataset in datasets:
             data = zlib.crc32(np.ascontiguousarray(dataset.latents).tobytes(), data)
@@ -160,57 +160,46 @@ def train(
         torch.set_num_threads(settings.threads)
     chosen, held_out = (torch.from_numpy(indices) for indices in hold_out(datasets, settings.validation))
     examples = Examples.joined([Examples.of(dataset) for dataset in datasets])
-    run = _TrainingState.begin(settings, examples, chosen)
-    checkpoint, path = Path(out) / "checkpoint.safetensors", Path(out) / "recognition.safetensors"
-    fingerprint = settings.fingerprint(datasets)
-    first_epoch, best, best_epoch = 0, math.inf, 0
-    if checkpoint.exists():
-        state = load_checkpoint(checkpoint, run.networks, run.optimizer, fingerprint)
-        first_epoch, best, best_epoch = int(state["epoch"]), float(state["best"]), int(state["best_at"])
+    state, steps = _TrainingState.begin(settings, examples, chosen), len(chosen) // settings.batch
+    path, average = Path(out) / WEIGHTS_FILE, state.networks["average"]
+    run = TrainingRun(
+        state.trainer.optimizer,
+        state.networks,
+        Path(out) / "checkpoint.safetensors",
+        settings.fingerprint(datasets),
+    )
     drawing, once = settings.drawing, None
     if drawing is not None and drawing.distinct:
         with Meter(drawing.distinct, 0, progress, "images", REPORT_SECONDS) as drawn:
             once = drawn_once(drawing, Path(out), settings.seed, drawn.advance)
-    batches = run.batches(examples, chosen, first_epoch, once)
-    steps = len(chosen) // settings.batch
-    with Meter(settings.epochs * steps, first_epoch * steps, progress, "steps", REPORT_SECONDS) as meter:
-        for epoch in range(first_epoch, settings.epochs):
-            if epoch - best_epoch >= settings.patience:
-                say(
-                    f"no better for {settings.patience} epochs;"
-                    f" the weights are those after epoch {best_epoch}"
-                )
-                break
+    batches = state.batches(examples, chosen, run.done(), once)
+    with Meter(settings.epochs * steps, run.done() * steps, progress, "steps", REPORT_SECONDS) as meter:
+        for number in run.epochs(settings.epochs, settings.patience):
             started = time.monotonic()
-            trained = run.epoch(batches, epoch, steps, meter.advance)
+            state.begin_epoch(number)
+            trained = state.trainer.steps(islice(batches, steps), number * steps, meter.advance)
             speed = len(chosen) / (time.monotonic() - started)
-            validated, errors = validate(
-                run.networks["average"], examples, held_out, run.scale, settings.symmetry
-            )
-            record(Epoch(epoch + 1, trained, validated, errors))
+            validated, errors = validate(average, examples, held_out, state.scale, settings.symmetry)
             loss = sum(LOSS_WEIGHTS[name] * value for name, value in validated.items())
-            if loss < best:
-                best, best_epoch = loss, epoch + 1
-                save_weights(run.networks["average"], run.scale, path)
-            state = {
-                "epoch": str(epoch + 1),
-                "run": fingerprint,
-                "best": repr(best),
-                "best_at": str(best_epoch),
-            }
-            save_checkpoint(checkpoint, run.networks, run.optimizer, state)
+            is_best = run.judge(loss)
+            record(Epoch(number + 1, trained, validated, errors))
+            if is_best:
+                save_weights(average, state.scale, path)
+            run.save()
             listed = "  ".join(f"{name} {value:.3g}" for name, value in errors.items())
-            say(f"epoch {epoch + 1}/{settings.epochs}  loss {loss:.3f}  {listed}  {speed:.0f} images/s")
+            say(f"epoch {number + 1}/{settings.epochs}  loss {loss:.3f}  {listed}  {speed:.0f} images/s")
+    if run.done() < settings.epochs:
+        say(f"no better for {settings.patience} epochs; the weights are those after epoch {run.best_epoch}")
     return path
 
 
 @dataclass(frozen=True)
 class _TrainingState:
-    """A network in training, the average of its weights, and its optimiser."""
+    """A network in training, the average of its weights, and what changes it."""
 
     settings: TrainingSettings
     networks: dict[str, RecognitionNetwork]
-    optimizer: torch.optim.Optimizer
+    trainer: Trainer[Batch]
     scale: Scale
     device: torch.device
 
@@ -240,15 +229,34 @@ class _TrainingState:
         head_parameters = [value for name, value in named if not name.startswith(TRUNK_PREFIXES)]
         share = TRUNK_RATE if settings.start is not None else 1.0
         groups = [{"params": head_parameters, "share": 1.0}, {"params": trunk_parameters, "share": share}]
-        optimizer = torch.optim.AdamW(
-            groups, settings.learning_rate, weight_decay=settings.weight_decay, fused=True
+        units = {name: value.to(device) for name, value in scale.items()}
+
+        def loss(batch: Batch) -> dict[str, torch.Tensor]:
+            scaled = replace(batch, numbers=(batch.numbers - units["mean"]) / units["deviation"])
+            with bfloat16(device):
+                heads = network(batch.images)
+            return losses(heads, scaled, settings.symmetry)
+
+        steps = settings.epochs * (len(chosen) // settings.batch)
+        trainer = Trainer.adamw(
+            groups, loss, settings.learning_rate, steps, settings.weight_decay, LOSS_WEIGHTS
         )
-        return _TrainingState(settings, {"network": network, "average": average}, optimizer, scale, device)
+        trainer = replace(trainer, max_norm=5.0, average=(network, average))
+        return _TrainingState(settings, {"network": network, "average": average}, trainer, scale, device)
+
+    def begin_epoch(self, number: int) -> None:
+        """Seed an epoch's randomness and put the network into training mode, but for what stays as it is."""
+        seed = np.random.SeedSequence([self.settings.seed, number]).generate_state(1)[0]
+        torch.manual_seed(int(seed >> 1))
+        network = self.networks["network"].train()
+        if self.settings.start is not None:
+            for part in _frozen_parts(network, self.settings):
+                part.eval()
 
     def batches(
         self, examples: Examples, chosen: torch.Tensor, first_epoch: int, once: Examples | None = None
     ) -> Iterator[Batch]:
-        """Augmented batches of all epochs from `first_epoch` on, in order, on the network's device.
+        """Yield augmented batches of all epochs from `first_epoch` on, in order, on the network's device.
 
         once: Images of the studio that were drawn before.
         """
@@ -271,37 +279,6 @@ class _TrainingState:
         library = None if library is None else library.to(self.device)
         for part, step in examples_of_steps:
             yield augment(part.to(self.device), np.random.default_rng([settings.seed, step, 1]), library)
-
-    def epoch(
-        self, batches: Iterator[Batch], epoch: int, steps: int, advance: Callable[[int], None]
-    ) -> dict[str, float]:
-        """Train on `steps` batches; return the mean of each part of the loss."""
-        settings, (network, average) = self.settings, self.networks.values()
-        torch.manual_seed(int(np.random.SeedSequence([settings.seed, epoch]).generate_state(1)[0] >> 1))
-        network.train()
-        if settings.start is not None:
-            for part in _frozen_parts(network, settings):
-                part.eval()
-        rate = Schedule(settings.learning_rate, settings.epochs * steps)
-        sums = dict.fromkeys(LOSS_WEIGHTS, 0.0)
-        for step in range(steps):
-            batch = next(batches)
-            scale = {name: value.to(self.device) for name, value in self.scale.items()}
-            numbers = (batch.numbers - scale["mean"]) / scale["deviation"]
-            with bfloat16(self.device):
-                heads = network(batch.images)
-            parts = losses(heads, replace(batch, numbers=numbers), settings.symmetry)
-            self.optimizer.zero_grad()
-            weighted_sum(parts).backward()
-            nn.utils.clip_grad_norm_(network.parameters(), 5.0)
-            done = epoch * steps + step
-            for group in self.optimizer.param_groups:
-                group["lr"] = rate(done) * group["share"]
-            self.optimizer.step()
-            _update_average(average, network, min(AVERAGE_DECAY, (1 + done) / (10 + done)))
-            sums = {name: sums[name] + float(part.detach()) / steps for name, part in parts.items()}
-            advance(1)
-        return sums
 
 
 def load_start_weights(
@@ -344,7 +321,7 @@ def load_start_weights(
 
 
 def _setting_of(path: Path, name: str, without: Any) -> Any:
-    """A field of `NetworkSettings` of a weights file, and what stands for it where the file lacks it."""
+    """Return a field of `NetworkSettings` of a weights file, `without` where the file lacks it."""
     with reading(path, "recognition weights", "Take a file of `vig train`."):
         _, metadata = read_tensors(path)
         settings = decode(dict[str, Any], parse_json(metadata.get("settings", "{}")))
@@ -352,7 +329,7 @@ def _setting_of(path: Path, name: str, without: Any) -> Any:
 
 
 def _frozen_parts(network: RecognitionNetwork, settings: TrainingSettings) -> list[nn.Module]:
-    """The first stages of the trunk, with what comes before them, or all but the mask's decoder."""
+    """Return the first stages of the trunk, with what comes before them, or all but the mask's decoder."""
     if settings.mask_alone:
         return [network.stem, *network.stages, *(getattr(network, name) for name in HEAD_PARTS)]
     return [network.stem, *network.stages[: settings.frozen]] if settings.frozen else []
@@ -366,7 +343,7 @@ def validate(
     scale: Scale,
     symmetry: Symmetry = Symmetry.NONE,
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Mean losses, and errors in their own units, on chosen examples without augmentation."""
+    """Return mean losses, and errors in their own units, on chosen examples without augmentation."""
     network.eval()
     device = next(network.parameters()).device
     sums, azimuths, elevations, shapes = dict.fromkeys(LOSS_WEIGHTS, 0.0), [], [], []
@@ -406,15 +383,3 @@ def validate(
         "shape_sd": float(torch.cat(shapes).mean()),
         "mask_iou": hits / max(unions, 1.0),
     }
-
-
-def _update_average(average: RecognitionNetwork, network: RecognitionNetwork, keep: float) -> None:
-    """Exponential moving average of weights and statistics."""
-    with torch.no_grad():
-        for averaged, current in zip(
-            average.state_dict().values(), network.state_dict().values(), strict=True
-        ):
-            if averaged.is_floating_point():
-                averaged.lerp_(current, 1 - keep)
-            else:
-                averaged.copy_(current)

@@ -92,7 +92,7 @@ def albedo_of(coat: Coat, points: np.ndarray, part: np.ndarray, height: float) -
     everywhere = rng.random() < 0.4
     on = np.ones(len(part), bool) if everywhere else part <= 1
     for _ in range(rng.choice([1, 2, 3], p=[0.6, 0.3, 0.1])):
-        paint, cover = _painted(rng, around, level, points, height)
+        paint, cover = draw_paint_layer(rng, around, level, points, height)
         albedo += (paint - albedo) * np.where(on, cover, np.float32(0))
     return albedo.T
 
@@ -106,10 +106,18 @@ def mean_albedo(coat: Coat, vertices: np.ndarray, model: ShapeModel) -> np.ndarr
     return albedo
 
 
-def _painted(
+def draw_paint_layer(
     rng: np.random.Generator, around: np.ndarray, level: np.ndarray, points: np.ndarray, height: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """One layer of paint: colour (3, N) or (3, 1) and coverage (N,), float32, at places on the surface."""
+    """Draw a layer of paint: colour (3, N) or (3, 1) and coverage (N,), float32.
+
+    Args:
+        rng: Source of all randomness.
+        around: (N,) places about the vertical, in turns.
+        level: (N,) places along it, in heights.
+        points: (N, 3) the same places in space.
+        height: Of the object, in the units of points.
+    """
     kind = rng.choice(7, p=[0.24, 0.18, 0.12, 0.12, 0.12, 0.12, 0.1])
     if kind == 0:  # painted ceramics
         image = stock_decoration(int(rng.integers(DECORATIONS)))

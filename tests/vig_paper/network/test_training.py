@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load_file
 
 from vig.io.errors import UserError
 from vig.scene import linear_from_srgb, srgb_from_linear
@@ -149,22 +149,6 @@ def test_another_runs_checkpoint_is_not_continued(trained: tuple[Path, list[str]
     with pytest.raises(UserError, match="another training run"):
         load_checkpoint(checkpoint, {}, torch.optim.SGD([torch.zeros(1)]), own)
     assert checkpoint.read_bytes() == before
-
-
-@pytest.mark.parametrize("keep", [0, 40, -100])
-def test_a_damaged_checkpoint_is_told(
-    keep: int, trained: tuple[Path, list[str]], dataset: Dataset, tmp_path: Path
-) -> None:
-    whole = (trained[0].parent / "checkpoint.safetensors").read_bytes()
-    (tmp_path / "checkpoint.safetensors").write_bytes(whole[:keep])
-    with pytest.raises(UserError, match="a damaged file"):
-        train_paper(dataset, tmp_path, SETTINGS)
-
-
-def test_a_checkpoint_that_is_none_of_ours_is_told(dataset: Dataset, tmp_path: Path) -> None:
-    save_file({"a": torch.zeros(1)}, tmp_path / "checkpoint.safetensors")
-    with pytest.raises(UserError, match="checkpoint"):
-        train_paper(dataset, tmp_path, SETTINGS)
 
 
 def test_too_small_a_dataset_and_impossible_settings_are_refused(dataset: Dataset, tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 from tests.vig_train.building.things import folder_of_finned
 from vig_train.building import BuildResult, BuildSettings, build_class
 
-SETTINGS = BuildSettings("finned", vertices=600, length=0.3, shows="the fin")
+SETTINGS = BuildSettings("finned", vertices=300, length=0.3, shows="the fin")
 
 
 @pytest.fixture(scope="session")

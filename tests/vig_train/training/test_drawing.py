@@ -48,7 +48,8 @@ def test_they_are_those_of_their_numbers_and_stay(tmp_path: Path, monkeypatch: p
         drawn_once(DRAWING, tmp_path / "file", 7)
 
 
-def test_each_step_takes_its_own(tmp_path: Path) -> None:
+def test_each_step_takes_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "DRAWN", 8)
     once = drawn_once(replace(DRAWING, distinct=8), tmp_path, 7)
 
     def taken(first: int, last: int) -> list[list[float]]:

@@ -11,8 +11,8 @@ import torch
 from vig.scene import Symmetry
 from vig_train.network.network import Heads
 from vig_train.training.augmentation import Batch
-from vig_train.training.losses import losses, weighted_sum
-from vig_train.training.schedule import Schedule
+from vig_train.training.loop import Schedule
+from vig_train.training.losses import losses
 
 
 def heads(mask: torch.Tensor) -> Heads:
@@ -66,12 +66,6 @@ def test_cells_about_the_object_weigh_three_times_as_much() -> None:
     logits[:, 2] = 20.0
     found = losses(heads(logits), batch(shares))
     assert float(found["mask"]) == pytest.approx(20 * 3 / (81 * 3 + 495), rel=1e-4)
-
-
-def test_the_total_weighs_the_parts() -> None:
-    names = ("azimuth", "numbers", "mask", "roll", "presence")
-    parts = {name: torch.tensor(10.0**power) for power, name in enumerate(names)}
-    assert float(weighted_sum(parts)) == pytest.approx(1 + 20 + 200 + 1000 + 3000)
 
 
 def test_the_learning_rate_rises_for_a_twentieth_and_falls_to_a_hundredth() -> None:

@@ -27,7 +27,7 @@ from vig_train.training.losses import LOSS_WEIGHTS
 from vig_train.training.training import Epoch, TrainingSettings, train, validate
 from vig_world.dataset import Dataset
 
-SETTINGS = TrainingSettings(epochs=3, batch=8, threads=1)
+SETTINGS = TrainingSettings(epochs=3, batch=8, threads=1, network=SMALL)
 COUNT = 40
 
 
@@ -91,7 +91,7 @@ def test_each_epoch_is_recorded_with_losses_and_errors(dataset: Dataset, tmp_pat
     train(
         [dataset],
         tmp_path,
-        dataclasses.replace(SETTINGS, epochs=2, network=SMALL),
+        dataclasses.replace(SETTINGS, epochs=2),
         said.append,
         epochs.append,
     )
@@ -121,7 +121,7 @@ def test_the_mask_alone_is_trained(dataset: Dataset, tmp_path: Path) -> None:
     np.testing.assert_allclose(
         *(Recognizer(path).object_map(images) for path in (first, second)), atol=2e-3, rtol=2e-3
     )
-    onwards = dataclasses.replace(SETTINGS, epochs=1, start=second, frozen=5, network=SMALL)
+    onwards = dataclasses.replace(SETTINGS, epochs=1, start=second, frozen=5)
     third = train([dataset], tmp_path / "3", onwards, print)
     assert Recognizer(third).settings.context == wide.context
     other = dataclasses.replace(wide, features=24)
@@ -131,7 +131,7 @@ def test_the_mask_alone_is_trained(dataset: Dataset, tmp_path: Path) -> None:
 
 def test_the_loss_falls(dataset: Dataset, tmp_path: Path) -> None:
     epochs: list[Epoch] = []
-    settings = dataclasses.replace(SETTINGS, epochs=6, patience=6, network=SMALL)
+    settings = dataclasses.replace(SETTINGS, epochs=6, patience=6)
     train([dataset], tmp_path, settings, lambda line: None, epochs.append)
     first, last = epochs[0], epochs[-1]
     assert sum(last.validated.values()) < 0.98 * sum(first.validated.values())
@@ -148,7 +148,7 @@ def test_the_weights_are_those_of_the_best_epoch_and_training_ends_after_it(
         return {"azimuth": next(losses), **others}, {"azimuth_deg": 0.0}
 
     monkeypatch.setattr("vig_train.training.training.validate", validated)
-    settings = dataclasses.replace(SETTINGS, epochs=5, patience=2, network=SMALL)
+    settings = dataclasses.replace(SETTINGS, epochs=5, patience=2)
     held: list[bytes] = []
     said: list[str] = []
 
@@ -182,7 +182,7 @@ def seeded(
     for name, seed, epochs in (("first", 0, 2), ("again", 0, 1), ("other", 1, 1)):
         Watched.seen.clear()
         given = dataclasses.replace(
-            SETTINGS, epochs=epochs, network=SMALL, augmentation=Watched(), learning_rate=0.0, seed=seed
+            SETTINGS, epochs=epochs, augmentation=Watched(), learning_rate=0.0, seed=seed
         )
         path = train([dataset], tmp_path_factory.mktemp(name), given, lambda line: None)
         runs[name] = load_file(path)["network.azimuth.weight"], list(Watched.seen)
@@ -370,7 +370,7 @@ def test_images_are_flipped_only_where_a_class_is_its_mirror_image(
         return plain(self, examples, rng, library)
 
     monkeypatch.setattr(Augmentation, "__call__", seen)
-    settings = dataclasses.replace(SETTINGS, epochs=1, network=SMALL, mirror=mirror)
+    settings = dataclasses.replace(SETTINGS, epochs=1, mirror=mirror)
     train([dataset], tmp_path, settings, lambda line: None)
     assert shares == {0.5 if mirror else 0.0}
 
