@@ -297,9 +297,7 @@ template <class R> void add_interior_rows(Task<R>& task) {
     }
 }
 
-template Gain<float> explain_interior(Task<float>&);
-template Gain<double> explain_interior(Task<double>&);
-template void add_interior_rows(Task<float>&);
-template void add_interior_rows(Task<double>&);
+template Gain<VIG_REAL> explain_interior(Task<VIG_REAL>&);
+template void add_interior_rows(Task<VIG_REAL>&);
 
 }  // namespace vig

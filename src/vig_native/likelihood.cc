@@ -216,13 +216,9 @@ double evaluate(const Geometry<R>& geometry, const Photos<R>& photos, Workspace<
     return value;
 }
 
-template Eye<float> eye_of(const float*, const PointLayout&, const Camera&);
-template Eye<double> eye_of(const double*, const PointLayout&, const Camera&);
-template struct Workspace<float>;
-template struct Workspace<double>;
-template double evaluate(const Geometry<float>&, const Photos<float>&, Workspace<float>&, const float*, int, double, int,
-                         bool, float*, float*, const std::function<bool(double)>&);
-template double evaluate(const Geometry<double>&, const Photos<double>&, Workspace<double>&, const double*, int, double,
-                         int, bool, double*, double*, const std::function<bool(double)>&);
+template Eye<VIG_REAL> eye_of(const VIG_REAL*, const PointLayout&, const Camera&);
+template struct Workspace<VIG_REAL>;
+template double evaluate(const Geometry<VIG_REAL>&, const Photos<VIG_REAL>&, Workspace<VIG_REAL>&, const VIG_REAL*, int, double,
+                         int, bool, VIG_REAL*, VIG_REAL*, const std::function<bool(double)>&);
 
 }  // namespace vig

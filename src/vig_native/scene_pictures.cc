@@ -340,14 +340,6 @@ void Scenes<R>::surface_back(const R* on_depth, const R* on_normals, R* on_point
     }
 }
 
-#define VIG_INSTANTIATE(R)                                                                                              \
-    template void Scenes<R>::paint(Images<R>, int);                                                                     \
-    template void Scenes<R>::paint_back(Images<const R>, R*, R*, R*, std::vector<LightCotangent>&,                      \
-                                        std::vector<Cotangents<R>>&, int) const;                                        \
-    template void Scenes<R>::surface(R*, R*, int32_t*, int32_t*) const;                                                 \
-    template void Scenes<R>::surface_back(const R*, const R*, R*, R*) const;
-VIG_INSTANTIATE(float)
-VIG_INSTANTIATE(double)
-#undef VIG_INSTANTIATE
+template class Scenes<VIG_REAL>;
 
 }  // namespace vig

@@ -232,13 +232,6 @@ void Scenes<R>::place_back(const R* on_points, const R* on_attributes, const std
     });
 }
 
-#define VIG_INSTANTIATE(R)                                                                                       \
-    template int Scenes<R>::vertex_count() const;                                                                \
-    template bool Scenes<R>::place(R*, R*, int);                                                                 \
-    template void Scenes<R>::place_back(const R*, const R*, const std::vector<LightCotangent>&,                  \
-                                        std::vector<Cotangents<R>>&, int) const;
-VIG_INSTANTIATE(float)
-VIG_INSTANTIATE(double)
-#undef VIG_INSTANTIATE
+template class Scenes<VIG_REAL>;
 
 }  // namespace vig

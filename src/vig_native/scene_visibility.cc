@@ -360,9 +360,6 @@ template <class R> void Scenes<R>::find_layer(int number, bool edges) {
                                        here_of(at), here_of(at) + (at.axis ? columns : 1)});
 }
 
-template void Scenes<float>::find(bool, int);
-template void Scenes<double>::find(bool, int);
-template void Scenes<float>::find_layer(int, bool);
-template void Scenes<double>::find_layer(int, bool);
+template class Scenes<VIG_REAL>;
 
 }  // namespace vig

@@ -193,11 +193,10 @@ SearchEnd search(int n, const Function<R>& function, const R* start, const R* lo
     return end;
 }
 
-#define VIG_INSTANTIATE(R)                                                                                             \
-    template struct Prior<R>;                                                                                          \
-    template double damped_step(int, const R*, const R*, const R*, R, const R*, const R*, R*);                         \
-    template SearchEnd search(int, const Function<R>&, const R*, const R*, const R*, const SearchSettings&, R*, size_t, R*);
-VIG_INSTANTIATE(float)
-VIG_INSTANTIATE(double)
+template struct Prior<VIG_REAL>;
+template double damped_step(int, const VIG_REAL*, const VIG_REAL*, const VIG_REAL*, VIG_REAL, const VIG_REAL*, const VIG_REAL*,
+                            VIG_REAL*);
+template SearchEnd search(int, const Function<VIG_REAL>&, const VIG_REAL*, const VIG_REAL*, const VIG_REAL*, const SearchSettings&,
+                          VIG_REAL*, size_t, VIG_REAL*);
 
 }  // namespace vig

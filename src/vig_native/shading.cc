@@ -249,11 +249,8 @@ template <class R> void unshade(Task<R>& task, R* shape, R* rest) {
     }
 }
 
-template void shade(Task<float>&);
-template void shade(Task<double>&);
-template void write_shape_rows(Task<float>&);
-template void write_shape_rows(Task<double>&);
-template void unshade(Task<float>&, float*, float*);
-template void unshade(Task<double>&, double*, double*);
+template void shade(Task<VIG_REAL>&);
+template void write_shape_rows(Task<VIG_REAL>&);
+template void unshade(Task<VIG_REAL>&, VIG_REAL*, VIG_REAL*);
 
 }  // namespace vig

@@ -425,11 +425,8 @@ template <class R> void add_edge_rows(Task<R>& task) {
     }
 }
 
-template void find_occlusion_edges(Task<float>&, std::vector<int32_t>&);
-template void find_occlusion_edges(Task<double>&, std::vector<int32_t>&);
-template Gain<float> blend_silhouette(Task<float>&, const std::vector<int32_t>&);
-template Gain<double> blend_silhouette(Task<double>&, const std::vector<int32_t>&);
-template void add_edge_rows(Task<float>&);
-template void add_edge_rows(Task<double>&);
+template void find_occlusion_edges(Task<VIG_REAL>&, std::vector<int32_t>&);
+template Gain<VIG_REAL> blend_silhouette(Task<VIG_REAL>&, const std::vector<int32_t>&);
+template void add_edge_rows(Task<VIG_REAL>&);
 
 }  // namespace vig

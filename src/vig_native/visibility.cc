@@ -104,13 +104,8 @@ template <class R> Fragment<R> fragment_at(const R* screen, const int32_t* corne
     return {{qa / q, qb / q, qc / q}, 1 / q};
 }
 
-template Fragment<float> fragment_at(const float*, const int32_t*, int, int, int);
-template Fragment<double> fragment_at(const double*, const int32_t*, int, int, int);
-#define VIG_INSTANTIATE(R, STRIDE) \
-    template void draw_faces<R, STRIDE>(const R*, const int32_t*, int, int, int, bool, VisibilityBuffer<R>&, uint8_t*);
-VIG_INSTANTIATE(float, 3)
-VIG_INSTANTIATE(float, 4)
-VIG_INSTANTIATE(double, 3)
-VIG_INSTANTIATE(double, 4)
+template Fragment<VIG_REAL> fragment_at(const VIG_REAL*, const int32_t*, int, int, int);
+template void draw_faces<VIG_REAL, 3>(const VIG_REAL*, const int32_t*, int, int, int, bool, VisibilityBuffer<VIG_REAL>&, uint8_t*);
+template void draw_faces<VIG_REAL, 4>(const VIG_REAL*, const int32_t*, int, int, int, bool, VisibilityBuffer<VIG_REAL>&, uint8_t*);
 
 }  // namespace vig

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import asdict, fields
-from typing import Any
 
 from rich.console import Console
 
@@ -17,14 +16,17 @@ from vig_paper.reproduction.reached import reached, reached_block, reached_line,
 from vig_paper.settings import Reproduce, ReproductionSettings
 from vig_train.cli.common import check_workers, command_line
 from vig_train.evaluation.paper import compare, comparison_block
-from vig_train.record import Record
 
 SAME_NUMBERS = ("steps", "workers", "json")
 """Options that do not change the numbers."""
 
 
 def reproduce_paper(chosen: Reproduce) -> int:
-    """Do the remaining steps of a run and print its tables, or JSON; its folder comes last."""
+    """Do the remaining steps of a run and print its tables, or JSON; its folder comes last.
+
+    JSON's "comparison" has the cells of `vig_train.evaluation.paper.compare`, "reached" the medians of
+    `vig_paper.reproduction.reached.reached`, by renderer.
+    """
     settings = ReproductionSettings.of(
         **{field.name: getattr(chosen, field.name) for field in fields(ReproductionSettings)}
     )
@@ -39,43 +41,33 @@ def reproduce_paper(chosen: Reproduce) -> int:
     command = command_line("vig reproduce", chosen, skipped=SAME_NUMBERS)
     record = reproduce(run, write_page, chosen.steps, machine(), command)
     tables = {name: table for name in RENDERERS if (table := folder.read_table(name)) is not None}
+    recorded = record.data["settings"]
+    cells = {name: compare(table) for name, table in tables.items()}
+    medians = {name: reached(recorded, table) for name, table in tables.items()}
     if chosen.json:
-        print(json.dumps(summary(folder, record, tables), indent=2))
+        summary = {
+            "settings": recorded,
+            "steps": record.data["steps"],
+            "tables": tables,
+            "comparison": {name: [asdict(cell) for cell in of_table] for name, of_table in cells.items()},
+            "reached": {name: [asdict(median) for median in of_table] for name, of_table in medians.items()},
+            "page": str(folder.page),
+            "folder": str(folder.root),
+        }
+        print(json.dumps(summary, indent=2))
         return 0
     console = Console(width=None if sys.stdout.isatty() else 120)
-    for renderer, table in tables.items():
-        medians = reached(record.data["settings"], table)
-        console.print((reached_block(medians) if medians else comparison_block(table)).rich())
-        cells = compare(table)
-        passed = sum(cell.passed for cell in cells)
-        if medians:
-            print(
-                f"{renderer}: {reached_line(medians)}; {passed} of {len(cells)} are better than the paper's"
-            )
+    for name, table in tables.items():
+        passed = f"{sum(cell.passed for cell in cells[name])} of {len(cells[name])}"
+        if medians[name]:
+            console.print(reached_block(medians[name]).rich())
+            print(f"{name}: {reached_line(medians[name])}; {passed} are better than the paper's")
         else:
-            print(f"{renderer}: {passed} of {len(cells)} cells pass")
-    print(training_line(record.data["settings"], settings.count("train_images")))
+            console.print(comparison_block(table).rich())
+            print(f"{name}: {passed} cells pass")
+    print(training_line(recorded, settings.count("train_images")))
     if folder.page.exists():
         end(folder.root, f"reproduced: open {folder.page}")
     else:
         end(folder.root, "not all stages are done: the same command without --stages goes on to the page")
     return 0
-
-
-def summary(folder: RunFolder, record: Record, tables: dict[str, Any]) -> dict[str, Any]:
-    """Data that `--json` prints.
-
-    `{"settings", "steps", "tables": {renderer: table.json}, "comparison": {renderer: [cell]}, "reached":
-    {renderer: [median]}, "page", "folder"}`; cells are those of `vig_train.evaluation.paper.compare`, medians
-    those of `vig_paper.reproduction.reached.reached`.
-    """
-    settings = record.data["settings"]
-    return {
-        "settings": settings,
-        "steps": record.data["steps"],
-        "tables": tables,
-        "comparison": {name: [asdict(cell) for cell in compare(table)] for name, table in tables.items()},
-        "reached": {name: [asdict(each) for each in reached(settings, t)] for name, t in tables.items()},
-        "page": str(folder.page),
-        "folder": str(folder.root),
-    }

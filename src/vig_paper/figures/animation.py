@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -14,7 +13,8 @@ from vig.io.files import atomic_write
 from vig.recognition import Prediction
 from vig.scene import Latents, ObjectClass, srgb_from_linear
 from vig.search.optimizer import Budget, Descent, Optimizer, Problem
-from vig_paper.figures.style import outline, picture_grid, render_explanations, show_picture
+from vig_paper.figures.style import outline, render_explanations, show_picture
+from vig_world.extras import optional_import
 
 MAX_FRAMES = 40
 MAX_BYTES = 1_000_000
@@ -75,14 +75,18 @@ def fit_animation(
 
 def _frame(photo: np.ndarray, colour: np.ndarray, coverage: np.ndarray, caption: str) -> Image.Image:
     """The photo, linear RGB, on the left; on the right the rendering over it, outlined."""
-    figure, ((left, right),) = picture_grid(["", ""], 1, 3.0)
+    with optional_import("world"):
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
     covered, photo = coverage[..., None], srgb_from_linear(photo)
-    show_picture(left, photo)
-    show_picture(right, photo * (1 - covered) + srgb_from_linear(colour) * covered, caption)
-    outline(right, coverage >= 0.5)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=100)
-    return Image.open(buffer).convert("RGB")
+    explained = photo * (1 - covered) + srgb_from_linear(colour) * covered
+    canvas = FigureCanvasAgg(Figure(figsize=(6, 3.2), facecolor="white"))
+    axes = canvas.figure.add_axes((0.0, 0.0625, 1.0, 0.9375))
+    show_picture(axes, np.hstack([photo, explained]), caption)
+    outline(axes, np.hstack([coverage * 0, coverage]) >= 0.5)
+    canvas.draw()
+    return Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
 
 
 def _write(path: Path, frames: list[Image.Image], durations: list[int]) -> None:
