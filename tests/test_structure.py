@@ -50,11 +50,11 @@ PLACES = [f"{package}.{name}" for package, names in ORDER.items() for name in na
 
 # The budget. A commit may lower a number; one that raises it says in CHANGELOG what was taken out for it.
 LINES = {
-    "vig_native": 7_285, "vig_renderer": 1_696, "vig": 13_397, "vig_app": 7_096, "vig_world": 24_071,
-    "vig_train": 12_605, "vig_paper": 2_759,
+    "vig_native": 7_285, "vig_renderer": 1_684, "vig": 13_277, "vig_app": 7_022, "vig_world": 19_081,
+    "vig_train": 12_499, "vig_paper": 2_759,
 }  # fmt: skip
-CONSTANTS = 1_323
-REACHED_LINES = {"vig.explainer": 14_603, "vig_app.cli.fit": 19_993}
+CONSTANTS = 1_272
+REACHED_LINES = {"vig.explainer": 11_402, "vig_app.cli.fit": 18_414}
 """Lines of the modules that one imports, directly and indirectly: what is read to change it."""
 
 PICKLERS = {"pickle", "cPickle", "_pickle", "dill", "cloudpickle", "joblib", "shelve", "marshal"}

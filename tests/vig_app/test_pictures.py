@@ -64,19 +64,15 @@ def test_distances_are_exact_as_far_as_they_are_asked_for() -> None:
     np.testing.assert_allclose(far[close], expected[close], atol=1e-5)
 
 
-def test_only_a_maps_box_of_the_window_is_visited() -> None:
+def test_only_the_windows_part_of_a_photo_and_a_maps_box_of_the_window_are_visited() -> None:
+    tiles = list(Window(700, 900, 200, roll=0.5).tiles(2000, 3000))
+    rows = tiles[-1][0].stop - tiles[0][0].start
+    assert 200 <= rows <= 290 and all(columns.stop - columns.start <= 290 for _, columns in tiles)
+    assert not list(Window(-500, 0, 100).tiles(300, 300))
     around = np.zeros((40, 40), bool)
     around[10:20, 5:25] = True
     assert list(Window(100, 200, 80).tiles(500, 500, around)) == [(slice(220, 240), slice(110, 150))]
     assert not list(Window(100, 200, 80).tiles(500, 500, around & False))
-
-
-def test_only_the_windows_part_of_a_photo_is_visited() -> None:
-    window = Window(700, 900, 200, roll=0.5)
-    tiles = list(window.tiles(2000, 3000))
-    rows = tiles[-1][0].stop - tiles[0][0].start
-    assert 200 <= rows <= 290 and all(columns.stop - columns.start <= 290 for _, columns in tiles)
-    assert not list(Window(-500, 0, 100).tiles(300, 300))
 
 
 def test_nothing_found_leaves_the_photo_as_it_is() -> None:
@@ -100,27 +96,20 @@ def close_up() -> CloseUp:
     )
 
 
-def test_a_part_has_the_colour_of_where_it_is_seen() -> None:
-    albedo = np.array([0.8, 0.8, 0.8])
-    np.testing.assert_allclose(
-        part_colours(close_up(), albedo, np.ones(2)), [[0.4, 0.2, 0.1], [0.8, 0.8, 0.8]], rtol=1e-5
-    )
-
-
-def test_a_part_that_is_too_bright_keeps_its_hue() -> None:
+@pytest.mark.parametrize(
+    ("light", "photo", "reflectance", "seen", "hidden"),
+    [
+        (1.0, 1.0, 1.0, [0.4, 0.2, 0.1], [0.8, 0.8, 0.8]),
+        (1.0, 4.0, 1.0, [1.0, 0.5, 0.25], [0.8, 0.8, 0.8]),  # too bright, over 0.8: 2, 1, 0.5
+        # Its colour is the photo over the light, whatever share of the albedo the class gives it.
+        (0.1, 1.0, np.array([0.1, 0.5]), [0.4, 0.2, 0.1], [0.4, 0.4, 0.4]),
+    ],
+)
+def test_a_part_has_the_colour_of_where_it_is_seen(light, photo, reflectance, seen, hidden) -> None:
     shown = close_up()
-    bright = replace(shown, photo=4 * shown.photo)  # over 0.8: 2, 1, 0.5
-    np.testing.assert_allclose(
-        part_colours(bright, np.full(3, 0.8), np.ones(2))[0], [1, 0.5, 0.25], rtol=1e-5
-    )
-
-
-def test_a_dark_part_may_be_brighter_than_its_reflectance() -> None:
-    """Its colour is the photo over the light, whatever share of the albedo the class gives it."""
-    shown = close_up()
-    dark = replace(shown, rendering=0.1 * shown.rendering)
-    colours = part_colours(dark, np.full(3, 0.8), np.array([0.1, 0.5]))
-    np.testing.assert_allclose(colours, [[0.4, 0.2, 0.1], [0.4, 0.4, 0.4]], rtol=1e-5)
+    shown = replace(shown, rendering=light * shown.rendering, photo=photo * shown.photo)
+    colours = part_colours(shown, np.full(3, 0.8), reflectance * np.ones(2))
+    np.testing.assert_allclose(colours, [seen, hidden], rtol=1e-5)
 
 
 def test_panels_stand_side_by_side() -> None:

@@ -22,8 +22,7 @@ from vig_world.assets.own.load import SUFFIXES, load
 from vig_world.assets.own.props import standing_parts
 from vig_world.assets.own.settings import settings_of
 from vig_world.assets.own.standing import SizedKind
-from vig_world.assets.props import is_of_class
-from vig_world.assets.props.material import prop
+from vig_world.assets.things import is_of_class, prop
 
 VIEWS = 8
 """Cut-outs of each model, each in another pose and light."""
@@ -76,17 +75,13 @@ def model_cutouts(source: str, split: Split, class_name: str) -> ModelCutouts:
         UserError: There is no such folder, or no model in it that falls into the split.
     """
     root = mesh_folder(source)
-    listed = [each for each in files_of(root, SUFFIXES) if not _is_like(each[0], class_name)]
+    listed = [each for each in files_of(root, SUFFIXES) if not is_of_class(Path(each[0]).stem, class_name)]
     files = tuple(path.relative_to(root).as_posix() for name, path in listed if _split_of(name) == split)
     if not files:
         raise UserError(
             f"{source}: expected models for the {split} split; got none of {len(listed)}. Give more."
         )
     return ModelCutouts(root, files)
-
-
-def _is_like(name: str, class_name: str) -> bool:
-    return is_of_class("_".join(Path(name).stem.replace("-", " ").split()), class_name)
 
 
 def _split_of(name: str) -> Split:

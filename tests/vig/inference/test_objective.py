@@ -197,10 +197,3 @@ def test_the_priors_derivatives_are_added_to_the_likelihoods(studio, objective: 
     assert_close(valued.gradient - below.gradient, slope, atol=1e-5, rtol=1e-6)
     curvature = differences(lambda p: -derivatives_of(objective.prior, p)[1], points)
     assert_close(valued.normal - below.normal, curvature, atol=1e-4, rtol=1e-6)
-
-
-def test_derivatives_may_be_left_out(studio, objective: Objective) -> None:
-    points = objective.point(studio.latents(np.random.default_rng(7)))
-    plain = objective(points, *studio.whose(1), derivatives=False)
-    assert plain.gradient is None and plain.normal is None
-    assert_close(plain.value, objective(points, *studio.whose(1)).value)

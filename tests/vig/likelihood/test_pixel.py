@@ -15,11 +15,6 @@ def row(*numbers: float) -> np.ndarray:
     return np.array(numbers, np.float64)
 
 
-def test_the_settings_are_the_papers_but_for_the_learned_alpha() -> None:
-    assert (ROBUST.sigma, ROBUST.alpha) == (0.03, 0.55)
-    assert (GAUSSIAN.sigma, GAUSSIAN.alpha) == (0.05, 1.0)
-
-
 def test_a_perfect_inlier_gains_and_an_outlier_costs_what_the_paper_says() -> None:
     # log(0.9 (2 pi 0.03^2)^(-3/2) + 0.1) = 7.66 nats; its posterior is one but for 5e-5.
     prior = PixelModel(0.03, 0.9).log_prior(1, 1)[0, 0]

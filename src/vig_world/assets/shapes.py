@@ -1,4 +1,4 @@
-"""Closed building blocks of props: surfaces of revolution, bevelled boxes, tubes, reliefs.
+"""Closed building blocks of what no model stands for: bevelled boxes, tubes, reliefs.
 
 Every mesh is closed (its faces' area vectors add up to zero), its faces look outward, and it has texture
 coordinates: u to the right and v up as seen from outside, (0, 0) at the texture's bottom left. Edges that
@@ -43,46 +43,6 @@ def _grid_faces(rows: int, columns: int, wrap: bool) -> NDArray[np.int32]:
     return quads.reshape(-1, 3).astype(np.int32)
 
 
-def revolve(profile: Points, segments: int = 32, outline: ArrayLike = 1.0, upright: bool = False) -> Mesh:
-    """Turns a profile round the z axis.
-
-    Args:
-        profile: (P, 2) radius and height, from the bottom's pole (radius 0) over the outside to the last
-            pole, or a loop whose last point repeats the first. A point given twice makes a sharp edge.
-        segments: vertices round the axis, even.
-        outline: factor of the radius per segment (segments,): makes square, lobed or oval sections.
-        upright: v runs with height, for labels; otherwise with the length along the profile.
-
-    The texture spans the half that faces -Y and comes back mirrored round the other one, so there is no seam;
-    with `upright` it comes back as it is, so that writing reads well on both sides, with seams at -X and +X.
-    """
-    radius, height = np.asarray(profile, np.float64).T
-    around = segments + 1 if upright else segments
-    turn = np.arange(around) / segments
-    angle = 2 * np.pi * turn - np.pi
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(radius), np.diff(height)))])
-    v = (height - height.min()) / np.ptp(height) if upright else along / along[-1]
-    ring = radius[:, None] * np.broadcast_to(outline, segments)[np.arange(around) % segments]
-    x, y = ring * np.cos(angle), ring * np.sin(angle)
-    z, v = np.broadcast_to(height[:, None], ring.shape), np.broadcast_to(v[:, None], ring.shape)
-    u = np.broadcast_to(2 * turn if upright else 1 - np.abs(2 * turn - 1), ring.shape)
-    index = np.arange(ring.size).reshape(ring.shape)
-    index = np.where(radius[:, None] == 0, index[:, :1], index)  # a pole is one vertex
-    faces = index.ravel()[_grid_faces(len(radius), around, wrap=not upright)]
-    used = np.ones(ring.shape, bool)
-    used[radius == 0, 1:] = False
-    used = used.ravel()
-    faces = (np.cumsum(used) - 1)[faces]
-    points, uv = np.stack([x, y, z], -1).reshape(-1, 3), np.stack([u, v], -1).reshape(-1, 2)
-    return _mesh(points[used], faces, uv[used])
-
-
-def superellipse(segments: int, power: float, aspect: float = 1.0) -> Array:
-    """An outline for `revolve`: power 2 is round, 4 and more squarish; `aspect` scales x against y."""
-    angle = 2 * np.pi * np.arange(segments) / segments
-    return (np.abs(np.cos(angle) / aspect) ** power + np.abs(np.sin(angle)) ** power) ** (-1 / power)
-
-
 def smooth(points: Points, count: int) -> Array:
     """A round curve (count, D) through control points (N, D): a Catmull-Rom spline."""
     p = np.asarray(points, np.float64)
@@ -92,87 +52,6 @@ def smooth(points: Points, count: int) -> Array:
     t = (t - i)[:, None]
     a, b, c, d = p[i], p[i + 1], p[i + 2], p[i + 3]
     return 0.5 * (2 * b + (c - a) * t + (2 * a - 5 * b + 4 * c - d) * t**2 + (3 * b - a - 3 * c + d) * t**3)
-
-
-def vessel(outside: Points, wall: float, floor: float, lip: int = 2) -> Array:
-    """The closed profile of a hollow vessel.
-
-    Args:
-        outside: (P, 2) radius and height of the outer wall from its foot (radius > 0) to its rim.
-        wall: thickness of the wall; floor: of the bottom.
-        lip: points round the rim's edge.
-    """
-    outer = np.asarray(outside, np.float64)
-    inner = outer[::-2] - [wall, 0.0]  # the inside, little seen, with half the points
-    inner = inner[(inner[:, 1] > outer[0, 1] + floor) & (inner[:, 0] > 0)]
-    turn = np.linspace(0, np.pi, lip + 2)[1:-1, None]
-    rim = outer[-1] + wall / 2 * np.concatenate([np.cos(turn) - 1, np.sin(turn)], 1)
-    deepest = outer[0, 1] + floor
-    bottom = [[inner[-1, 0] * 0.92, deepest], [0.0, deepest]]
-    return np.concatenate([[[0.0, outer[0, 1]], outer[0]], outer, rim, inner, bottom])
-
-
-def rounded(width: float, depth: float, radius: float, count: int = 4) -> Array:
-    """The outline (4 * count, 2) of a rectangle, centred, its corners rounded; counter-clockwise."""
-    turn = np.linspace(0, np.pi / 2, count)
-    corners = [
-        [x * (width / 2 - radius), y * (depth / 2 - radius)] + radius * np.stack([np.cos(a), np.sin(a)], 1)
-        for (x, y), a in zip(
-            ((1, 1), (-1, 1), (-1, -1), (1, -1)), turn + np.pi / 2 * np.arange(4)[:, None], strict=True
-        )
-    ]
-    return np.concatenate(corners)
-
-
-def extrude(outline: Points, height: float, bevel: float = 0.0) -> Mesh:
-    """A flat body on z = 0 over an outline, as thick as `height`.
-
-    Top and bottom show the texture as it fits their bounding box; it runs once round the side.
-
-    Args:
-        outline: (N, 2) counter-clockwise, seen whole from its middle (the mean of its points). A point given
-            twice makes a sharp upright edge.
-        bevel: Metres by which the upper and lower edges are rounded off.
-    """
-    p = np.asarray(outline, np.float64)
-    p = np.roll(p, -1, axis=0) if (p[0] == p[1]).all() else p
-    low, size = p.min(0), np.ptp(p, axis=0)
-    middle = (p.min(0) + p.max(0)) / 2
-    bevel = min(bevel, 0.45 * height, 0.45 * size.min())
-    inner = middle + (p - middle) * (1 - 2 * bevel / size)
-    levels = (
-        [(inner, 0.0), (p, bevel), (p, height - bevel), (inner, height)] if bevel else [(p, 0.0), (p, height)]
-    )
-    walls = [np.column_stack([q, np.full(len(p), z)]) for q, z in levels]
-    n = len(p)
-    closed = [np.concatenate([wall, wall[:1]]) for wall in walls]
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(closed[0], axis=0), axis=1))])
-    side_uv = [np.stack([along / along[-1], np.full(n + 1, wall[0, 2] / height)], 1) for wall in closed]
-    faces = [_grid_faces(len(closed), n + 1, wrap=False)]
-    points, uv = np.concatenate(closed), np.concatenate(side_uv)
-    k = np.arange(n)
-    for z, flip in ((0.0, True), (height, False)):
-        cap = np.column_stack([np.concatenate([inner, [p.mean(0)]]), np.full(n + 1, z)])
-        start = len(points)
-        fan = np.stack([k, (k + 1) % n, np.full(n, n)], 1) + start
-        faces.append(fan[:, ::-1] if flip else fan)
-        flat = (cap[:, :2] - low) / size
-        points, uv = (
-            np.concatenate([points, cap]),
-            np.concatenate([uv, flat * [-1, 1] + [1, 0] if flip else flat]),
-        )
-    return _mesh(points, np.concatenate(faces), uv)
-
-
-def blob(size: Points, segments: int = 14, rows: int = 8, power: float = 2.0) -> Mesh:
-    """A rounded body of the given size (x, y, z) on z = 0, centred; power 2 an ellipsoid, more boxier."""
-    half = np.asarray(size, np.float64) / 2
-    t = np.linspace(0, np.pi, rows)
-    profile = np.stack([np.sin(t), 1 - np.cos(t)], 1)
-    reach = (np.abs(profile[:, :1]) ** power + np.abs(1 - profile[:, 1:]) ** power) ** (-1 / power)
-    profile = np.concatenate([profile[:, :1] * reach, 1 - (1 - profile[:, 1:]) * reach], 1)
-    profile[[0, -1], 0] = 0.0
-    return scaled(revolve(profile, segments, superellipse(segments, power)), half)
 
 
 def scaled(mesh: Mesh, factor: ArrayLike) -> Mesh:
@@ -282,23 +161,6 @@ def tube(path: Points, radius: ArrayLike, sides: int = 8, up: ArrayLike = (0.0, 
         np.concatenate([faces, *caps]),
         np.concatenate([uv.reshape(-1, 2), section, section]),
     )
-
-
-def hoop(path: Points, radius: ArrayLike, sides: int = 6, up: ArrayLike = (0.0, 0.0, 1.0)) -> Mesh:
-    """A tube that closes on itself: path (N, 3), its last point not the first; the rest as in `tube`."""
-    p = np.asarray(path, np.float64)
-    tangent = np.roll(p, -1, axis=0) - np.roll(p, 1, axis=0)
-    across = np.cross(tangent, np.asarray(up, np.float64))
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    over = np.cross(across, tangent)
-    over /= np.linalg.norm(over, axis=1, keepdims=True)
-    widths = np.broadcast_to(np.asarray(radius, np.float64), 2)
-    turn = np.arange(sides) / sides
-    c, s = np.cos(2 * np.pi * turn)[:, None], np.sin(2 * np.pi * turn)[:, None]
-    ring = p[:, None] + widths[0] * c * across[:, None] + widths[1] * s * over[:, None]
-    ring = np.concatenate([ring, ring[:1]])
-    uv = np.stack(np.broadcast_arrays(1 - np.abs(2 * turn - 1), np.linspace(0, 1, len(ring))[:, None]), -1)
-    return _mesh(ring.reshape(-1, 3), _grid_faces(len(ring), sides, wrap=True), uv.reshape(-1, 2))
 
 
 def relief(x: ArrayLike, y: ArrayLike, top: ArrayLike, bottom: ArrayLike | float = 0.0) -> Mesh:
