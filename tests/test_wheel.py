@@ -4,6 +4,11 @@ import tomllib
 import zlib
 from pathlib import Path
 
+import pytest
+
+from vig_app.cli import common
+from vig_app.cli.common import ExitCode
+from vig_app.cli.main import main
 from vig_native import ISA
 
 ROOT = Path(__file__).parents[1]
@@ -25,3 +30,17 @@ def test_the_wheel_has_less_than_25_mb() -> None:
     largest = sorted(sizes, key=lambda path: -sizes[path])[:5]
     told = ", ".join(f"{path.relative_to(ROOT)} {sizes[path] / 1e6:.1f} MB" for path in largest)
     assert 1e6 < sum(sizes.values()) < 25e6, told
+
+
+def test_the_papers_package_stays_in_the_clone(capsys: pytest.CaptureFixture[str], monkeypatch) -> None:
+    packages = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["scikit-build"]["wheel"][
+        "packages"
+    ]
+    assert sorted(packages) == sorted(
+        f"src/{path.name}" for path in (ROOT / "src").iterdir() if path.name != "vig_paper"
+    )
+    monkeypatch.setattr(common, "find_spec", lambda name: name != "vig_paper" or None)
+    with pytest.raises(SystemExit) as ended:
+        main(["reproduce", "--scale", "tiny"])
+    said = capsys.readouterr().err
+    assert ended.value.code == ExitCode.MISTAKE and said.count("\n") == 1 and "expected a clone" in said

@@ -7,26 +7,7 @@ explanation.save("result")
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from vig.explainer import Explainer as Explainer
-    from vig.explanation import Explanation as Explanation
-    from vig.hints import Hints as Hints
-    from vig.inference.settings import Verdict as Verdict
-    from vig.io.errors import UserError as UserError
-    from vig.scene.camera import Camera as Camera
-    from vig.scene.latents import Latents as Latents
-    from vig.scene.object_class import ObjectClass as ObjectClass
-    from vig.several import SceneExplanation as SceneExplanation
-    from vig.several import explain_found as explain_found
-    from vig.several import explain_together as explain_together
-    from vig.video import Track as Track
-    from vig.video import TrackedFrame as TrackedFrame
-    from vig.video import TrackedPose as TrackedPose
-    from vig.video import Tracker as Tracker
-    from vig.video import track as track
-    from vig_renderer.rendering import render as render
+from typing import Any
 
 __version__ = "0.3.0.dev0"
 
@@ -49,7 +30,8 @@ _HOMES = {
     "render": "vig_renderer",
     "track": "vig.video",
 }
-"""Where each public name lives: imported when it is first asked for, so that `import vig` is quick."""
+"""Where each public name lives: imported when it is first asked for, so that `import vig` is quick. Type
+checkers read `__init__.pyi`."""
 
 __all__ = ["__version__", *_HOMES]
 

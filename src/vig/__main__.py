@@ -1,6 +1,7 @@
-"""`python -m vig` is `vig`."""
+"""`python -m vig` is the command `vig`."""
+
+from importlib.metadata import entry_points
 
 if __name__ == "__main__":
-    from vig_app.cli.main import main
-
-    main()
+    (command,) = entry_points(group="console_scripts", name="vig")
+    command.load()()

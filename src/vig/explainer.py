@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 from vig.explanation import Explanation
 from vig.hints import Hints
@@ -21,17 +20,18 @@ from vig.inference import (
     Fit,
     OtherView,
     Verdict,
-    all_round,
     explain,
     resolve,
+    without_network,
 )
 from vig.inference.calibration import FILE as CALIBRATION_FILE
 from vig.inference.confidence import unsure
-from vig.inference.settings import followed
+from vig.inference.settings import for_tracking
 from vig.io.checks import number_of
 from vig.io.errors import UserError
 from vig.parallel import map_in_processes, on_one_core
 from vig.photo import ImagePyramid, Intrinsics, Window, focal_of
+from vig.photo.images import Photo as Photo
 from vig.photo.images import coded_photo
 from vig.photo.lens import camera_as_shown
 from vig.photo.window import DISTANCE_RATIO_BOUNDS
@@ -40,7 +40,6 @@ from vig.scene import Latents, ObjectClass
 from vig.scene.functions import numpy_of_tensor
 from vig_renderer.defaults import with_default_settings
 
-Photo = str | Path | Image.Image | np.ndarray
 Box = tuple[float, float, float, float]
 Lens = tuple[Any, str]
 """A photo's intrinsics, as `Intrinsics.of` takes them, and `Explanation.focal_from`."""
@@ -169,9 +168,9 @@ class Explainer:
         )
         hints = hints.checked(width, height, self.object_class) if hints else None
         if not self.recognizer.informed:
-            settings, expected = all_round(settings), None
+            settings, expected = without_network(settings), None
         elif expected is not None:
-            settings = followed(settings)
+            settings = for_tracking(settings)
         roll = None if hints is None else hints.views()[2]
         if window is None and box is not None:
             window = Window.of(width, height, checked_box(box))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,21 +9,22 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
-from PIL import Image
 
 from vig.hints import Hints
 from vig.inference import Fit, Verdict
 from vig.io.errors import UserError
-from vig.output import CloseUp, describe, overlay, panels, part_colours
-from vig.output.pictures import PANEL, THUMBNAIL, line_reach
+from vig.outputs import output
 from vig.parallel import on_one_core
 from vig.photo import Window, outline_distance
 from vig.photo.fit_geometry import FitGeometry
-from vig.photo.images import coded, linear_photo
+from vig.photo.images import linear_photo, png_bytes
 from vig.photo.masks import box_of
-from vig.photo.outline import REACH
+from vig.photo.outline import REACH, SMALLEST_PICTURE, line_reach
 from vig.photo.pinhole import sight_axes
+from vig.record import Hints as HintsRecord
+from vig.record import record
 from vig.renderer.drawing import draw_latents
 from vig.scene import Camera, Latents, ObjectClass, latent_layout
 from vig.scene.camera import FOCAL_OVER_WIDTH
@@ -62,7 +62,7 @@ class Alternative:
     @property
     def camera_from_object(self) -> np.ndarray:
         """As `Explanation.camera_from_object`."""
-        return self.camera.camera_from_world(float(self.latents.azimuth[0]), float(self.latents.elevation[0]))
+        return self.camera.camera_from_object(self.latents)
 
 
 @with_default_settings
@@ -175,6 +175,11 @@ class Explanation:
         """
         return self._camera(self.latents, self.fit.framing)
 
+    @property
+    def window_camera(self) -> Camera:
+        """The fit's camera, which looks straight at the object, in pixels of the window."""
+        return self._geometry.window_camera(self.fit.framing)
+
     @cached_property
     def _geometry(self) -> FitGeometry:
         height, width = self.picture.shape[:2]
@@ -185,8 +190,7 @@ class Explanation:
         window, lens = self._geometry.window_camera(framing), self.window.lens
         if lens is None:
             return self.window.camera(window, width, height)
-        angles = float(latents.azimuth[0]), float(latents.elevation[0])
-        looks_at_it = window.camera_from_world(*angles)
+        looks_at_it = window.camera_from_object(latents)
         pose = self._geometry.pose_before(lens.K, latents, framing)
         return replace(
             window,
@@ -203,7 +207,7 @@ class Explanation:
     @cached_property
     def camera_from_object(self) -> np.ndarray:
         """Pose (4, 4) float64, metres: OpenCV camera axes from the object's frame (Z up, +X `front`)."""
-        return self.camera.camera_from_world(float(self.latents.azimuth[0]), float(self.latents.elevation[0]))
+        return self.camera.camera_from_object(self.latents)
 
     @property
     def amodal(self) -> np.ndarray:
@@ -229,10 +233,10 @@ class Explanation:
     def outlines(self) -> tuple[np.ndarray, np.ndarray]:
         """Distances to the outlines of what the object covers and of what of it is seen.
 
-        See `outline_distance`; as far as pictures of `THUMBNAIL` pixels or more show them.
+        See `outline_distance`; as far as pictures of `SMALLEST_PICTURE` pixels or more show them.
         """
         height, width = self.picture.shape[:2]
-        scale = min(1.0, THUMBNAIL / max(height, width))
+        scale = min(1.0, SMALLEST_PICTURE / max(height, width))
         pixel = len(self.fit.coverage) / (self.window.side * scale)
         outside, inside = (  # and half a pixel, as values between two points are drawn
             min(REACH, pixel * number + 0.5) for number in (line_reach(scale * height, scale * width), 1.0)
@@ -300,68 +304,32 @@ class Explanation:
         return np.concatenate([drawn.rgb, drawn.coverage[:, :, None]], axis=-1)
 
     def overlay(self) -> np.ndarray:
-        """The photo (H, W, 3) uint8 with the object's outline in yellow, its hidden pixels tinted pink."""
-        return overlay(coded(self.picture), self.window, *self.outlines)
+        """Return the photo (H, W, 3) uint8 with the object's outline in yellow, its hidden pixels in pink."""
+        picture: np.ndarray = output("overlay")(self)
+        return picture
 
     def panels(self) -> np.ndarray:
-        """Photo, re-rendering, residual, normals and mask of the window side by side, (H, W, 3) uint8."""
-        return self._panels.copy()
-
-    @cached_property
-    def _panels(self) -> np.ndarray:
-        return panels(self.close_up)
-
-    @cached_property
-    def part_albedo(self) -> np.ndarray:
-        """Linear RGB (parts, 3) of the surface of each part, see `vig.output.part_colours`."""
-        reflectance = self.object_class.reflectance_of_parts
-        return part_colours(self.close_up, self.latents.albedo[0], reflectance)
-
-    @cached_property
-    def close_up(self) -> CloseUp:
-        """The window beside its re-rendering."""
-        camera = self._geometry.window_camera(self.fit.framing)
-        camera = camera.scaled(PANEL / camera.width)
-        drawn = on_one_core(partial(draw_latents, self.latents, self.object_class, camera))
-        pose = camera.camera_from_world(float(self.latents.azimuth[0]), float(self.latents.elevation[0]))
-        model, triangle = self.object_class.shape_model, drawn.triangle_id
-        part = np.where(triangle < 0, -1, model.parts[model.faces[triangle, 0]])
-        upright = Window(0, 0, PANEL)
-        everything = slice(0, PANEL), slice(0, PANEL)
-        return CloseUp(
-            photo=self._photo_of_window(PANEL),
-            rendering=drawn.rgb,
-            coverage=drawn.coverage,
-            normals=drawn.normals @ pose[:3, :3].T.astype(np.float32),
-            part=part,
-            depth=drawn.depth,
-            visible=upright.paste(self.outlines[1], *everything) < 0,
-            camera=camera,
-        )
-
-    def _photo_of_window(self, size: int) -> np.ndarray:
-        """The window in S x S pixels, linear RGB, from as much of a large photo's detail as shows."""
-        coarser = int(self.window.side / (2 * size))
-        if coarser < 2:
-            return self.window.crop(self.picture, size)[0]
-        picture = np.asarray(Image.fromarray(coded(self.picture)).reduce(coarser))
-        return self.window.scaled(1 / coarser).crop(picture, size)[0]
+        """Return photo, re-rendering, residual, normals and mask of the window side by side, (H, W, 3)."""
+        picture: np.ndarray = output("panels")(self)
+        return picture.copy()
 
     def to_dict(self) -> dict[str, Any]:
-        """What `explanation.json` holds."""
-        cameras = [self.camera, *(view.camera for view in self.alternatives)]
-        described = describe(
+        """Return what `explanation.json` holds, see `vig.record`."""
+        described = record(
             self.fit,
             self.object_class,
             self.window,
-            cameras,
+            [self.camera, *(view.camera for view in self.alternatives)],
             self.focal_from,
-            self.hidden_fraction,
-            self.box,
             self.pinhole_pose(),
+            box=self.box and list(self.box),
+            hidden_fraction=None if self.hidden_fraction is None else round(self.hidden_fraction, 5),
+            trusted=list(self.trusted),
+            hints=HintsRecord(**(self.hints.described() if self.hints else {})),
         )
-        hints = self.hints.described() if self.hints else {}
-        return described | {"trusted": list(self.trusted), "hints": hints}
+        # Numbers of numpy are among a window's and a camera's.
+        plain: dict[str, Any] = msgspec.to_builtins(described, enc_hook=float)
+        return plain
 
     def save(
         self,
@@ -383,9 +351,8 @@ class Explanation:
         Raises:
             UserError: The folder cannot be written, or there is no such file.
         """
-        from vig_app.report.folder import FILES, save_explanation
-
-        return save_explanation(self, folder, photo, FILES if files is None else files, full_size)
+        saved: Path = output("save")(self, folder, photo, files, full_size)
+        return saved
 
     def report(self, photo: str = "photo") -> str:
         """A page of HTML that shows the explanation in any browser, in one file, without the network.
@@ -393,9 +360,7 @@ class Explanation:
         Args:
             photo: What the photo is called there.
         """
-        from vig_app.report.contents import page_of, page_photo
-
-        return page_of(self, photo, self.to_dict(), page_photo(coded(self.picture)))
+        return str(output("report")(self, photo))
 
     def export(self, folder: str | Path, formats: Sequence[str], photo: str = "photo") -> Path:
         """Write the explanation in the formats of other tools, docs/explanation.md; returns the folder.
@@ -408,9 +373,8 @@ class Explanation:
         Raises:
             UserError: There is no such format, its library is not installed, or the folder cannot be written.
         """
-        from vig_app.exports import export_explanation
-
-        return export_explanation(self, folder, formats, photo)
+        exported: Path = output("export")(self, folder, formats, photo)
+        return exported
 
     def pinhole_pose(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The pose before the camera that took the photo, which a robot wants.
@@ -476,9 +440,7 @@ class Explanation:
 
     def _repr_png_(self) -> bytes:
         """The overlay, for notebooks."""
-        data = io.BytesIO()
-        Image.fromarray(self.overlay()).save(data, format="PNG")
-        return data.getvalue()
+        return png_bytes(self.overlay())
 
 
 def _numbers(name: str, size: int, value: Any, most: float) -> np.ndarray:

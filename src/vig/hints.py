@@ -17,45 +17,89 @@ from vig.recognition.find import LocationHints
 from vig.scene import IMAGE_SIZE, ObjectClass
 from vig.scene.functions import numpy_of_tensor
 
-FARTHEST = 100.0
-"""Usual distances beyond which an object is not: a pose in millimetres."""
-BOX_MARGIN = 0.03
-"""The object may reach beyond a box drawn by hand by this share of its longer side."""
 BEYOND = 1.5
 """Photo's sides from its middle within which a named point must be: the object may reach beyond the photo."""
 
 
-@dataclass(frozen=True, eq=False)
-class Hints:
+@dataclass(frozen=True)
+class Stroke:
+    """A stroke that a user painted with a `PixelLabel`, all in pixels of the photo.
+
+    Attributes:
+        x: Where a brush was set down, and y.
+        y: Down.
+        radius: Of the brush.
+        said: The label.
+        path: Further places that it was moved along.
+    """
+
+    x: float
+    y: float
+    radius: float
+    said: int
+    path: tuple[tuple[float, float], ...] = ()
+
+    def paint(self, marks: np.ndarray) -> None:
+        """Set the pixels of marks (H, W) uint8 whose centres lie within."""
+        places = [(self.x, self.y), *self.path]
+        for start, end in zip(places, places[1:] or places, strict=False):
+            (left, right), (top, bottom) = (
+                (max(math.floor(min(pair) - self.radius), 0), max(math.ceil(max(pair) + self.radius), 0))
+                for pair in zip(start, end, strict=True)
+            )
+            part = marks[top:bottom, left:right]
+            rows, columns = np.ogrid[: part.shape[0], : part.shape[1]]
+            x, y = columns + left + 0.5 - start[0], rows + top + 0.5 - start[1]
+            across, down = end[0] - start[0], end[1] - start[1]
+            along = ((x * across + y * down) / max(across**2 + down**2, 1e-9)).clip(0, 1)
+            part[np.hypot(x - along * across, y - along * down) <= self.radius] = self.said
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlainHints:
+    """The hints that are plain values, as JSON holds them.
+
+    Attributes:
+        points: Places x, y in pixels of points that the class names, such as {"spout": (120, 80)}; hidden
+            ones, too. Their standard deviation is `POINT_NOISE` of the window's side.
+        strokes: Painted one after the other, over marks.
+        visible: Nothing hides any of the object.
+        azimuth_deg: Of the eye, to some 8 degrees; one of `Explanation.alternatives`, say.
+        elevation_deg: Of the eye; it is held.
+        roll_deg: By how far the photo is turned clockwise; it is held.
+    """
+
+    points: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    strokes: tuple[Stroke, ...] = ()
+    visible: bool = False
+    azimuth_deg: float | None = None
+    elevation_deg: float | None = None
+    roll_deg: float | None = None
+
+    @property
+    def plain(self) -> dict[str, Any]:
+        """Their values by name."""
+        return {each.name: getattr(self, each.name) for each in fields(PlainHints)}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Hints(PlainHints):
     """What a user knows of the object in a photo of H x W pixels; whatever is not known is left out.
 
     Attributes:
         mask: (H, W) bool, all pixels in which the object is seen.
         marks: (H, W) uint8, `PixelLabel` of each pixel, such as scribbles.
-        visible: Nothing hides any of the object.
-        points: Places x, y in pixels of points that the class names, such as {"spout": (120, 80)}; hidden
-            ones, too. Their standard deviation is `POINT_NOISE` of the window's side.
-        azimuth_deg: Of the eye, to some 8 degrees; one of `Explanation.alternatives`, say.
-        elevation_deg: Of the eye; it is held.
-        roll_deg: By how far the photo is turned clockwise; it is held.
         pose: (4, 4) camera_from_object of another tool, with which the search begins; for what it says of
             azimuth, elevation and roll.
     """
 
     mask: np.ndarray | None = None
     marks: np.ndarray | None = None
-    visible: bool = False
-    points: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    azimuth_deg: float | None = None
-    elevation_deg: float | None = None
-    roll_deg: float | None = None
     pose: np.ndarray | None = None
 
     def __bool__(self) -> bool:
-        return self.visible or bool(self.points) or any(
-            getattr(self, name) is not None
-            for name in ("mask", "marks", "azimuth_deg", "elevation_deg", "roll_deg", "pose")
-        )  # fmt: skip
+        arrays = self.mask, self.marks, self.pose
+        return self.plain != PlainHints().plain or any(array is not None for array in arrays)
 
     def checked(self, width: int, height: int, object_class: ObjectClass) -> Hints:
         """The same with arrays of their types; UserError where something does not suit the photo or class."""
@@ -79,6 +123,9 @@ class Hints:
                         f"expected marks of 0 to {max(PixelLabel):d}; got {array.max()}. See Hints."
                     )
                 changed[name] = array.astype(kind)
+        if self.strokes:
+            changed["marks"] = self._painted(changed.get("marks"), width, height)
+            changed["strokes"] = ()
         if self.mask is not None and not changed["mask"].any():
             raise UserError(
                 "expected a mask with the object; got an empty one. Mark where the object is seen."
@@ -108,6 +155,23 @@ class Hints:
             changed["pose"] = checked_pose(self.pose, object_class.viewing_distance)
         return replace(self, **changed)
 
+    def _painted(self, marks: np.ndarray | None, width: int, height: int) -> np.ndarray:
+        """Return marks (H, W) uint8 with the strokes."""
+        marks = np.zeros((height, width), np.uint8) if marks is None else marks.copy()
+        for stroke in self.strokes:
+            reach = stroke.radius if 0 < stroke.radius <= width + height else math.nan
+            inside = all(
+                -reach < x < width + reach and -reach < y < height + reach
+                for x, y in [(stroke.x, stroke.y), *stroke.path]
+            )
+            if not inside or stroke.said not in list(PixelLabel):
+                raise UserError(
+                    f"expected marks on the photo, 0 to {width}, 0 to {height}; got one at {stroke.x:g},"
+                    f" {stroke.y:g}. Choose another place."
+                )
+            stroke.paint(marks)
+        return marks
+
     def clues(self) -> LocationHints | None:
         """What tells where the object is; None where nothing does."""
         seen = self.mask if self.marks is None else self.marks == PixelLabel.SEEN
@@ -124,7 +188,7 @@ class Hints:
             value = getattr(self, one.name)
             if isinstance(value, np.ndarray):
                 description[one.name] = value.tolist() if one.name == "pose" else int(np.count_nonzero(value))
-            elif value not in (None, False) and value != {}:
+            elif value is not None and value is not False and value not in ({}, ()):
                 description[one.name] = (
                     {n: list(p) for n, p in value.items()} if one.name == "points" else value
                 )
@@ -202,7 +266,8 @@ def checked_pose(value: Any, usual_distance: float) -> np.ndarray:
             received = f"a rotation scaled by {scale:.4g}; divide its (3, 3) by that"
         elif np.linalg.det(turn) < 0:
             received = "a mirrored, left-handed frame; turn one axis over"
-        elif np.linalg.norm(pose[:3, 3]) > FARTHEST * usual_distance:
+        # 100.0: usual distances beyond which an object is not: a pose in millimetres
+        elif np.linalg.norm(pose[:3, 3]) > 100.0 * usual_distance:
             received = f"an object {np.linalg.norm(pose[:3, 3]):.4g} metres away; is that in millimetres?"
         elif pose[2, 3] <= 0:
             received = f"an object behind the camera, z = {pose[2, 3]:.4g}"
@@ -237,7 +302,8 @@ def _beyond(box: tuple[float, float, float, float], window: Window) -> np.ndarra
     """The window's pixels (S, S) bool clearly outside a box of the photo."""
     middle = ((np.arange(IMAGE_SIZE) + 0.5) / IMAGE_SIZE - 0.5) * window.side
     x, y = window.to_photo(*np.meshgrid(middle, middle))
-    margin = BOX_MARGIN * max(box[2:])
+    # 0.03: the object may reach beyond a box drawn by hand by this share of its longer side
+    margin = 0.03 * max(box[2:])
     off_x, off_y = abs(x - box[0] - box[2] / 2) - box[2] / 2, abs(y - box[1] - box[3] / 2) - box[3] / 2
     beyond: np.ndarray = np.maximum(off_x, off_y) > margin
     return beyond

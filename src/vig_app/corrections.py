@@ -5,19 +5,19 @@ from __future__ import annotations
 import math
 import os
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from vig.explainer import Explainer, lower_confidence
+from vig.explainer import Box, Explainer, checked_focal, lower_confidence
 from vig.explanation import Explanation
-from vig.hints import Hints
+from vig.hints import Hints, PlainHints
 from vig.inference import PixelLabel
 from vig.io.checks import decode, read_json, reading
 from vig.io.errors import UserError
-from vig.output import write_json
+from vig.io.files import write_json
 from vig.photo import Intrinsics, Window, focal_of
 from vig.photo.window import BOX_BELOW_CENTRE, WINDOW_OVER_BOX
 from vig.scene import ObjectClass
@@ -26,35 +26,6 @@ from vig.scene.object_class import PACKAGED
 CORRECTIONS = "corrections.json"
 REMEDY = "It was corrected by hand and stays; move it away to fit without it."
 FORMAT = 1
-Box = tuple[float, float, float, float]
-
-
-@dataclass(frozen=True)
-class Mark:
-    """A stroke that a user painted with a `PixelLabel`: of a brush of a radius, set down at x, y and moved on
-    along a path of further places; all in pixels of the photo.
-    """
-
-    x: float
-    y: float
-    radius: float
-    said: int
-    path: tuple[tuple[float, float], ...] = ()
-
-    def paint(self, marks: np.ndarray) -> None:
-        """Set the pixels of marks (H, W) uint8 whose centres lie within."""
-        places = [(self.x, self.y), *self.path]
-        for start, end in zip(places, places[1:] or places, strict=False):
-            (left, right), (top, bottom) = (
-                (max(math.floor(min(pair) - self.radius), 0), max(math.ceil(max(pair) + self.radius), 0))
-                for pair in zip(start, end, strict=True)
-            )
-            part = marks[top:bottom, left:right]
-            rows, columns = np.ogrid[: part.shape[0], : part.shape[1]]
-            x, y = columns + left + 0.5 - start[0], rows + top + 0.5 - start[1]
-            across, down = end[0] - start[0], end[1] - start[1]
-            along = ((x * across + y * down) / max(across**2 + down**2, 1e-9)).clip(0, 1)
-            part[np.hypot(x - along * across, y - along * down) <= self.radius] = self.said
 
 
 @dataclass(frozen=True)
@@ -82,76 +53,40 @@ class Found:
         )
 
 
-@dataclass(frozen=True)
-class State:
+@dataclass(frozen=True, kw_only=True)
+class State(PlainHints):
     """All that a user knows of a photo; places are in its pixels, angles in degrees.
 
     `camera` is fx, fy, cx, cy of its lens; `found` says that the box is not the user's.
     """
 
     box: Box | None = None
-    points: dict[str, tuple[float, float]] = field(default_factory=dict)
-    marks: tuple[Mark, ...] = ()
-    visible: bool = False
-    azimuth_deg: float | None = None
-    elevation_deg: float | None = None
-    roll_deg: float | None = None
     focal: float | None = None
     camera: tuple[float, float, float, float] | None = None
     found: Found | None = None
 
-    @staticmethod
-    def of(
-        box: Box | None,
-        focal: float | None,
-        hints: Hints | None,
-        camera: tuple[float, float, float, float] | None = None,
-    ) -> State | None:
-        """What `Explainer.explain` was given; None where a mask, marks or a pose were among it."""
-        hints = hints or Hints()
-        if any(hint is not None for hint in (hints.mask, hints.marks, hints.pose)):
-            return None
-        angles = hints.azimuth_deg, hints.elevation_deg, hints.roll_deg
-        return State(box, dict(hints.points), (), hints.visible, *angles, focal, camera)
-
     def hints(self, width: int, height: int, others: np.ndarray | None = None) -> Hints:
-        """The same as the library takes it; in the pixels `others` (H, W) bool other objects are seen."""
+        """Return the same as the library takes it; in pixels `others` (H, W) bool other objects are seen."""
         marks = None
-        if self.marks or others is not None:
-            marks = np.zeros((height, width), np.uint8)
-            if others is not None:
-                marks[others] = PixelLabel.IN_FRONT
-            for mark in self.marks:
-                mark.paint(marks)
-        return Hints(
-            marks=marks,
-            visible=self.visible,
-            points=dict(self.points),
-            azimuth_deg=self.azimuth_deg,
-            elevation_deg=self.elevation_deg,
-            roll_deg=self.roll_deg,
-        )
+        if others is not None:
+            marks = np.where(others, np.uint8(PixelLabel.IN_FRONT), np.uint8(0))
+        return Hints(marks=marks, **self.plain)
 
     def check(self, width: int, height: int, object_class: ObjectClass) -> None:
         """Raise UserError where something does not suit a photo of this size or the class."""
         if self.box is not None:
             Window.of(width, height, self.box)
-        for mark in self.marks:
-            reach = mark.radius if 0 < mark.radius <= width + height else math.nan
-            inside = all(
-                -reach < x < width + reach and -reach < y < height + reach
-                for x, y in [(mark.x, mark.y), *mark.path]
-            )
-            if not inside or mark.said not in list(PixelLabel):
-                raise UserError(
-                    f"expected marks on the photo, 0 to {width}, 0 to {height}; got one at {mark.x:g},"
-                    f" {mark.y:g}. Choose another place."
-                )
-        if self.focal is not None and not 0 < self.focal < math.inf:
-            raise UserError(f"expected a focal length in pixels, above 0; got {self.focal!r}. Leave it out.")
+        if self.focal is not None:
+            checked_focal(self.focal)
         if self.camera is not None:
             Intrinsics.of(self.camera, width, height)
         self.hints(width, height).checked(width, height, object_class)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what corrections.json and the page of `vig view` hold."""
+        content = asdict(self)
+        first = {"box": content.pop("box"), "points": content.pop("points"), "marks": content.pop("strokes")}
+        return first | content
 
     def explained(
         self, explainer: Explainer, path: Path, photo: np.ndarray, others: np.ndarray | None = None
@@ -171,7 +106,7 @@ class State:
             raise UserError(str(error).replace("the photo", path.name, 1)) from None
         exif = not given and focal is not None and explainer.settings.camera_distance_ratio is None
         explanation = replace(explanation, focal_from="exif") if exif else explanation
-        if self.found is not None and self.hints(width, height).clues() is None:
+        if self.found is not None and (explanation.hints or Hints()).clues() is None:
             explanation = self.found.lower(explanation)
         return explanation if others is None else replace(explanation, others=others)
 
@@ -204,9 +139,9 @@ class State:
             "class": object_class.name if packaged else str(pack and pack.resolve()),
             "corrected": corrected,
             "object_box": object_box or _object_box(folder),
-            "state": asdict(self),
+            "state": self.to_json(),
         }
-        write_json(folder, content, CORRECTIONS)
+        write_json(folder / CORRECTIONS, content)
 
     @staticmethod
     def read(folder: Path, remedy: str = "Name the photo itself.") -> tuple[Path, str, State]:
@@ -217,7 +152,9 @@ class State:
             if content["format"] != FORMAT:
                 raise ValueError(f"it is of format {content['format']}, where this vig reads {FORMAT}")
             photo, object_class = (decode(str, content[name]) for name in ("photo", "class"))
-            return folder / photo, object_class, decode(State, content["state"])
+            state = decode(dict[str, Any], content["state"])
+            state["strokes"] = state.pop("marks")
+            return folder / photo, object_class, decode(State, state)
 
 
 @dataclass(frozen=True)
@@ -281,11 +218,3 @@ def box_of(window: Window) -> Box:
     """The inverse of `Window.round_box`, a square."""
     side, (x, y) = window.side / WINDOW_OVER_BOX, window.centre
     return x - side / 2, y + BOX_BELOW_CENTRE * window.side - side / 2, side, side
-
-
-def overlap(first: Box, second: Box) -> float:
-    """Intersection over union of two boxes."""
-    (x, y, width, height), (left, top, across, down) = first, second
-    shared_width = max(min(x + width, left + across) - max(x, left), 0.0)
-    shared = shared_width * max(min(y + height, top + down) - max(y, top), 0.0)
-    return shared / max(width * height + across * down - shared, 1e-9)

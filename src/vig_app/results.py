@@ -7,46 +7,124 @@ import io
 import json
 import re
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, suppress
+from functools import cache
 from itertools import islice
 from pathlib import Path, PurePath
-from typing import Any
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+import msgspec
 
 from vig.io.checks import reading
 from vig.io.files import atomic_write
 
 TABLE = "results"
 TABLES = (f"{TABLE}.csv", f"{TABLE}.parquet")
-COLUMNS = (
-    "photo", "folder", "object", "class", "error", "verdict", "view_trusted", "mask_trusted", "confidence",
-    "mask_confidence", "azimuth_deg", "elevation_deg", "roll_deg", "azimuth_deviation_deg",
-    "elevation_deviation_deg", "hidden_fraction", "family", "albedo_r", "albedo_g", "albedo_b", "box_x",
-    "box_y", "box_width", "box_height", "width", "height", "focal_px", "focal_y_px", "center_x", "center_y",
-    "focal_from", "distance_known",
-    *(POSE := [f"camera_from_object_{row}{column}" for row in range(3) for column in range(4)]), "reason",
-    "seconds",
-)  # fmt: skip
-"""Of the table; docs/many.md describes them."""
+POSE = {
+    f"camera_from_object_{row}{column}": f"pinhole.camera_from_object.{row}.{column}"
+    for row in range(3)
+    for column in range(4)
+}
+COLUMNS: dict[str, str | type] = {
+    "photo": str,
+    "folder": str,
+    "object": int,
+    "class": "class",
+    "error": str,
+    "verdict": "verdict",
+    "view_trusted": "trusted.view",
+    "mask_trusted": "trusted.mask",
+    **{name: name for name in ("confidence", "mask_confidence", "azimuth_deg", "elevation_deg", "roll_deg")},
+    "azimuth_deviation_deg": "deviation.azimuth_deg",
+    "elevation_deviation_deg": "deviation.elevation_deg",
+    "hidden_fraction": "hidden_fraction",
+    "family": "family",
+    **{f"albedo_{channel}": f"albedo.{place}" for place, channel in enumerate("rgb")},
+    **{f"box_{side}": f"box.{place}" for place, side in enumerate(("x", "y", "width", "height"))},
+    "width": "camera.width",
+    "height": "camera.height",
+    "focal_px": "pinhole.K.0.0",
+    "focal_y_px": "pinhole.K.1.1",
+    "center_x": "pinhole.K.0.2",
+    "center_y": "pinhole.K.1.2",
+    "focal_from": "camera.focal_from",
+    "distance_known": "pinhole.distance_known",
+    **POSE,
+    "reason": "reason",
+    "seconds": float,
+}
+"""Of the table: where a column's value is in explanation.json, or the type of one that is the run's;
+docs/many.md describes them."""
 TRACK = "track"
-TRACK_COLUMNS = (
-    "photo", "folder", "frame", "lost", "refitted", "alone_azimuth_deg", "azimuth_deg",
-    "azimuth_deviation_deg", "alone_elevation_deg", "elevation_deg", "elevation_deviation_deg", "roll_deg",
-    "hidden_fraction", "focal_px", "center_x", "center_y", *POSE,
-)  # fmt: skip
+TRACK_COLUMNS: dict[str, str | type] = {
+    "photo": str,
+    "folder": str,
+    "frame": int,
+    "lost": bool,
+    "refitted": bool,
+    "alone_azimuth_deg": float,
+    "azimuth_deg": float,
+    "azimuth_deviation_deg": float,
+    "alone_elevation_deg": float,
+    "elevation_deg": float,
+    "elevation_deviation_deg": float,
+    "roll_deg": float,
+    "hidden_fraction": float,
+    "focal_px": float,
+    "center_x": float,
+    "center_y": float,
+    **dict.fromkeys(POSE, float),
+}
 """Of the table of a track, likewise."""
 
 VERDICTS = ("failed", "absent", "reverted", "ambiguous", "trusted")
 """In the order in which photos are to be looked at."""
-TEXTS = {"photo", "folder", "class", "error", "verdict", "family", "focal_from", "reason"}
-TRUTHS = {"view_trusted", "mask_trusted", "distance_known", "lost", "refitted"}
-"""Columns of text and of truth values; all others hold numbers."""
 FORMULA = re.compile("'*[=+\\-@\t\r\n\uff1d\uff0b\uff0d\uff20]")
 """Beginning of texts that spreadsheets would compute; a quote before it makes them texts."""
-WHOLE = {"object", "box_x", "box_y", "box_width", "box_height", "width", "height"}
-"""Columns of whole numbers."""
 GROUP = 4096
 """Rows of a table that are written at once."""
+
+
+def row_of_record(described: Mapping[str, Any], **of_run: Any) -> dict[str, Any]:
+    """Return a row of the table from what explanation.json holds, and from what the run says of the photo."""
+    row = {name: _at(described, place) if isinstance(place, str) else None for name, place in COLUMNS.items()}
+    return row | of_run
+
+
+def _at(value: Any, place: str) -> Any:
+    """Return what is at a place of a record, None for nothing; of a list of words whether one is in it."""
+    for step in place.split("."):
+        if isinstance(value, list):
+            value = value[int(step)] if step.isdecimal() else step in value
+        elif value is not None:
+            value = value[step]
+    return value
+
+
+@cache
+def kind_of(column: str | type) -> type:
+    """Return the type of a column's values, str, bool, int or float, as the record has it."""
+    from vig.record import Explanation  # which loads the network's library: help would wait for it
+
+    if isinstance(column, type):
+        return column
+    kind: Any = Explanation
+    for step in column.split("."):
+        if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+            kind = _fields(kind)[step]
+        else:
+            kind = get_args(kind)[0] if step.isdecimal() else bool
+        while get_origin(kind) in (Annotated, UnionType, Union):  # what it is without bounds, or null
+            kind = next(each for each in get_args(kind) if each is not NoneType)
+    found: type = str if get_origin(kind) is Literal else kind
+    return found
+
+
+@cache
+def _fields(struct: type[msgspec.Struct]) -> dict[str, Any]:
+    return {each.encode_name: each.type for each in msgspec.structs.fields(struct)}
 
 
 def name_of(row: Mapping[str, Any]) -> str:
@@ -102,7 +180,7 @@ class RowsOnDisk:
 
 
 def write_table(
-    out: Path, rows: Iterable[dict[str, Any]], table: str = TABLE, columns: Sequence[str] = COLUMNS
+    out: Path, rows: Iterable[dict[str, Any]], table: str = TABLE, columns: Mapping[str, str | type] = COLUMNS
 ) -> list[Path]:
     """Write results.csv, and results.parquet where pyarrow is installed; returns what was written.
 
@@ -117,7 +195,12 @@ def write_table(
             import pyarrow
             from pyarrow import parquet
 
-            schema = pyarrow.schema([(name, _kind(name)) for name in columns])
+            # The same whatever the rows are, so that tables of several runs can be joined.
+            types = {str: pyarrow.string(), bool: pyarrow.bool_()}
+            kinds = {name: kind_of(column) for name, column in columns.items()}
+            schema = pyarrow.schema(
+                [(name, types.get(kind, pyarrow.float64())) for name, kind in kinds.items()]
+            )
             paths.append(out / f"{table}.parquet")
             temporary = stack.enter_context(atomic_write(paths[1]))
             write_group = stack.enter_context(parquet.ParquetWriter(temporary, schema)).write_table
@@ -145,18 +228,20 @@ def read_results(folder: str | Path) -> list[dict[str, Any]]:
     with reading(path, "the table of `vig fit` of several photos", "Name the folder of its results."):
         with open(path, encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
-        return [checked_row({name: _value(name, row[name]) for name in COLUMNS}) for row in rows]
+        return [
+            checked_row({name: _value(kind_of(column), row[name]) for name, column in COLUMNS.items()})
+            for row in rows
+        ]
 
 
 def checked_row(row: dict[str, Any]) -> dict[str, Any]:
     """A row whose photo and folder are named, the folder within the run, and whose values are of their types;
     ValueError for others.
     """
-    for name in COLUMNS:
-        value, kinds = row.get(name), str if name in TEXTS else (int, float)
-        if value is not None and (
-            not isinstance(value, kinds) or isinstance(value, bool) != (name in TRUTHS)
-        ):
+    for name, column in COLUMNS.items():
+        value, kind = row.get(name), kind_of(column)
+        kinds = (int, float) if kind in (int, float) else kind
+        if value is not None and (not isinstance(value, kinds) or isinstance(value, bool) != (kind is bool)):
             raise ValueError(f"the {name} {value!r}")
     folder = PurePath(row["folder"] or "")
     if not folder.parts or folder.is_absolute() or ".." in folder.parts:
@@ -166,13 +251,13 @@ def checked_row(row: dict[str, Any]) -> dict[str, Any]:
     return row
 
 
-def _value(name: str, text: str) -> Any:
-    """What a cell of results.csv stands for."""
-    if text == "" or name in TEXTS:
+def _value(kind: type, text: str) -> Any:
+    """Return what a cell of results.csv stands for."""
+    if text == "" or kind is str:
         return (text[1:] if text.startswith("'") and FORMULA.match(text) else text) or None
-    if name in TRUTHS:
+    if kind is bool:
         return text == "True"
-    return int(float(text)) if name in WHOLE else float(text)
+    return int(float(text)) if kind is int else float(text)
 
 
 def _cell(value: Any) -> Any:
@@ -183,12 +268,3 @@ def _cell(value: Any) -> Any:
 def _text(value: Any) -> Any:
     """Text as UTF-8 has it: file names may hold other bytes."""
     return value.encode("utf-8", "replace").decode() if isinstance(value, str) else value
-
-
-def _kind(name: str) -> Any:
-    """A column's type, the same whatever the rows are, so that tables of several runs can be joined."""
-    import pyarrow
-
-    if name in TEXTS:
-        return pyarrow.string()
-    return pyarrow.bool_() if name in TRUTHS else pyarrow.float64()

@@ -17,11 +17,8 @@ from vig.likelihood import LIKELIHOODS, ROBUST
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass, linear_from_srgb
 from vig.search.optimizer import Optimizer
-from vig_paper.optimizers.conjugate_gradient import ConjugateGradient
-from vig_paper.optimizers.dogleg import Dogleg
-from vig_paper.optimizers.gradient_descent import GradientDescent
-from vig_paper.optimizers.quasi_newton import BFGS, LBFGS
-from vig_train.evaluation.presentation import TableBlock
+from vig_paper.optimizers import BFGS, LBFGS, ConjugateGradient, Dogleg, GradientDescent
+from vig_train.evaluation.presentation import MIN_P, TableBlock
 from vig_train.evaluation.protocol import evaluate
 from vig_train.evaluation.results import MethodResult
 from vig_train.evaluation.statistics import (
@@ -36,11 +33,6 @@ from vig_world.dataset import Dataset
 from vig_world.threads import one_thread
 
 DEFAULT = "default"
-TIMED_PHOTOS = 20
-"""Photos on which fits are timed."""
-
-_MIN_P = 1e-4
-"""Smaller p values are printed as "p < 0.0001"."""
 
 
 @dataclass(frozen=True)
@@ -184,7 +176,7 @@ def time_variants(
     object_class: ObjectClass,
     recognizer: Recognizer,
     chosen: Mapping[str, ExplainSettings],
-    count: int = TIMED_PHOTOS,
+    count: int = 20,
 ) -> dict[str, float]:
     """Milliseconds of a fit by each variant on one thread: means of the first `count` photos.
 
@@ -241,5 +233,5 @@ def ablation_blocks(table: Mapping[str, Any]) -> list[TableBlock]:
 
 def _difference(test: Mapping[str, Any]) -> str:
     low, high = test["ci95"]
-    p = f"p < {_MIN_P:g}" if test["p"] < _MIN_P else f"p = {test['p']:.2g}"
+    p = f"p < {MIN_P:g}" if test["p"] < MIN_P else f"p = {test['p']:.2g}"
     return f"{test['median_difference']:+.3g}, {p}\n[{low:+.3g}, {high:+.3g}]"

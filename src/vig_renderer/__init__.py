@@ -1,19 +1,7 @@
 """The differentiable renderer: rasterisation, shading, coverage, Jacobians. It needs nothing else of vig."""
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from vig_renderer.rendering import jacobian as jacobian
-    from vig_renderer.rendering import render as render
-    from vig_renderer.scene import DirectionalLight as DirectionalLight
-    from vig_renderer.scene import MeshObject as MeshObject
-    from vig_renderer.scene import Pinhole as Pinhole
-    from vig_renderer.scene import Rendering as Rendering
-    from vig_renderer.scene import Scene as Scene
-    from vig_renderer.texture import Pyramid as Pyramid
-    from vig_renderer.texture import pyramid as pyramid
-    from vig_renderer.topology import Topology as Topology
+from typing import Any
 
 _HOMES = {
     "DirectionalLight": "scene",

@@ -26,6 +26,9 @@ KEPT_VERSIONS = 2
 """Folders of other versions of the code that are not deleted, the latest ones."""
 
 
+_HASHED = (".py", ".json", ".npz", ".csv")
+
+
 class AssetCache:
     """Arrays by name, a file each, of one version of the code that makes them; None as folder keeps none."""
 
@@ -84,7 +87,7 @@ def _version() -> str:
     digest = hashlib.sha256()
     for package in (vig_world, vig.scene):
         root = Path(package.__path__[0])
-        for path in sorted(path for path in root.rglob("*") if path.suffix in (".py", ".json")):
+        for path in sorted(path for path in root.rglob("*") if path.suffix in _HASHED):
             digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
     digest.update(Path(str(engine.__file__)).read_bytes())
     for name in ("numpy", "scipy"):

@@ -1,4 +1,4 @@
-"""A split's finite catalogues of rooms, props, finishes and lights, with users' custom assets.
+"""A split's finite catalogues of rooms, props, finishes and lights: packaged ones, or a user's own.
 
 An asset is a pure function of (split, catalogue, number), not of the dataset's seed, so that no asset of
 one split ever occurs in another, and what was made can be kept: in memory, and for the rasteriser on disk.
@@ -18,26 +18,32 @@ from vig.scene import EXPOSURE_L00
 from vig_world.asset_cache import Arrays, asset_cache, packed_text, unpacked_text
 from vig_world.assets.fixtures import HOLDERS
 from vig_world.assets.footprint import extreme_points
-from vig_world.assets.furniture import FAMILIES as FURNITURE
-from vig_world.assets.furniture import Furniture, Support
-from vig_world.assets.own import OwnFurniture, OwnPanorama, OwnProp, read_envmaps, read_furniture, read_props
+from vig_world.assets.models import packaged_furniture, packaged_props, vary, vary_furniture
+from vig_world.assets.own import OwnPanorama, read_envmaps, read_furniture, read_props
 from vig_world.assets.own.catalogue import Source, mesh_folder, read_sources
 from vig_world.assets.panoramas import light_parts, local_light, panorama
 from vig_world.assets.panoramas.light import grey, project_panorama
-from vig_world.assets.props import FAMILIES, ZONE_NAMES, ZONES, Prop
-from vig_world.assets.props.shapes import scaled
+from vig_world.assets.shapes import scaled
 from vig_world.assets.textures import FINISHES, KINDS, texture
+from vig_world.assets.things import (
+    ZONE_NAMES,
+    Furniture,
+    FurnitureModel,
+    Prop,
+    PropModel,
+    Support,
+    is_of_class,
+)
 from vig_world.dataset.spec import Room, Split, Surface
 from vig_world.raster import PackedAsset, TextureLevels
 from vig_world.raster.packed import pack
 from vig_world.rooms import Layout, draw_hall, draw_layout, draw_sweep, material_under
 from vig_world.streams import asset_rng
 
-PROPS_PER_FAMILY = {"train": 16, "test": 8, "validation": 8}
+VARIANTS = {"train": 16, "test": 8, "validation": 8}
+"""How many variants of each packaged prop there are, and of each thing that carries or reaches."""
 SURFACES_PER_KIND = {"train": 40, "test": 16, "validation": 16}
 PANORAMAS = {"train": 200, "test": 70, "validation": 70}
-SIZES = 0.95, 1.05
-"""Range of the factor by which each prop is scaled, so that no two are identical."""
 LAYOUTS = {"train": 96, "test": 32, "validation": 32}
 SWEEPS = {"train": 64, "test": 24, "validation": 24}
 """Seamless grounds, whose numbers follow those of the rooms."""
@@ -55,7 +61,7 @@ BLENDER_VARIABLE = "VIG_BLENDER_PYTHON"
 
 @dataclass(frozen=True)
 class OwnFolders:
-    """Folders of custom assets; None: the built-in ones.
+    """Folders of custom assets; None: the packaged ones.
 
     panoramas may be `bpy`, see `read_envmaps`; the others furniture catalogues, see `mesh_folder`.
     """
@@ -67,13 +73,13 @@ class OwnFolders:
 
 @dataclass(frozen=True)
 class OwnAssets:
-    """A user's custom assets: each kind present replaces the built-in one, furniture family by family.
+    """A user's custom assets: each kind present replaces the packaged one, furniture family by family.
 
     `sources` are the origins of those that come from furniture catalogues.
     """
 
-    props: tuple[OwnProp, ...] = ()
-    furniture: tuple[OwnFurniture, ...] = ()
+    props: tuple[PropModel, ...] = ()
+    furniture: tuple[FurnitureModel, ...] = ()
     panoramas: tuple[OwnPanorama, ...] = ()
     sources: tuple[Source, ...] = ()
 
@@ -102,7 +108,7 @@ class OwnAssets:
         return fingerprints_by_name | {f"furniture/{own.name}": own.fingerprint for own in self.furniture}
 
 
-def _sources(folder: str | None, assets: tuple[OwnProp | OwnFurniture, ...]) -> dict[Source, None]:
+def _sources(folder: str | None, assets: tuple[PropModel | FurnitureModel, ...]) -> dict[Source, None]:
     """The origins of assets that were read from a folder or catalogue, in the order of their names."""
     if folder is None:
         return {}
@@ -130,7 +136,9 @@ class Library:
     def __init__(self, split: Split, own: OwnAssets | None = None) -> None:
         self.split = split
         self.own = own or OwnAssets()
-        self._own_props = {f"own/{prop.name}": prop for prop in self.own.props}
+        self._props: dict[str, tuple[PropModel, ...]] = {f"own/{m.name}": (m,) for m in self.own.props}
+        self._props = self._props or packaged_props(split)
+        self.families = lru_cache(maxsize=256)(self._families)
         self.prop = lru_cache(maxsize=2048)(self._prop)  # 0.1 MB each, used long before they are packed
         self.shape = lru_cache(maxsize=4096)(self._shape)
         self.sizes = lru_cache(maxsize=4096)(self._sizes)
@@ -143,26 +151,29 @@ class Library:
 
     # Props
 
-    def families(self, zone: str) -> tuple[str, ...]:
-        """The families of props that belong in a zone."""
-        if self._own_props:
-            fit = tuple(name for name, own in self._own_props.items() if not own.zones or zone in own.zones)
-            return fit or tuple(self._own_props)
-        return _families_of(zone)
+    def _families(self, zone: str, unlike: str = "") -> tuple[str, ...]:
+        """The families of props that belong in a zone and are not like a class; any, where none is."""
+        fits = [
+            (family, is_of_class(models[0].family, unlike) or is_of_class(family, unlike))
+            for family, models in self._props.items()
+            if not models[0].zones or zone in models[0].zones
+        ] or [(family, False) for family in self._props]
+        return tuple(family for family, like in fits if not like) or tuple(family for family, _ in fits)
 
     def members(self, family: str) -> int:
         """How many members a family has; as many numbers more are the same at half the size, and so on."""
-        return 1 if family in self._own_props else PROPS_PER_FAMILY[self.split]
+        models = self._props.get(family, ())
+        return len(models) if models and not models[0].varies else max(len(models), 1) * VARIANTS[self.split]
 
     def _prop(self, family: str, number: int) -> Prop:
         halvings, number = divmod(number, self.members(family))
-        if family in self._own_props:
-            made, size = self._own_props[family].prop, 0.5**halvings
+        rng = asset_rng(self.split, f"prop/{family}", number)
+        if family in HOLDERS:
+            parts = HOLDERS[family](rng).parts
         else:
-            make = FAMILIES.get(family) or HOLDERS[family]
-            made = make(asset_rng(self.split, f"prop/{family}", number))
-            size = asset_rng(self.split, f"size/{family}", number).uniform(*SIZES) * 0.5**halvings
-        return Prop(made.family, tuple((scaled(mesh, size), stuff) for mesh, stuff in made.parts))
+            model = self._props[family][number % len(self._props[family])]
+            parts = vary(model.read(), rng) if model.varies else model.read()
+        return Prop(family, tuple((scaled(mesh, 0.5**halvings), stuff) for mesh, stuff in parts))
 
     def packed(self, family: str, number: int) -> PackedAsset:
         """A prop for the rasteriser."""
@@ -178,7 +189,7 @@ class Library:
             extremes = extreme_points(np.concatenate([mesh.vertices for mesh, _ in parts]))
             return {"extremes": extremes, **pack(parts)}
 
-        held = self._held(family in self._own_props, f"prop/{family}/{number}", made)
+        held = self._held(bool(self.own.props), f"prop/{family}/{number}", made)
         return PackedAsset.from_arrays(held), held["extremes"]
 
     def _held(self, own: bool, name: str, make: Callable[[], Arrays]) -> Arrays:
@@ -216,8 +227,10 @@ class Library:
         return draw_layout(asset_rng(self.split, "layout", number), self._furniture)
 
     def _furniture(self, family: str, rng: np.random.Generator) -> Furniture:
-        own = [each.furniture for each in self.own.furniture if _stands_for(each.furniture.family, family)]
-        return own[int(rng.integers(len(own)))] if own else FURNITURE[family](rng)
+        own = [model for model in self.own.furniture if _stands_for(model.family, family)]
+        models = own or packaged_furniture(self.split)[family]
+        model = models[int(rng.integers(len(models)))]
+        return vary_furniture(model.read(), rng) if model.varies else model.read()
 
     def _plan(self, number: int) -> PreparedRoom:
         def made() -> Arrays:
@@ -340,27 +353,22 @@ def _exposed(radiance: np.ndarray) -> np.ndarray:
     return radiance * (EXPOSURE_L00 / grey(project_panorama(radiance))[0])
 
 
-@lru_cache(maxsize=64)
-def _families_of(zone: str) -> tuple[str, ...]:
-    return tuple(family for family, zones in ZONES.items() if zone in zones)
-
-
 STANDS_FOR = {
     "table": ("dining_table", "cafe_table", "kitchen_island", "side_table"),
     "coffee_table": ("coffee_table", "side_table"),
     "desk": ("desk",),
     "counter": ("kitchen_counter", "kitchen_island"),
     "shelf": ("bookshelf", "wall_shelf"),
-    "cabinet": ("sideboard", "chest_of_drawers", "media_bench", "console", "wardrobe", "dresser"),
+    "cabinet": ("sideboard", "media_bench", "wardrobe"),
     "nightstand": ("bedside_table",),
     "sofa": ("sofa",),
     "armchair": ("armchair",),
     "chair": ("chair",),
     "stool": ("stool", "side_table", "bar_stool"),
-    "bench": ("bench", "window_seat"),
+    "bench": ("bench",),
     "bed": ("bed",),
 }
-"""The built-in families that a custom piece of furniture replaces."""
+"""The families of the packaged catalogue that a custom piece of furniture replaces."""
 
 
 def _stands_for(own: str, family: str) -> bool:

@@ -10,7 +10,7 @@ from PIL import Image
 from benchmarks.many import BROKEN, add_broken
 from vig.io.errors import UserError
 from vig.photo.images import coded_photo
-from vig_app.cli.fit import photos_of
+from vig_app.cli.photos import photos_of
 
 
 def test_every_broken_file_is_refused_and_none_is_waited_for(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import signal
 import struct
 from collections import Counter
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -60,6 +61,29 @@ def outcomes(mutants: Iterable[Any], read: Callable[[Any], object]) -> Counter[s
     grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) << 10
     assert grown < MOST_MEMORY, f"reading took {grown >> 20} MiB"
     print(dict(counts))
+    return counts
+
+
+Damage = Callable[[bytes, np.random.Generator], bytes]
+
+
+def read_damaged(
+    path: Path, damage: Damage, read: Callable[[Path], object], count: int, seed: int, refused: int
+) -> Counter[str]:
+    """Read a file `count` times with other damage each; more than `refused` of them must be refused.
+
+    The file can be read before and is whole again at the end.
+    """
+    whole, rng = path.read_bytes(), np.random.default_rng(seed)
+
+    def read_mutant(_: int) -> None:
+        path.write_bytes(damage(whole, rng))
+        read(path)
+
+    read(path)
+    counts = outcomes(range(count), read_mutant)
+    path.write_bytes(whole)
+    assert counts.total() == count and counts["refused"] > refused
     return counts
 
 

@@ -10,31 +10,27 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.fuzz.mutations import damaged, damaged_json, outcomes
+from tests.fuzz.mutations import damaged, damaged_json, outcomes, read_damaged
 from vig.photo import Intrinsics
 from vig.photo.masks import read_mask
 from vig_app.cli.boxes import boxes_of
 from vig_app.cli.cameras import cameras_of
-from vig_app.cli.common import FitCommand
+from vig_app.cli.options import CameraOptions, HintOptions, PlaceOptions
 
-COUNT = int(os.environ.get("VIG_FUZZ", "200"))
+COUNT = int(os.environ.get("VIG_FUZZ", "100"))
 """Mutants of each kind."""
 
 
 def test_damaged_masks(tmp_path: Path) -> None:
-    path, rng = tmp_path / "mask.png", np.random.default_rng(3)
-    mask = np.zeros((40, 60), np.uint8)
+    path, mask = tmp_path / "mask.png", np.zeros((40, 60), np.uint8)
     mask[10:30, 20:40] = 255
     Image.fromarray(np.dstack([mask] * 4)).save(path)
-    whole = path.read_bytes()
 
-    def read(_: int) -> None:
-        path.write_bytes(damaged(whole, rng))
+    def read(path: Path) -> None:
         found = read_mask(path)
         assert found.dtype == bool and found.ndim == 2
 
-    counts = outcomes(range(COUNT), read)
-    assert counts.total() == COUNT and counts["refused"] > COUNT // 10
+    read_damaged(path, damaged, read, COUNT, 3, COUNT // 10)
 
 
 BOXES = [{"7.png": [10, 20, 30, 40], "8.png": [{"box": [1, 2, 30, 40], "class": "mug"}]}]
@@ -55,10 +51,10 @@ def test_damaged_cameras_and_boxes(kind: str, tmp_path: Path) -> None:
     def read(number: int) -> None:
         path.write_bytes(damaged_json(whole[number % len(whole)], rng))
         if kind == "cameras":
-            (camera,) = cameras_of(FitCommand((photo,), cameras=path), [photo])
+            (camera,) = cameras_of(CameraOptions(cameras=path), [photo])
             assert np.isfinite(Intrinsics.of(camera, 640, 480).K).all()
         else:
-            ((box, _),) = boxes_of(FitCommand((photo,), boxes=path), [photo])
+            ((box, _),) = boxes_of(PlaceOptions(boxes=path), [photo], HintOptions())
             assert box is None or np.isfinite(box).all()
 
     counts = outcomes(range(COUNT), read)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -10,17 +9,10 @@ import pytest
 import trimesh
 from PIL import Image
 
-from tests.fuzz.mutations import REVIEW_ORDER, damaged, outcomes
+from tests.fuzz.mutations import REVIEW_ORDER, damaged, damaged_json, outcomes, read_damaged
 from vig.io.errors import UserError
 from vig_world.assets.own.load import load
 from vig_world.assets.own.settings import settings_of
-
-
-def mutants(data: bytes, path: Path, count: int, seed: int, kept: int = 0) -> Iterator[Path]:
-    rng = np.random.default_rng(seed)
-    for _ in range(count):
-        path.write_bytes(data[:kept] + damaged(data[kept:], rng))
-        yield path
 
 
 def loaded(path: Path) -> None:
@@ -33,10 +25,7 @@ def loaded(path: Path) -> None:
 def test_damaged_meshes(suffix: str, tmp_path: Path) -> None:
     path = tmp_path / f"a.{suffix}"
     trimesh.creation.box((0.1, 0.2, 0.3)).export(path)
-    data = path.read_bytes()
-    loaded(path)
-    counts = outcomes(mutants(data, path, 200, 1), loaded)
-    assert counts.total() == 200 and counts["refused"] > 20
+    read_damaged(path, damaged, loaded, 100, 1, 10)
 
 
 def test_damaged_scenes(tmp_path: Path) -> None:
@@ -46,17 +35,7 @@ def test_damaged_scenes(tmp_path: Path) -> None:
     for name, content in files.items():
         (tmp_path / name).write_bytes(content)
     path.write_bytes(files["model.gltf"])
-    loaded(path)
-    from tests.fuzz.mutations import damaged_json
-
-    rng, whole = np.random.default_rng(2), path.read_bytes()
-
-    def read(_: int) -> None:
-        path.write_bytes(damaged_json(whole, rng))
-        loaded(path)
-
-    counts = outcomes(range(300), read)
-    assert counts.total() == 300 and counts["refused"] > 60
+    read_damaged(path, damaged_json, loaded, 100, 2, 20)
 
 
 MATERIALS = {
@@ -76,17 +55,19 @@ MATERIALS = {
 
 
 @pytest.mark.parametrize("name", MATERIALS)
-def test_damaged_materials(name: str, tmp_path: Path, count: int = 100) -> None:
+def test_damaged_materials(name: str, tmp_path: Path, count: int = 50) -> None:
     """An MTL library, an OBJ that names it, and a PLY with pictures; a damaged library costs no mesh."""
     for file, data in MATERIALS.items():
         (tmp_path / file).write_bytes(data)
     Image.new("RGBA", (4, 4), (200, 20, 20, 99)).save(tmp_path / "t.png")
     mesh = tmp_path / ("a.ply" if name == "a.ply" else "a.obj")
-    header = max(MATERIALS[name].find(b"end_header"), 0)  # kept in half of the mutants
-    for kept in {0, header}:
-        mutant = mutants(MATERIALS[name], tmp_path / name, count, 3, kept)
-        counts = outcomes(mutant, lambda _: loaded(mesh))
-        assert counts["accepted"] == count or (name != "m.mtl" and counts.total() == count)
+    for kept in {0, max(MATERIALS[name].find(b"end_header"), 0)}:  # the header stays in half of the mutants
+
+        def damaged_behind(data: bytes, rng: np.random.Generator, kept: int = kept) -> bytes:
+            return data[:kept] + damaged(data[kept:], rng)
+
+        counts = read_damaged(tmp_path / name, damaged_behind, lambda _: loaded(mesh), count, 3, -1)
+        assert counts["accepted"] == count or name != "m.mtl"
 
 
 @pytest.mark.parametrize(

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import shutil
 import struct
-import subprocess
-import sys
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
 from safetensors.numpy import load_file, save_file
 
-from tests.fuzz.mutations import damaged_json, damaged_tensors, outcomes
+from tests.fuzz.mutations import Damage, damaged_json, damaged_tensors, read_damaged
 from tests.support import SMALL
 from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration, calibration_of
 from vig.io.errors import UserError
@@ -57,17 +55,6 @@ def pack(tmp_path: Path) -> Path:
     return tmp_path / "pack"
 
 
-def mutants(
-    path: Path, damage: Callable[[bytes, np.random.Generator], bytes], count: int, seed: int
-) -> Iterator[Path]:
-    """The same file `count` times with other damage each; whole again at the end."""
-    whole, rng = path.read_bytes(), np.random.default_rng(seed)
-    for _ in range(count):
-        path.write_bytes(damage(whole, rng))
-        yield path
-    path.write_bytes(whole)
-
-
 def drawn(folder: Path) -> None:
     """Read a class and draw it: what was read must not lead a kernel out of its arrays."""
     model = ObjectClass.load(folder).shape_model
@@ -78,29 +65,21 @@ def drawn(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "damage", "least"),
+    ("name", "damage"),
     [
-        ("class.json", damaged_json, 150),
-        ("shape.safetensors", damaged_tensors, 150),
-        (TRANSFER_FILE, damaged_tensors, 150),
+        ("class.json", damaged_json),
+        ("shape.safetensors", damaged_tensors),
+        (TRANSFER_FILE, damaged_tensors),
     ],
 )
-def test_damaged_class_packs(name: str, damage: Callable, least: int, pack: Path) -> None:
-    drawn(pack)
-    counts = outcomes(mutants(pack / name, damage, 300, 1), lambda _: drawn(pack))
-    assert counts.total() == 300 and counts["refused"] > least
-    drawn(pack)
+def test_damaged_class_packs(name: str, damage: Damage, pack: Path) -> None:
+    read_damaged(pack / name, damage, lambda _: drawn(pack), 100, 1, 40)
 
 
 def test_damaged_weights(pack: Path) -> None:
+    photo = np.full((1, 150, 150, 3), 0.5, np.float32)
     path = pack / "recognition.safetensors"
-
-    def predicted(path: Path) -> None:
-        Recognizer(path)(np.full((1, 150, 150, 3), 0.5, np.float32))
-
-    predicted(path)
-    counts = outcomes(mutants(path, damaged_tensors, 300, 2), predicted)
-    assert counts.total() == 300 and counts["refused"] > 100
+    read_damaged(path, damaged_tensors, lambda path: Recognizer(path)(photo), 60, 2, 15)
 
 
 def test_damaged_weights_of_the_papers_networks(tmp_path: Path) -> None:
@@ -110,13 +89,10 @@ def test_damaged_weights_of_the_papers_networks(tmp_path: Path) -> None:
     tensors = {f"network.{k}": v.numpy() for k, v in networks.state_dict().items()}
     settings = '{"modes": 2, "azimuth_bins": 8, "filters": [1, 1, 1], "dense": [2, 2], "dropout": 0.5}'
     save_file(tensors, path, {"net": "paper", "format": FORMAT, "settings": settings})
-    PaperRecognizer(path)
-    counts = outcomes(mutants(path, damaged_tensors, 100, 3), PaperRecognizer)
-    assert counts.total() == 100 and counts["refused"] > 30
+    read_damaged(path, damaged_tensors, PaperRecognizer, 40, 3, 10)
 
 
 def test_damaged_calibrations(pack: Path) -> None:
-    path = pack / "calibration.json"
     features = np.zeros(len(CONFIDENCE_FEATURES))
 
     def used(path: Path) -> None:
@@ -125,19 +101,12 @@ def test_damaged_calibrations(pack: Path) -> None:
         widened = calibration.widened(np.ones(calibration.scale.shape[1]), features, True)
         assert np.isfinite(widened).all()
 
-    used(path)
-    counts = outcomes(mutants(path, damaged_json, 400, 4), used)
-    assert counts.total() == 400 and counts["refused"] > 200
+    read_damaged(pack / "calibration.json", damaged_json, used, 100, 4, 40)
 
 
 @pytest.mark.parametrize(
     "blocks",
-    [
-        "[1, 1180591620717411303424, 3, 1, 1]",
-        "[1, 99999999, 3, 1, 1]",
-        "[0, 1]",
-        '["a", 1, 2, 1, 1]',
-    ],
+    ["[1, 1180591620717411303424, 3, 1, 1]", "[1, 99999999, 3, 1, 1]", "[0, 1]", '["a", 1, 2, 1, 1]'],
 )
 def test_settings_of_monstrous_networks(blocks: str, pack: Path) -> None:
     path = pack / "recognition.safetensors"
@@ -157,57 +126,27 @@ def test_a_calibration_of_another_class(pack: Path) -> None:
         calibration_of(ObjectClass.load(pack))
 
 
-def out_of_range(arrays: dict[str, np.ndarray]) -> None:
-    arrays["faces"][5] = [0, 1, 5_000_000]
-
-
-def negative(arrays: dict[str, np.ndarray]) -> None:
-    arrays["faces"][0, 0] = -7
-
-
-def wide(arrays: dict[str, np.ndarray]) -> None:
-    arrays["faces"] = arrays["faces"].astype(np.int64)
-
-
-def infinite(arrays: dict[str, np.ndarray]) -> None:
-    arrays["mean"][3, 1] = np.nan
-
-
-def strange_part(arrays: dict[str, np.ndarray]) -> None:
-    arrays["parts"][2] = 1
-
-
 @pytest.mark.parametrize(
-    ("spoil", "why"),
+    ("name", "at", "value", "why"),
     [
-        (out_of_range, "faces must be from 0 to 7; they are from 0 to 5000000"),
-        (negative, "faces must be from 0 to 7; they are from -7"),
-        (wide, "faces must be int32; it is int64"),
-        (infinite, "'mean' has numbers that are not finite"),
-        (strange_part, "parts must be from 0 to 0; they are from 0 to 1"),
-        (lambda arrays: arrays.pop("basis"), "'basis' is missing"),
-        (lambda arrays: arrays.update(mean=arrays["mean"][:5]), r"basis must be \(2, 5, 3\)"),
+        ("faces", (5, 2), 5_000_000, "faces must be from 0 to 7; they are from 0 to 5000000"),
+        ("faces", (0, 0), -7, "faces must be from 0 to 7; they are from -7"),
+        ("mean", (3, 1), np.nan, "'mean' has numbers that are not finite"),
+        ("parts", 2, 1, "parts must be from 0 to 0; they are from 0 to 1"),
+        ("faces", None, np.zeros((12, 3), np.int64), "faces must be int32; it is int64"),
+        ("basis", None, None, "'basis' is missing"),
+        ("mean", None, CUBE[:5], r"basis must be \(2, 5, 3\)"),
     ],
 )
-def test_what_is_wrong_with_shapes_is_said(spoil: Callable, why: str, pack: Path) -> None:
+def test_what_is_wrong_with_shapes_is_said(name: str, at: Any, value: Any, why: str, pack: Path) -> None:
+    """An index out of range once ended in a corrupted heap."""
     arrays = load_file(pack / "shape.safetensors")
-    spoil(arrays)
+    if at is not None:
+        arrays[name][at] = value
+    elif value is None:
+        del arrays[name]
+    else:
+        arrays[name] = value
     save_file(arrays, pack / "shape.safetensors")
     with pytest.raises(UserError, match=f"expected a class's shapes at .*{why}.*Build or copy it again"):
         ObjectClass.load(pack)
-
-
-@pytest.mark.slow
-def test_fit_refuses_faces_out_of_range(tmp_path: Path) -> None:
-    """In a process of its own: it used to end in a corrupted heap."""
-    shutil.copytree(PACKAGED / "teapot", tmp_path / "pack")
-    arrays = load_file(tmp_path / "pack" / "shape.safetensors")
-    arrays["faces"][100:110] = 5_000_000
-    save_file(arrays, tmp_path / "pack" / "shape.safetensors")
-    photo = next((PACKAGED.parents[1] / "vig_app" / "examples").glob("*.png"))
-    command = [sys.executable, "-c", "from vig_app.cli.main import main; main()", "fit", str(photo)]
-    command += ["--out", str(tmp_path / "out"), "--class", str(tmp_path / "pack")]
-    ended = subprocess.run(command, capture_output=True, text=True, timeout=300)
-    assert ended.returncode == 2, ended.stderr
-    assert ended.stderr.count("\n") == 1 and "faces must be from 0 to 2635" in ended.stderr
-    assert not (tmp_path / "out").exists()

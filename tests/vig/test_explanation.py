@@ -154,12 +154,16 @@ def test_the_json_speaks_degrees_and_names_every_latent(
     assert said["frames"]["object"].startswith("right-handed, metres, Z up")
 
 
-def test_the_other_explanation_is_told(fit: Fit, teapot: ObjectClass, tmp_path: Path) -> None:
+def test_the_other_explanation_is_told(fit: Fit, teapot: ObjectClass) -> None:
     other = replace(latents(), azimuth=np.array([2.0], np.float32))
     view = OtherView(other, np.zeros(4, np.float32), 0.3)
     ambiguous = replace(fit, verdict=Verdict.AMBIGUOUS, reason="two", alternatives=(view,))
     photo = np.full((150, 150, 3), 0.2, np.float32)
-    said = written(tmp_path, photo, Window.of(150, 150), ambiguous, teapot)
+    explanation = Explanation(photo, Window.of(150, 150), ambiguous, teapot)
+    (found,) = explanation.alternatives
+    assert found.latents is other and found.probability == 0.3
+    assert found.camera.roll == 0 and found.camera_from_object.shape == (4, 4)
+    said = explanation.to_dict()
     assert said["verdict"] == "ambiguous" and said["reason"] == "two"
     (told,) = said["alternatives"]
     assert told["azimuth_deg"] == pytest.approx(math.degrees(2.0), abs=1e-4)
@@ -214,8 +218,7 @@ def as_others_take_it(photo: Image.Image, how: str) -> Image.Image:
     return large
 
 
-@pytest.mark.parametrize("how", ["as it is", "enlarged", "turned"])
-@pytest.mark.parametrize("number", range(8))
+@pytest.mark.parametrize(("number", "how"), [(0, "as it is"), (3, "enlarged"), (1, "turned"), (7, "turned")])
 def test_numpy_alone_puts_the_object_on_the_photo(
     number: int, how: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -265,24 +268,5 @@ def within(one: np.ndarray, other: np.ndarray, pixels: float, left: float = 0.0)
         assert far.sum() <= left * here.sum(), (far.sum(), here.sum())
 
 
-def test_a_file_where_the_folder_should_be_is_told(fit: Fit, teapot: ObjectClass, tmp_path: Path) -> None:
-    (tmp_path / "taken").write_text("mine")
-    photo = np.full((150, 150, 3), 0.2, np.float32)
-    with pytest.raises(UserError, match="a part of the path is a file"):
-        written(tmp_path / "taken", photo, Window.of(150, 150), fit, teapot)
-    assert (tmp_path / "taken").read_text() == "mine"
-
-
 def test_a_verdict_prints_as_the_json_has_it() -> None:
     assert [str(verdict) for verdict in Verdict] == ["trusted", "reverted", "ambiguous", "failed", "absent"]
-
-
-def test_an_ambiguous_fit_has_its_other_explanation(fit: Fit, teapot: ObjectClass) -> None:
-    photo, window = np.full((150, 150, 3), 0.2, np.float32), Window.of(150, 150)
-    assert Explanation(photo, window, fit, teapot).alternatives == ()
-    other = OtherView(replace(latents(), azimuth=np.array([2.0], np.float32)), np.zeros(4, np.float32), 0.25)
-    found = Explanation(photo, window, replace(fit, alternatives=(other,)), teapot)
-    (told,) = found.alternatives
-    assert told.latents is other.latents and told.probability == 0.25
-    assert told.azimuth_deg == pytest.approx(math.degrees(2.0), abs=1e-4)
-    assert told.camera.roll == 0 and told.camera_from_object.shape == (4, 4)

@@ -22,7 +22,6 @@ from vig.photo.lens import Intrinsics
 from vig.photo.masks import read_mask
 from vig.recognition import Prediction
 from vig.scene import ObjectClass
-from vig_app.cli.common import FitCommand
 from vig_app.cli.hints import mask_of, parse_point, read_marks, read_pose
 from vig_app.cli.main import main
 from vig_app.examples import Example, example_photos
@@ -38,6 +37,12 @@ def explainer() -> vig.Explainer:
 @pytest.fixture(scope="module")
 def example() -> Example:
     return example_photos()[HIDDEN]
+
+
+@pytest.fixture(scope="module")
+def plain(explainer: vig.Explainer, example: Example) -> vig.Explanation:
+    """The example explained without hints."""
+    return explainer.explain(example.photo)
 
 
 def turned(a: float, b: float) -> float:
@@ -66,7 +71,7 @@ def test_two_points_tell_the_view_where_the_network_does_not(
     explainer: vig.Explainer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     right = 0
-    truths = [explainer.explain(each.photo) for each in example_photos()]
+    truths = [explainer.explain(each.photo) for each in example_photos()[:3]]
     blind(explainer, monkeypatch)
     for truth in truths:
         points = {name: point_of(truth, name) for name in ("spout", "handle")}
@@ -74,13 +79,13 @@ def test_two_points_tell_the_view_where_the_network_does_not(
         right += turned(found.azimuth_deg, truth.azimuth_deg) < 15
         for name, place in points.items():
             assert math.dist(point_of(found, name), place) < 0.1 * truth.window.side
-    assert right >= 7
+    assert right >= 2
 
 
 def test_the_view_that_a_user_chooses_is_taken(
-    explainer: vig.Explainer, example: Example, monkeypatch: pytest.MonkeyPatch
+    explainer: vig.Explainer, plain: vig.Explanation, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    truth = explainer.explain(example.photo)
+    truth = plain
     blind(explainer, monkeypatch)
     for asked in (truth.azimuth_deg + 6, truth.azimuth_deg + 120):
         found = explainer.explain(truth.picture, window=truth.window, hints=Hints(azimuth_deg=asked))
@@ -90,9 +95,10 @@ def test_the_view_that_a_user_chooses_is_taken(
     assert turned(found.azimuth_deg, truth.azimuth_deg) < 7
 
 
-def test_a_given_mask_is_the_answers_mask(explainer: vig.Explainer, example: Example) -> None:
+def test_a_given_mask_is_the_answers_mask(
+    explainer: vig.Explainer, example: Example, plain: vig.Explanation
+) -> None:
     """Whatever is given, here the true mask without its left half: that half is then hidden."""
-    plain = explainer.explain(example.photo)
     mask = plain.mask.copy()
     middle = int(np.flatnonzero(plain.amodal.any(0)).mean())
     mask[:, :middle] = False
@@ -102,8 +108,9 @@ def test_a_given_mask_is_the_answers_mask(explainer: vig.Explainer, example: Exa
     assert found.to_dict()["hints"] == {"mask": int(mask.sum())}
 
 
-def test_marks_say_it_of_single_places(explainer: vig.Explainer, example: Example) -> None:
-    plain = explainer.explain(example.photo)
+def test_marks_say_it_of_single_places(
+    explainer: vig.Explainer, example: Example, plain: vig.Explanation
+) -> None:
     rows, columns = np.nonzero(plain.mask)
     at = (
         slice(int(np.median(rows)) - 6, int(np.median(rows)) + 6),
@@ -115,8 +122,10 @@ def test_marks_say_it_of_single_places(explainer: vig.Explainer, example: Exampl
     assert plain.mask[at].mean() > 0.9 and found.mask[at].mean() < 0.3 and found.amodal[at].all()
 
 
-def test_nothing_hidden_is_nothing_hidden(explainer: vig.Explainer, example: Example) -> None:
-    assert (explainer.explain(example.photo).hidden_fraction or 0) > 0.1
+def test_nothing_hidden_is_nothing_hidden(
+    explainer: vig.Explainer, example: Example, plain: vig.Explanation
+) -> None:
+    assert (plain.hidden_fraction or 0) > 0.1
     found = explainer.explain(example.photo, hints=Hints(visible=True))
     assert found.hidden_fraction is not None and found.hidden_fraction < 0.1
 
@@ -129,18 +138,10 @@ def test_held_angles_come_out_as_given(explainer: vig.Explainer, example: Exampl
     assert found.to_dict()["hints"] == {"elevation_deg": 21.0, "roll_deg": 4.0}
 
 
-def test_several_processes_take_the_same_hints(explainer: vig.Explainer) -> None:
-    photos = [each.photo for each in example_photos()[:2]]
-    hints = [Hints(elevation_deg=30.0), None]
-    alone, shared = (list(explainer.explain_many(photos, workers=n, hints=hints)) for n in (1, 2))
-    for one, other in zip(alone, shared, strict=True):
-        assert one.elevation_deg == other.elevation_deg and one.to_dict() == other.to_dict()
-
-
-@pytest.mark.parametrize("count", [1, 3])
+@pytest.mark.parametrize("count", [0, 2])
 def test_hints_are_as_many_as_photos(explainer: vig.Explainer, count: int) -> None:
     """None is left out in silence."""
-    photos = [each.photo for each in example_photos()[:2]]
+    photos = [np.full((40, 30, 3), 128, np.uint8)]
     with pytest.raises(UserError, match="expected a hint .or None. for each photo; got"):
         list(explainer.explain_many(photos, hints=[None] * count))
 
@@ -152,19 +153,14 @@ def test_a_hint_that_is_none_of_a_kind_skips_its_photo(explainer: vig.Explainer)
     assert len(found) == 1 and skipped[0][0] == 0 and "expected vig.Hints; got a dict" in skipped[0][1]
 
 
-def test_a_roll_of_a_window_that_is_given_is_refused(explainer: vig.Explainer, example: Example) -> None:
-    with pytest.raises(UserError, match="a window or a roll among the hints"):
-        explainer.explain(example.photo, window=Window(0, 0, 150), hints=Hints(roll_deg=3.0))
-
-
 def test_each_of_many_photos_has_the_mask_of_its_name(tmp_path: Path) -> None:
     """Which is not read here, so that a bad one is the photo's own error."""
     photos = [tmp_path / f"{name}.jpg" for name in "ab"]
-    mask = mask_of(FitCommand(tuple(photos), mask=tmp_path), photos)
+    mask = mask_of(tmp_path, photos)
     assert [mask(photo) for photo in photos] == [tmp_path / "a.png", tmp_path / "b.png"]
-    assert mask_of(FitCommand(tuple(photos)), photos)(photos[0]) is None
+    assert mask_of(None, photos)(photos[0]) is None
     with pytest.raises(UserError, match="expected --mask FOLDER for 2 photos"):
-        mask_of(FitCommand(tuple(photos), mask=photos[0]), photos)
+        mask_of(photos[0], photos)
 
 
 @pytest.mark.parametrize("azimuth", [-3.0, -1.0, 0.0, 0.7, 3.1])
@@ -176,10 +172,10 @@ def test_a_pose_tells_its_view(azimuth: float, elevation: float, roll: float) ->
 
 
 def points_objective(
-    explainer: vig.Explainer, example: Example
+    explainer: vig.Explainer, truth: vig.Explanation
 ) -> tuple[Objective, list[PlaceTerm], np.ndarray]:
     """An objective, a term of all named points, and a point some way from where they are."""
-    truth, unit = explainer.explain(example.photo), explainer.object_class.at_unit_scale
+    unit = explainer.object_class.at_unit_scale
     cut = truth.window.crop(truth.picture)[0]
     settings = resolve(explainer.settings, explainer.object_class, photo=True)
     objective = objective_of(cut, explainer.recognizer(cut[None]), explainer.object_class, settings)
@@ -194,18 +190,20 @@ def points_objective(
     return objective, terms, objective.point(truth.latents, truth.fit.framing[None])
 
 
-def test_points_and_box_of_a_fit_are_where_it_puts_them(explainer: vig.Explainer, example: Example) -> None:
+def test_points_and_box_of_a_fit_are_where_it_puts_them(
+    explainer: vig.Explainer, plain: vig.Explanation
+) -> None:
     """The terms' projection is that of the answer: at the fit itself they cost nothing."""
-    _, (points, box), at = points_objective(explainer, example)
+    _, (points, box), at = points_objective(explainer, plain)
     assert float(points.value(at)[0]) > -1e-3
     assert float(box.value(at)[0]) > -3, "but for vertices that are on the hull of this shape alone"
 
 
 @pytest.mark.parametrize("number", [0, 1])
 def test_the_terms_derivatives_are_those_of_its_value(
-    explainer: vig.Explainer, example: Example, number: int
+    explainer: vig.Explainer, plain: vig.Explanation, number: int
 ) -> None:
-    objective, terms, at = points_objective(explainer, example)
+    objective, terms, at = points_objective(explainer, plain)
     term = terms[number]
     rng = np.random.default_rng(0)
     points = at + 0.05 * rng.normal(size=(2, at.shape[1]))
@@ -234,26 +232,16 @@ def test_the_terms_derivatives_are_those_of_its_value(
         (Hints(points={"spout": (1, math.nan)}), "the point 'spout' as 2 finite"),
         (Hints(elevation_deg=99.0), "elevation_deg within 90 degrees"),
         (Hints(azimuth_deg="left"), "azimuth_deg as 1 finite"),  # type: ignore[arg-type]
+        (Hints(roll_deg=3.0), "a window or a roll among the hints"),
+        ({"visible": True}, "expected vig.Hints; got a dict"),
         (Hints(pose=np.ones((4, 4))), "a rigid (4, 4) camera_from_object"),
     ],
 )
-def test_what_cannot_be_is_refused(
-    explainer: vig.Explainer, example: Example, hints: Hints, told: str
-) -> None:
+def test_what_cannot_be_is_refused(explainer: vig.Explainer, example: Example, hints: Any, told: str) -> None:
+    window = Window(0, 0, 150) if "a window or" in told else None
     with pytest.raises(UserError) as raised:
-        explainer.explain(example.photo, hints=hints)
+        explainer.explain(example.photo, window=window, hints=hints)
     assert told in str(raised.value) and "\n" not in str(raised.value)
-
-
-def test_hints_are_asked_for_by_their_type(explainer: vig.Explainer, example: Example) -> None:
-    with pytest.raises(UserError, match="expected vig.Hints; got a dict"):
-        explainer.explain(example.photo, hints={"visible": True})  # type: ignore[arg-type]
-
-
-def test_a_window_that_is_turned_shows_points_and_masks_upright() -> None:
-    window = Window(100, 50, 200, roll=0.6)
-    x, y = window.to_photo(*window.to_window(130.0, 90.0))
-    assert (x, y) == pytest.approx((130.0, 90.0))
 
 
 def test_a_box_through_a_lens_has_the_middles_of_its_sides() -> None:

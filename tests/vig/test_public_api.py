@@ -130,51 +130,36 @@ def test_a_photo_of_any_size_in_and_a_folder_out_as_vig_fit_writes_it(
     assert not [name for name in names if (folder / name).read_bytes() != (of_cli / name).read_bytes()]
 
 
+WHOLE = vig.photo.Window(0, 0, 150)
+
+
 @pytest.mark.parametrize(
-    ("box", "window", "free"),
-    [(None, None, True), ((20, 20, 100, 60), None, True), (None, vig.photo.Window(0, 0, 150), False)],
+    ("given", "free", "camera_distance_ratio"),
+    [
+        ({}, True, 1.4),
+        ({"box": (25, 25, 100, 60)}, True, 1.4),
+        ({"window": WHOLE}, False, 1.0),
+        # The window's middle is 24.6 pixels above the photo's: its ray is 1.00137 long, and what a flat film
+        # draws there larger by that to the power 3 / 2.
+        ({"box": (25, 25, 100, 60), "focal": 3 * 1.12 * 140}, True, 3.00616),
+        ({"window": WHOLE, "focal": 1e9}, False, 25.0),
+    ],
 )
-def test_the_framing_is_free_unless_a_window_is_given(
-    box: tuple | None, window: vig.photo.Window | None, free: bool, explainer: vig.Explainer, monkeypatch
+def test_framing_and_distance_are_those_of_a_window_that_is_given_or_of_the_focal_length(
+    given: dict, free: bool, camera_distance_ratio: float, explainer: vig.Explainer, monkeypatch
 ) -> None:
     """A photo cut by hand does not have the object where the paper's photos have it."""
     asked = []
 
     def explained(photos, object_class, recognizer, settings, valid, hints, expected):
-        asked.append(settings.free_framing)
-        raise vig.UserError("enough")
-
-    monkeypatch.setattr(vig.explainer, "explain", explained)
-    with pytest.raises(vig.UserError, match="enough"):
-        explainer.explain(np.full((150, 150, 3), 128, np.uint8), box, window)
-    assert asked == [free]
-
-
-@pytest.mark.parametrize(
-    ("given", "camera_distance_ratio"),
-    [
-        ({"box": (25, 25, 100, 60)}, 1.4),
-        ({"window": vig.photo.Window(0, 0, 150)}, 1.0),
-        # The window's middle is 24.6 pixels above the photo's: its ray is 1.00137 long, and what a flat film
-        # draws there larger by that to the power 3 / 2.
-        ({"box": (25, 25, 100, 60), "focal": 3 * 1.12 * 140}, 3.00616),
-        ({"window": vig.photo.Window(0, 0, 150), "focal": 1e9}, 25.0),
-    ],
-)
-def test_the_eye_is_as_far_away_as_the_focal_length_says(
-    given: dict, camera_distance_ratio: float, explainer: vig.Explainer, monkeypatch
-) -> None:
-    asked = []
-
-    def explained(photos, object_class, recognizer, settings, valid, hints, expected):
-        asked.append(settings.camera_distance_ratio)
+        asked.append((settings.free_framing, settings.camera_distance_ratio))
         raise vig.UserError("enough")
 
     monkeypatch.setattr(vig.explainer, "explain", explained)
     monkeypatch.setattr(vig.explainer, "upright", lambda photo, window, recognizer: window)
     with pytest.raises(vig.UserError, match="enough"):
         explainer.explain(np.full((150, 150, 3), 128, np.uint8), **given)
-    assert asked == pytest.approx([camera_distance_ratio], rel=1e-5)
+    assert asked == [(free, pytest.approx(camera_distance_ratio, rel=1e-5))]
 
 
 def test_a_focal_length_tells_the_camera(explainer: vig.Explainer, photo: np.ndarray) -> None:
@@ -221,42 +206,22 @@ def test_what_is_not_surely_found_is_not_trusted(
 
 
 @pytest.mark.parametrize(
-    ("present", "threshold", "expected"),
-    [
-        (0.8, 0.9, "its view is right with a probability of {confidence:.0%} only"),
-        (
-            0.8,
-            1.0,
-            "its view is right with a probability of {confidence:.0%} only; no view of this class is trusted,"
-            " see its card",
-        ),
-    ],
+    ("threshold", "more"), [(0.9, ""), (1.0, "; no view of this class is trusted, see its card")]
 )
 def test_the_reason_says_what_the_confidence_says(
-    explainer: vig.Explainer,
-    photo: np.ndarray,
-    present: float,
-    threshold: float,
-    expected: str,
-    monkeypatch: pytest.MonkeyPatch,
+    explainer: vig.Explainer, photo: np.ndarray, threshold: float, more: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     explained = vig.explainer.explain
-
-    def unsure_of_its_view(*given: Any) -> Any:
-        doubt = {
-            "confidence": 0.6,
-            "view_threshold": threshold,
-            "verdict": vig.Verdict.AMBIGUOUS,
-            "reason": unsure(0.6, threshold),
-        }
-        return (replace(fit, **doubt) for fit in explained(*given))
-
+    doubt = {"confidence": 0.6, "view_threshold": threshold, "verdict": vig.Verdict.AMBIGUOUS}
+    doubt["reason"] = unsure(0.6, threshold)
     window = Window.of(photo.shape[1], photo.shape[0], BOX)
-    monkeypatch.setattr(vig.explainer, "explain", unsure_of_its_view)
-    monkeypatch.setattr(vig.explainer, "find", lambda photo, recognizer, clues: Candidate(window, present))
+    monkeypatch.setattr(
+        vig.explainer, "explain", lambda *given: (replace(fit, **doubt) for fit in explained(*given))
+    )
+    monkeypatch.setattr(vig.explainer, "find", lambda photo, recognizer, clues: Candidate(window, 0.8))
     found = explainer.explain(photo)
-    assert found.confidence == pytest.approx(0.6 * present)
-    assert found.reason == expected.format(confidence=found.confidence)
+    assert found.confidence == pytest.approx(0.6 * 0.8)
+    assert found.reason == f"its view is right with a probability of {found.confidence:.0%} only{more}"
 
 
 def test_an_object_is_found_without_a_box(explainer: vig.Explainer, photo: np.ndarray) -> None:
@@ -313,10 +278,10 @@ def test_the_verdict_and_the_pose_are_those_of_the_photo(explanation: vig.Explan
 
 @pytest.mark.slow
 def test_processes_give_the_same_explanations(explainer: vig.Explainer, photo: np.ndarray) -> None:
-    photos, boxes = [photo, photo[:, ::-1]], [BOX, None]
-    alone = list(explainer.explain_many(photos, boxes))
-    shared = list(explainer.explain_many(photos, boxes, workers=2))
+    photos, boxes, hints = [photo, photo[:, ::-1]], [BOX, None], [vig.Hints(elevation_deg=30.0), None]
+    alone, shared = (list(explainer.explain_many(photos, boxes, workers=n, hints=hints)) for n in (1, 2))
     assert len(alone) == 2 and alone[0].azimuth_deg != alone[1].azimuth_deg
+    assert alone[0].elevation_deg == pytest.approx(30, abs=1e-3)
     assert [e.to_dict() for e in shared] == [e.to_dict() for e in alone]
     for one, two in zip(alone, shared, strict=True):
         assert np.array_equal(one.mask, two.mask) and np.array_equal(one.photo, two.photo)

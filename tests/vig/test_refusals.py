@@ -381,6 +381,11 @@ LAYOUT = latent_layout(10)
         (lambda: LAYOUT.join({"light": torch.zeros(9)}), ValueError, r"expected blocks .*; got \{.*\}. Name"),
         (lambda: LatentLayout((Block("a", 1),) * 2), ValueError, "different names; got a, a. Rename"),
         (lambda: Block("a", -1), ValueError, "'a' must have 0 or more numbers; got -1. Give"),
+        (
+            lambda: Block("a", 2, 0.0, (1.0, 2.0, 3.0)),
+            ValueError,
+            "upper of block 'a' must be 2; got 3. Give",
+        ),
         (lambda: Block("a", 2, labels=("x",)), ValueError, "labels of block 'a' must be 2; got 1. Give"),
     ],
 )

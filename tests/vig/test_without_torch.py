@@ -7,8 +7,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from vig_app.examples import FOLDER
 
 PHOTO = str(FOLDER / "02_egg_cup.png")
@@ -64,23 +62,44 @@ def test_the_commands_write_all_files(tmp_path: Path) -> None:
     assert any(exported.rglob("*.json"))
 
 
-@pytest.mark.parametrize(
-    ("code", "arguments", "extra"),
-    [
-        (COMMAND, ("class", "train", "{}"), "train"),
-        (COMMAND, ("class", "build", "{}", "--out", "{}/c"), "world"),
-        (COMMAND, ("calibrate", "--weights", "{}"), "train"),
-        (COMMAND, ("dataset", "make", "--count", "1", "--out", "{}/d"), "world"),
-        (COMMAND, ("fit", PHOTO, "--mesh", "{}/x.obj", "--box", "30,35,90,90", "--out", "{}/f"), "world"),
-        ("from vig.renderer import render", (), "torch"),
-        ("from vig.renderer import render_latents", (), "torch"),
-        ("import vig; vig.renderer.scene_of", (), "torch"),
-        ("import vig; vig.render", (), "torch"),
-    ],
+COMMANDS = [
+    (("class", "train", "{}"), "train"),
+    (("class", "build", "{}", "--out", "{}/c"), "world"),
+    (("calibrate", "--weights", "{}"), "train"),
+    (("dataset", "make", "--count", "1", "--out", "{}/d"), "world"),
+    (("fit", PHOTO, "--mesh", "{}/x.obj", "--box", "30,35,90,90", "--out", "{}/f"), "world"),
+]
+IMPORTS = (
+    "from vig.renderer import render",
+    "from vig.renderer import render_latents",
+    "import vig; vig.renderer.scene_of",
+    "import vig; vig.render",
 )
-def test_what_needs_an_extra_says_what_to_install(
-    code: str, arguments: tuple[str, ...], extra: str, tmp_path: Path
-) -> None:
-    ended = run(code, *(each.format(tmp_path) for each in arguments), exits=2 if arguments else 1)
-    assert f"pip install 'vig[{extra}]'" in ended.stderr.splitlines()[-1]
-    assert not arguments or len(ended.stderr.splitlines()) == 1
+
+
+def test_commands_that_need_an_extra_say_what_to_install_in_one_line(tmp_path: Path) -> None:
+    given = [[word.format(tmp_path) for word in words] for words, _ in COMMANDS]
+    code = f"""
+from vig_app.cli.main import main
+for words in {given!r}:
+    try:
+        main(words)
+    except SystemExit as ended:
+        assert ended.code == 2
+"""
+    lines = run(code).stderr.splitlines()
+    assert len(lines) == len(COMMANDS)
+    for line, (_, extra) in zip(lines, COMMANDS, strict=True):
+        assert f"pip install 'vig[{extra}]'" in line
+
+
+def test_names_that_need_torch_say_what_to_install() -> None:
+    code = f"""
+for statement in {IMPORTS!r}:
+    try:
+        exec(statement)
+    except ImportError as error:
+        print(error)
+"""
+    lines = run(code).stdout.splitlines()
+    assert len(lines) == len(IMPORTS) and all("pip install 'vig[torch]'" in line for line in lines)

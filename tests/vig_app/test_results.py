@@ -21,7 +21,7 @@ from vig.io.errors import UserError
 from vig_app.cli.main import main
 from vig_app.examples import example_photos
 from vig_app.exports import export_run
-from vig_app.results import COLUMNS, TEXTS, RowsOnDisk, read_results, write_table
+from vig_app.results import COLUMNS, RowsOnDisk, kind_of, read_results, write_table
 from vig_app.runs import RunSettings, Task, run
 
 FOCAL = 400.0
@@ -76,7 +76,7 @@ def test_camera_and_pose_of_a_row_put_the_object_onto_the_photo(results: Path, r
 
 def test_a_table_is_read_as_it_was_written(results: Path, rows: list[dict[str, object]]) -> None:
     ledger = [json.loads(line)["rows"][0] for line in (results / "results.jsonl").read_text().splitlines()]
-    assert rows == ledger and tuple(rows[0]) == COLUMNS
+    assert rows == ledger and tuple(rows[0]) == tuple(COLUMNS)
     if importlib.util.find_spec("pandas") is not None:
         import pandas
 
@@ -169,6 +169,12 @@ def test_the_command_writes_both(results: Path, tmp_path: Path, capsys: pytest.C
     assert "Name the folder of its results" in refused
 
 
+def test_a_format_with_files_for_each_photo_is_told_how_to_have_them(results: Path, tmp_path: Path) -> None:
+    with pytest.raises(UserError, match="bop or coco; got 'ros'.* vig fit --export ros"):
+        export_run(results, ["bop", "ros"], tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
 def test_rows_of_a_run_are_kept_on_disk_in_the_order_of_the_photos() -> None:
     """At most 600 bytes of memory a photo, of some 7,000 that such a row takes."""
     count = 3000
@@ -204,7 +210,9 @@ def test_no_text_of_a_table_is_a_formula(name: str, tmp_path: Path) -> None:
     write_table(tmp_path, [row])
     with open(tmp_path / "results.csv", encoding="utf-8", newline="") as file:
         (cells,) = csv.DictReader(file)
-    assert not any(cells[column].startswith(("=", "@", "+", "-", "\t", "\r", "\uff1d")) for column in TEXTS)
+    texts = [name for name, column in COLUMNS.items() if kind_of(column) is str]
+    assert len(texts) == 8
+    assert not any(cells[column].startswith(("=", "@", "+", "-", "\t", "\r", "\uff1d")) for column in texts)
     assert cells["roll_deg"] == "-1.5" and read_results(tmp_path) == [row]
 
 

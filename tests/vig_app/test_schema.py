@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from tests.golden import results
+from vig import record
 from vig.hints import Hints as GivenHints
 from vig.inference.settings import Verdict
 from vig.io.checks import decode
-from vig_app import schema
-from vig_app.schema import Explanation, schema_of
+from vig.record import Explanation
+from vig_app.cli.schema import schema_of
 
 
 @pytest.fixture(scope="module")
@@ -49,15 +50,16 @@ def test_the_schema_is_that_of_the_types(explanations: list[dict[str, Any]]) -> 
 def test_verdicts_and_hints_are_those_of_the_core() -> None:
     verdicts = get_args(get_type_hints(Explanation)["verdict"])
     assert set(verdicts) == {verdict.name.lower() for verdict in Verdict}
-    assert set(schema.Hints.__struct_fields__) == {field.name for field in fields(GivenHints)}
+    assert set(record.Hints.__struct_fields__) == {field.name for field in fields(GivenHints)} - {"strokes"}
     full = GivenHints(
-        np.ones((2, 3), bool),
-        np.ones((2, 3), np.uint8),
-        True,
-        {"spout": (1.0, 2.0)},
-        1.0,
-        2.0,
-        3.0,
-        np.eye(4),
+        mask=np.ones((2, 3), bool),
+        marks=np.ones((2, 3), np.uint8),
+        visible=True,
+        points={"spout": (1.0, 2.0)},
+        azimuth_deg=0.0,
+        elevation_deg=2.0,
+        roll_deg=3.0,
+        pose=np.eye(4),
     )
-    assert msgspec.to_builtins(decode(schema.Hints, full.described())) == full.described()
+    described = full.described()
+    assert msgspec.to_builtins(decode(record.Hints, described)) == described and len(described) == 8

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from vig.io.errors import UserError
-from vig_paper.reproduction import Record, ReproductionSettings, read_record
+from vig_paper.settings import ReproductionSettings
+from vig_train.record import Record, read_record
 
 
 def opened(folder: Path, **chosen) -> Record:

@@ -22,7 +22,8 @@ from vig_train.calibration import calibrate_fits
 from vig_train.evaluation import evaluate
 from vig_train.training import TrainingSettings, calibrate_network, train
 from vig_train.training.studio import WHOLE, Studio, StudioSettings
-from vig_world.assets.props import FAMILIES, is_of_class
+from vig_world.assets.models import packaged_props
+from vig_world.assets.things import is_of_class
 from vig_world.dataset import Dataset, read_dataset
 from vig_world.generation.write import make_dataset
 
@@ -129,6 +130,7 @@ def test_zones_that_no_room_has_are_refused_in_one_line(tmp_path: Path) -> None:
 
 
 def test_props_that_are_named_like_a_class_are_left_out() -> None:
-    assert [name for name in FAMILIES if is_of_class(name, "Mug")] == ["cup_saucer", "mug"]
-    assert {"cup_saucer", "mug", "teacups"} <= {name for name in FAMILIES if is_of_class(name, "my_cups")}
-    assert is_of_class("cup_saucer", "tea cup") and not any(is_of_class(name, "teapot") for name in FAMILIES)
+    families = packaged_props("train")
+    assert {name for name in families if is_of_class(name, "Mug")} == {"cup", "cup_cake", "mug"}
+    assert {"cup", "mug", "place_setting"} <= {name for name in families if is_of_class(name, "my_cups")}
+    assert {name for name in families if is_of_class(name, "teapot")} == {"kettle", "teapot"}

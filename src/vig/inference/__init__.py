@@ -14,8 +14,8 @@ from vig.inference.settings import (
     OtherView,
     Stage,
     Verdict,
-    all_round,
     resolve,
+    without_network,
 )
 
 __all__ = [
@@ -34,7 +34,6 @@ __all__ = [
     "Stage",
     "Verdict",
     "WindowHints",
-    "all_round",
     "calibration_of",
     "explain",
     "explain_one",
@@ -43,4 +42,5 @@ __all__ = [
     "objective_of",
     "resolve",
     "starts",
+    "without_network",
 ]

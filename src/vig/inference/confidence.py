@@ -24,17 +24,10 @@ from vig.likelihood import PixelModel, spatial_posterior
 from vig.likelihood.densities import DEFAULT_DENSITY
 from vig.recognition import Prediction
 from vig.scene import Latents, latent_layout
+from vig.scene.functions import log_odds
 
-MASK_SIGMA = 0.1
-"""Noise under which a pixel of the fit is taken as visible, as in the paper."""
-LEAST_VISIBLE = 0.3
-"""Predicted probability from which a pixel may well show the object."""
 LEAST_PROBABILITY = 1e-3
 """Floor of a pixel's probability in `mask_log_probability`, so that none decides alone."""
-MUCH_HIDDEN = 0.3
-"""Hidden share from which that is given as the reason for doubt."""
-UNTRUSTED_FACTOR = 0.99
-"""A verdict below trusted has at most this share of the threshold as its confidence."""
 UNINFORMED = "no network knows such objects; of the views all round this one has the most evidence"
 """Reason for doubt where views are compared by the objective alone."""
 QUANTILES = 40
@@ -195,7 +188,8 @@ class _Shown:
 
 def _show(objective: Objective, point: np.ndarray, latents: Latents, model: PixelModel) -> _Shown:
     """Evaluate one point (1, P') under the masks' noise."""
-    evaluation = objective.of_one(point, MASK_SIGMA, derivatives=False).evaluation
+    # 0.1: noise under which a pixel of the fit is taken as visible, as in the paper
+    evaluation = objective.of_one(point, 0.1, derivatives=False).evaluation
     assert (
         evaluation.coverage is not None
         and evaluation.irradiance is not None
@@ -260,17 +254,11 @@ def _features(latents: Latents, shown: _Shown, prediction: Prediction, selection
         "log_azimuth_entropy": math.log(max(entropy, 1e-3)),
         "log_elevation_deviation": math.log(max(float(stated["elevation"][0]), 1e-4)),
         "shape_deviation": float(stated["shape"].mean()),
-        "presence_log_odds": _log_odds(float(prediction.presence[0])),
+        "presence_log_odds": log_odds(float(prediction.presence[0])),
         "predicted_roll": abs(float(prediction.roll[0])),
         "outline_agreement": int((shown.amodal & predicted).sum()) / max(union, 1),
     }
     return np.array([features[name] for name in CONFIDENCE_FEATURES], np.float64)
-
-
-def _log_odds(probability: float) -> float:
-    """Return log odds of a probability, which is held `LEAST_PROBABILITY` away from 0 and 1."""
-    bounded = min(max(probability, LEAST_PROBABILITY), 1 - LEAST_PROBABILITY)
-    return math.log(bounded / (1 - bounded))
 
 
 def _mask_log_probability(predicted: np.ndarray, mask: np.ndarray, amodal: np.ndarray) -> float:
@@ -280,7 +268,8 @@ def _mask_log_probability(predicted: np.ndarray, mask: np.ndarray, amodal: np.nd
     """
     visible, hidden = predicted[..., 0], predicted[..., 1]
     same = np.where(mask, visible, np.where(amodal, hidden, 1 - visible))
-    about = amodal | (visible > LEAST_VISIBLE)
+    # 0.3: predicted probability from which a pixel may well show the object
+    about = amodal | (visible > 0.3)
     if not about.any():
         return math.log(LEAST_PROBABILITY)
     return float(np.log(np.maximum(same, LEAST_PROBABILITY))[about].mean())
@@ -309,7 +298,8 @@ def _verdict(
         return confidence, Verdict.AMBIGUOUS, UNINFORMED + lead
     if selection.reverted:
         if calibration is not None:  # a verdict below trusted never has the confidence of one
-            confidence = min(confidence, UNTRUSTED_FACTOR * calibration.threshold)
+            # 0.99: A verdict below trusted has at most this share of the threshold as its confidence
+            confidence = min(confidence, 0.99 * calibration.threshold)
         return confidence, Verdict.REVERTED, Verdict.REVERTED.value
     if trusted:
         reason = Verdict.TRUSTED.value
@@ -325,7 +315,8 @@ def _verdict(
         reason = f"turned by {turned:.0f} degrees it fits nearly as well ({gap:.0f} nats less)"
     elif selection.rival_is_other_view:
         reason = f"the recognition model sees it turned by {selection.turned_deg:.0f} degrees"
-    elif features[CONFIDENCE_FEATURES.index("hidden_fraction")] > MUCH_HIDDEN:
+    # 0.3: hidden share from which that is given as the reason for doubt
+    elif features[CONFIDENCE_FEATURES.index("hidden_fraction")] > 0.3:
         reason = "too little of the object is seen to be sure of its view"
     else:
         reason = unsure(confidence, math.nan if calibration is None else calibration.threshold)

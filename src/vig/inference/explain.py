@@ -10,7 +10,7 @@ from vig.inference.confidence import assess
 from vig.inference.hints import WindowHints
 from vig.inference.posterior import objectives_of
 from vig.inference.refinement import ExpectedStart, refine, select
-from vig.inference.settings import ExplainSettings, Fit, FitSettings, resolve
+from vig.inference.settings import ExplainSettings, Fit, resolve
 from vig.inference.shading_gain import with_shading_gain
 from vig.parallel.threads import map_on_threads, on_one_core
 from vig.recognition import Prediction, Recognizer
@@ -21,7 +21,7 @@ def explain(
     photos: np.ndarray,
     object_class: ObjectClass,
     recognizer: Recognizer,
-    settings: ExplainSettings | FitSettings | None = None,
+    settings: ExplainSettings | None = None,
     valid: np.ndarray | None = None,
     hints: WindowHints | None = None,
     expected: ExpectedStart | None = None,
@@ -46,7 +46,7 @@ def explain_one(
     photo: np.ndarray,
     prediction: Prediction,
     object_class: ObjectClass,
-    settings: ExplainSettings | FitSettings,
+    settings: ExplainSettings,
     valid: np.ndarray | None = None,
     hints: WindowHints | None = None,
     judge: Prediction | None = None,

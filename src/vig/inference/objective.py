@@ -14,6 +14,7 @@ from vig.inference.hints import PlaceTerm
 from vig.likelihood import Evaluation, Likelihood
 from vig.parallel.threads import thread_count
 from vig.scene import LatentLayout, Latents, ObjectClass, latent_layout
+from vig.scene.functions import numpy_of_tensor
 from vig.scene.latents import FRAMING
 from vig.search import Budget, Descent
 from vig_native import engine
@@ -160,7 +161,7 @@ class Objective:
 
     def point(self, latents: Latents, framing: np.ndarray | None = None) -> np.ndarray:
         """Points (B, P') within the bounds from latents and framing (B, 4); all else is 0."""
-        vector = latents.to_vector().astype(self.dtype)
+        vector = numpy_of_tensor(latents.to_vector()).astype(self.dtype)
         if not np.isfinite(vector).all():
             raise ValueError("latents must be finite; got NaN or infinity")
         if vector.shape[1] != len(self._latents):
@@ -168,12 +169,12 @@ class Objective:
         points = np.zeros((len(vector), self.layout.size), self.dtype)
         points[:, self._latents] = vector
         if framing is not None:
-            points[:, self.layout["framing"]] = framing
+            points[:, self.layout["framing"]] = numpy_of_tensor(framing)
         return points.clip(self.lower, self.upper)
 
     def latents(self, points: np.ndarray) -> Latents:
         """The latents of points (B, P')."""
-        return Latents.from_vector(points[:, self._latents])
+        return Latents.from_vector(numpy_of_tensor(points)[:, self._latents])
 
     def azimuth(self, points: np.ndarray) -> np.ndarray:
         """The azimuths (B,) of points (B, P'), radians."""
@@ -222,6 +223,7 @@ class Objective:
         self, points: np.ndarray, photo: np.ndarray, sigma: np.ndarray, derivatives: bool = True
     ) -> ObjectiveValue:
         """Value points (B, P') of photos (B,) under noise sigma (B,); images come where no derivatives do."""
+        points, photo, sigma = map(numpy_of_tensor, (points, photo, sigma))
         evaluation = self.likelihood.at(points, photo, sigma, derivatives, images=not derivatives)
         value, gradient, normal = evaluation.value, evaluation.gradient, evaluation.normal
         self.prior.add_to(points, value, gradient, normal)

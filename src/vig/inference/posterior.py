@@ -34,7 +34,7 @@ def objective_of(
     photo: np.ndarray,
     prediction: Prediction,
     object_class: ObjectClass,
-    settings: ExplainSettings | FitSettings,
+    settings: ExplainSettings,
     valid: np.ndarray | None = None,
 ) -> Objective:
     """The log posterior of one photo (150, 150, 3); `valid` as in `explain`."""
@@ -45,7 +45,7 @@ def objectives_of(
     photo: np.ndarray,
     prediction: Prediction,
     object_class: ObjectClass,
-    settings: ExplainSettings | FitSettings,
+    settings: ExplainSettings,
     scales: Iterable[float],
     valid: np.ndarray | None = None,
     hints: WindowHints | None = None,

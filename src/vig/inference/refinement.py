@@ -122,14 +122,10 @@ def select(
 LEAST_GAIN_NATS = 0.1
 """Gains of evidence below it are rounding, which differs between processors: log posteriors are sums of some
 10^4 nats in single precision."""
-LEAST_PEAK = 0.02
-"""Peaks of azimuth with less probability are left out."""
 AZIMUTH_SPREAD = math.radians(8.0)
 """Standard deviation of the Gaussian about a peak of azimuth, radians, and of the starts' perturbations."""
 RELATIVE_SPREAD = 0.7
 """Elevation and shape are perturbed by this share of the deviations that the network states."""
-FRAMING_SPREAD = (0.02, 0.02, 0.06, 0.0)
-"""Standard deviations of the starts' shift (widths), log magnification and roll (radians)."""
 DISTINCT_AZIMUTH = math.radians(25.0)
 """Azimuths farther apart are different views."""
 OTHER_VIEWS, UNINFORMED_VIEWS = 2, 5
@@ -277,7 +273,8 @@ def starts(
     the same starts.
     """
     weights, angles = prediction.modes(most_peaks, broad)
-    peaks = _allot(np.exp(weights[0]), LEAST_PEAK, count)
+    # 0.02: peaks of azimuth with less probability are left out
+    peaks = _allot(np.exp(weights[0]), 0.02, count)
     numbers, layout = np.repeat(prediction.numbers, count, axis=0), prediction.layout
     rng = np.random.default_rng(np.random.SeedSequence([seed, count]))
     # A peak's first start is the peak itself, those after it are perturbed.
@@ -308,7 +305,9 @@ def framings(starts: Latents, prediction: Prediction, objective: Objective, seed
     rng = np.random.default_rng(np.random.SeedSequence([seed, count, 1]))
     noise = rng.standard_normal((count, FRAMING.size)).astype(np.float32)
     noise[0] = 0.0
-    return framing + np.array(FRAMING_SPREAD, np.float32) * noise
+    # (0.02, 0.02, 0.06, 0.0): standard deviations of the starts' shift (widths), log magnification and roll
+    # (radians)
+    return framing + np.array((0.02, 0.02, 0.06, 0.0), np.float32) * noise
 
 
 def framing_of_box(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any
 
@@ -190,76 +190,19 @@ OPEN = tuple(name for name in PICTURE if name != "stages")
 """Settings that a class may set in its class.json where a user leaves them open."""
 
 
-@dataclass(frozen=True)
-class _Settings:
-    """What is the same for every class and kind of photo; see `ExplainSettings`."""
-
-    likelihood: PixelModel = SPATIAL
-    peaks: int = 4
-    informed: bool = True
-    mask_weight: float = 1.0
-    surroundings: float = 1.0
-    recognition_weight: float = 1.0
-    azimuth_weight: float = 100.0
-    self_shadow: bool = True
-    optimizer: Optimizer = field(default_factory=LevenbergMarquardt)
-    silhouette: str = "exact"
-    calibrated: bool = True
-    widened: bool = True
-    calibration: FitCalibration | None = field(default=None, compare=False, kw_only=True)
-
-    def __post_init__(self) -> None:
-        stages = getattr(self, "stages", None)
-        if stages is not None and (not isinstance(stages, tuple) or not stages):
-            raise ValueError(f"stages must be a tuple of `Stage`, one or more; got {stages!r}. Pass one.")
-        if stages and (stages[-1].sigma, stages[-1].scale) != (1.0, 1.0):
-            raise ValueError("the last stage must be at sigma 1 and scale 1: its evidence decides")
-        if not isinstance(self.peaks, int) or self.peaks < 1:
-            raise ValueError(f"peaks must be a whole number of 1 or more; got {self.peaks!r}. Choose 4.")
-        if not isinstance(self.likelihood, PixelModel):
-            raise ValueError(f"likelihood must be a PixelModel; got {self.likelihood!r}. See vig.likelihood.")
-        if not callable(self.optimizer):
-            raise ValueError(f"optimizer must be an Optimizer; got {self.optimizer!r}. See vig.search.")
-        shares = {"mask_weight": 1.0, "surroundings": 1.0, "decoration": 0.99, "network_mask_share": 1.0}
-        weights = ("recognition_weight", "appearance_weight", "prior_weight", "azimuth_weight", "view_weight")
-        for name in (*shares, *weights, "gain_deviation"):
-            most = shares.get(name, math.inf)
-            value = getattr(self, name, None)
-            if value is not None and (not 0 <= value <= most or value == math.inf):
-                raise ValueError(f"{name} must be from 0 to {most:g}; got {value}. Choose another.")
-        distance = getattr(self, "camera_distance_ratio", None)
-        if distance is not None and not 0 < distance < math.inf:
-            raise ValueError(
-                f"camera_distance_ratio must be a ratio above 0; got {distance}. Choose another."
-            )
-        if self.silhouette not in ("exact", "paper"):
-            raise ValueError(f"silhouette must be 'exact' or 'paper'; got {self.silhouette!r}. Choose one.")
-        learned = None if self.calibration is None else self.calibration.density
-        if learned not in (None, self.likelihood.density):
-            raise ValueError(
-                f"calibration must be of fits with density '{self.likelihood.density}'; got one of"
-                f" '{learned}'. Learn one for these."
-            )
-
-    def calibration_for(self, object_class: ObjectClass) -> FitCalibration | None:
-        """The calibration that judges fits of a class; None without one that was learned from such fits."""
-        # Learned from fits with an outlier model: without one the evidence has another scale.
-        if not self.calibrated or self.likelihood.alpha == 1:
-            return None
-        calibration = self.calibration or calibration_of(object_class)
-        comparable = calibration is not None and calibration.density == self.likelihood.density
-        return calibration if comparable else None
+BY_KIND: Any = None
+"""In place of a setting's value: that of the class, else that of the kind of photo, see `resolve`."""
 
 
 @dataclass(frozen=True)
-class ExplainSettings(_Settings):
+class ExplainSettings:
     """How to fit. What is None follows from the class and the kind of photo, see `resolve`.
 
     Attributes:
         likelihood: The pixel model: `ROBUST`, `GAUSSIAN`, or `SPATIAL`, whose mask couples neighbours.
         stages: In turn; the last one's evidence decides. By default those of `PICTURE` or `PHOTO`.
         peaks: Peaks of azimuth that the starts are shared out among, at most.
-        informed: Whether a network has seen the photo; see `all_round`.
+        informed: Whether a network has seen the photo; see `without_network`.
         mask_weight: How far the predicted per-pixel class probabilities enter the pixels' prior; 0 is the
             paper's constant alpha, 1 takes them fully.
         surroundings: How far the photo's own colours outside the object replace the uniform density, 0 to 1.
@@ -289,36 +232,78 @@ class ExplainSettings(_Settings):
         calibration: In place of the class's own.
     """
 
-    stages: tuple[Stage, ...] | None = None
-    decoration: float | None = None
-    appearance_weight: float | None = None
-    prior_weight: float | None = None
-    view_weight: float | None = None
-    free_framing: bool | None = None
-    camera_distance_ratio: float | None = None
-    network_mask_share: float | None = None
-    gain_deviation: float | None = None
+    likelihood: PixelModel = SPATIAL
+    peaks: int = 4
+    informed: bool = True
+    mask_weight: float = 1.0
+    surroundings: float = 1.0
+    recognition_weight: float = 1.0
+    azimuth_weight: float = 100.0
+    self_shadow: bool = True
+    optimizer: Optimizer = field(default_factory=LevenbergMarquardt)
+    silhouette: str = "exact"
+    calibrated: bool = True
+    widened: bool = True
+    stages: tuple[Stage, ...] = BY_KIND
+    decoration: float = BY_KIND
+    appearance_weight: float = BY_KIND
+    prior_weight: float = BY_KIND
+    view_weight: float = BY_KIND
+    free_framing: bool = BY_KIND
+    camera_distance_ratio: float = BY_KIND
+    network_mask_share: float = BY_KIND
+    gain_deviation: float = BY_KIND
+    calibration: FitCalibration | None = field(default=None, compare=False, kw_only=True)
+
+    def __post_init__(self) -> None:
+        stages = self.stages
+        if stages is not None and (not isinstance(stages, tuple) or not stages):
+            raise ValueError(f"stages must be a tuple of `Stage`, one or more; got {stages!r}. Pass one.")
+        if stages and (stages[-1].sigma, stages[-1].scale) != (1.0, 1.0):
+            raise ValueError("the last stage must be at sigma 1 and scale 1: its evidence decides")
+        if not isinstance(self.peaks, int) or self.peaks < 1:
+            raise ValueError(f"peaks must be a whole number of 1 or more; got {self.peaks!r}. Choose 4.")
+        if not isinstance(self.likelihood, PixelModel):
+            raise ValueError(f"likelihood must be a PixelModel; got {self.likelihood!r}. See vig.likelihood.")
+        if not callable(self.optimizer):
+            raise ValueError(f"optimizer must be an Optimizer; got {self.optimizer!r}. See vig.search.")
+        shares = {"mask_weight": 1.0, "surroundings": 1.0, "decoration": 0.99, "network_mask_share": 1.0}
+        weights = ("recognition_weight", "appearance_weight", "prior_weight", "azimuth_weight", "view_weight")
+        for name in (*shares, *weights, "gain_deviation"):
+            most = shares.get(name, math.inf)
+            value = getattr(self, name)
+            if value is not None and (not 0 <= value <= most or value == math.inf):
+                raise ValueError(f"{name} must be from 0 to {most:g}; got {value}. Choose another.")
+        distance = self.camera_distance_ratio
+        if distance is not None and not 0 < distance < math.inf:
+            raise ValueError(
+                f"camera_distance_ratio must be a ratio above 0; got {distance}. Choose another."
+            )
+        if self.silhouette not in ("exact", "paper"):
+            raise ValueError(f"silhouette must be 'exact' or 'paper'; got {self.silhouette!r}. Choose one.")
+        learned = None if self.calibration is None else self.calibration.density
+        if learned not in (None, self.likelihood.density):
+            raise ValueError(
+                f"calibration must be of fits with density '{self.likelihood.density}'; got one of"
+                f" '{learned}'. Learn one for these."
+            )
+
+    def calibration_for(self, object_class: ObjectClass) -> FitCalibration | None:
+        """The calibration that judges fits of a class; None without one that was learned from such fits."""
+        # Learned from fits with an outlier model: without one the evidence has another scale.
+        if not self.calibrated or self.likelihood.alpha == 1:
+            return None
+        calibration = self.calibration or calibration_of(object_class)
+        comparable = calibration is not None and calibration.density == self.likelihood.density
+        return calibration if comparable else None
 
 
-@dataclass(frozen=True, kw_only=True)
-class FitSettings(_Settings):
-    """`ExplainSettings` of which nothing is left open."""
-
-    stages: tuple[Stage, ...]
-    decoration: float
-    appearance_weight: float
-    prior_weight: float
-    view_weight: float
-    free_framing: bool
-    camera_distance_ratio: float
-    network_mask_share: float
-    gain_deviation: float
+FitSettings = ExplainSettings
+"""Settings of which nothing is left open, as `resolve` returns them."""
 
 
-def resolve(
-    settings: ExplainSettings | FitSettings, object_class: ObjectClass, photo: bool = False
-) -> FitSettings:
-    """Settings of which nothing is left open: the user's, else the class's, else those of the kind of photo.
+def resolve(settings: ExplainSettings, object_class: ObjectClass, photo: bool = False) -> FitSettings:
+    """Return settings with nothing left open: the user's, else the class's, else those of the kind of photo.
 
     Args:
         settings: The user's; those that have been resolved stay as they are.
@@ -328,7 +313,8 @@ def resolve(
     Raises:
         UserError: The class states a setting that there is none of, or a value out of its range.
     """
-    if isinstance(settings, FitSettings):
+    by_user = {name: value for name, value in vars(settings).items() if value is not None}
+    if by_user.keys() >= PICTURE.keys():
         return settings
     unknown = object_class.fit_settings.keys() - set(OPEN)
     if unknown:
@@ -343,8 +329,6 @@ def resolve(
                 f"expected {kind} as fit setting '{name}' of class '{object_class.name}'; got {value}."
                 " Correct its class.json."
             )
-    by_user = {field.name: getattr(settings, field.name) for field in fields(settings)}
-    by_user = {name: value for name, value in by_user.items() if value is not None}
     defaults: dict[str, Any] = PHOTO if photo else PICTURE
     try:
         return FitSettings(**{**defaults, **object_class.fit_settings, **by_user})
@@ -370,7 +354,7 @@ ALL_ROUND: dict[str, Any] = {
 alone decides."""
 
 
-def all_round(settings: FitSettings) -> FitSettings:
+def without_network(settings: FitSettings) -> FitSettings:
     """The same settings for a photo of which no network says anything."""
     return replace(settings, **ALL_ROUND)
 
@@ -387,7 +371,7 @@ TRACKING: dict[str, Any] = {
 other views."""
 
 
-def followed(settings: FitSettings) -> FitSettings:
+def for_tracking(settings: FitSettings) -> FitSettings:
     """The same settings for a frame of a video; its mask is without a minimum cut."""
     model = settings.likelihood
     mask = model.mask and replace(model.mask, exact_start=False)

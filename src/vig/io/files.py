@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 import re
 import secrets
@@ -11,6 +12,7 @@ import unicodedata
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from safetensors import SafetensorError
@@ -83,6 +85,12 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
     finally:
         if os.path.lexists(temporary):
             temporary.unlink()
+
+
+def write_json(path: str | Path, described: Any) -> None:
+    """Write an indented JSON file, whole or not at all; see `atomic_write`."""
+    with atomic_write(path) as temporary:
+        temporary.write_text(json.dumps(described, indent=2) + "\n")
 
 
 def write_arrays(

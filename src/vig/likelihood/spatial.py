@@ -42,9 +42,6 @@ CAPACITY_PER_NAT = 1000
 MOST_CAPACITY = 1 << 29
 """Capacity that decides a pixel."""
 
-DAMPING = 0.5
-"""Share of the old q that an update keeps: simultaneous updates oscillate without it."""
-
 
 @dataclass(frozen=True)
 class SpatialMask:
@@ -133,7 +130,8 @@ def mean_field(
     for _ in range(sweeps):
         # Parallel updates of a mean field may oscillate: they are damped.
         update = sigmoid(log_odds + messages(visible, covered, weights))
-        visible = np.where(covered, visible + (1 - DAMPING) * (update - visible), nothing)
+        # 0.5: share of the old q that an update keeps: simultaneous updates oscillate without it
+        visible = np.where(covered, visible + (1 - 0.5) * (update - visible), nothing)
     return visible
 
 

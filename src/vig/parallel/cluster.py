@@ -21,8 +21,6 @@ TASKS_PER_CPU = 2
 RETRIES = 5
 """Times that Ray retries a task whose worker or node has died, and this process a task that Ray gave up."""
 ANSWER_SECONDS = 5.0
-RENEWED_AFTER = 500
-"""Tasks after which a worker process is replaced."""
 
 
 def map_on_cluster(
@@ -92,7 +90,8 @@ def _no_cluster(address: str, error: Exception) -> UserError:
 def _run(
     ray: Any, prepare: Any, shared: Any, items: Iterator[tuple[int, Any]], size: int
 ) -> Iterator[tuple[int, Any]]:
-    do = ray.remote(num_cpus=1, max_retries=RETRIES, max_calls=RENEWED_AFTER)(_do)
+    # 500: tasks after which a worker process is replaced
+    do = ray.remote(num_cpus=1, max_retries=RETRIES, max_calls=500)(_do)
     token, again = uuid.uuid4().hex, deque[list[tuple[int, Any]]]()
     running: dict[Any, list[tuple[int, Any]]] = {}
     losses: Counter[int] = Counter()

@@ -25,9 +25,6 @@ PHOTO = "a photo (JPEG, PNG, WebP, TIFF, ...)"
 # Only formats that pillow decodes itself: no vector files, no outside programs.
 FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF")
 _PILLOW_LIMIT = threading.Lock()
-UNSCALED = 4096
-"""A 16-bit picture whose samples are all below is one of 12 bits or fewer, not scaled to 16; so is one whose
-brightest is exactly that of 13 to 15 bits."""
 
 
 def opened(path: Path) -> Image.Image:
@@ -229,7 +226,9 @@ def _stated_colour(image: Image.Image) -> formats.Codes | bytes | None:
 
 
 def _check_scale(path: Path, brightest: int, white: int) -> None:
-    if white == 65535 and (0 < brightest < UNSCALED or brightest in (8191, 16383, 32767)):
+    # 4096: A 16-bit picture whose samples are all below is one of 12 bits or fewer, not scaled to 16; so is
+    # one whose brightest is exactly that of 13 to 15 bits
+    if white == 65535 and (0 < brightest < 4096 or brightest in (8191, 16383, 32767)):
         received = f"none above {brightest}"
         refuse(
             path,

@@ -39,8 +39,8 @@ class FitGeometry:
         That camera took the photo; the pose is the one under which vertices are seen nearest to where the
         fit's camera sees them, those of the outline above all.
         """
-        window, angles = self.window_camera(framing), (float(latents.azimuth[0]), float(latents.elevation[0]))
-        fitted = window.camera_from_world(*angles)
+        window = self.window_camera(framing)
+        fitted = window.camera_from_object(latents)
         model = self.object_class.shape_model
         vertices = model.vertices(latents.shape)[0].astype(np.float64)
         in_pixels = (vertices @ fitted[:3, :3].T + fitted[:3, 3]) @ window.K.T
@@ -52,11 +52,10 @@ class FitGeometry:
 
     def _nearly(self, matrix: np.ndarray, latents: Latents, framing: np.ndarray) -> np.ndarray:
         """`pose_before` nearly, in closed form."""
-        angles = float(latents.azimuth[0]), float(latents.elevation[0])
         window = self.window_camera(framing)
         if self.window.focal is None:
             camera = self.window.camera(window, *self.size)
-            return turned_pose(camera, camera.camera_from_world(*angles), matrix)
+            return turned_pose(camera, camera.camera_from_object(latents), matrix)
         scale, middle = self.window.side / window.width, window.width / 2
         camera = replace(
             window,
@@ -67,7 +66,7 @@ class FitGeometry:
         straight = np.diag([self.window.focal, self.window.focal, 1.0])
         undone = np.eye(4)
         undone[:3, :3] = self.window.turn.T
-        pose: np.ndarray = undone @ turned_pose(camera, camera.camera_from_world(*angles), straight)
+        pose: np.ndarray = undone @ turned_pose(camera, camera.camera_from_object(latents), straight)
         return pose
 
     def covariance(

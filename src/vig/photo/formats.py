@@ -63,8 +63,6 @@ _OTHERS = (
     ((b"\x1aE\xdf\xa3", b"\0\0\1\xba", b"\0\0\1\xb3", b"OggS", b"FLV\1", b"0&\xb2u\x8ef"), *_VIDEO),
 )
 CFA = 32803
-LINEAR_RAW = 34892
-"""Photometric interpretations of TIFF that only raw files have."""
 
 # Tags of TIFF (Adobe 1992; DNG 1.6).
 SUBFILE = 254
@@ -135,7 +133,8 @@ def _is_avif(head: bytes) -> bool:
 
 
 def _is_raw(tags: Any) -> bool:
-    return DNG_VERSION in tags or tags.get(PHOTOMETRIC) in (CFA, LINEAR_RAW)
+    # 34892: photometric interpretations of TIFF that only raw files have
+    return DNG_VERSION in tags or tags.get(PHOTOMETRIC) in (CFA, 34892)
 
 
 def tiff_pages(file: IO[bytes]) -> list[tuple[int | None, Any]]:

@@ -11,7 +11,7 @@ import warnings
 import zlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from isal import isal_zlib
@@ -25,11 +25,15 @@ from vig.photo.formats import unread_samples
 from vig.scene.functions import numpy_of_tensor
 from vig.scene.light import srgb8_from_linear
 
+if TYPE_CHECKING:
+    import torch
+
+    Photo = str | Path | Image.Image | np.ndarray | torch.Tensor
+else:  # a tensor is one of numpy's where it is used
+    Photo = str | Path | Image.Image | np.ndarray
 Picture = TypeVar("Picture")
 ROUNDING = 1e-6
 """By which floats may lie beyond [0, 1]: resampling rounds."""
-UP = 2
-"""Number of PNG's filter that a row is the difference from the one above."""
 
 
 def read_photo(path: str | Path) -> np.ndarray:
@@ -66,7 +70,7 @@ def read_picture(path: str | Path, what: str, decode: Callable[[Path, Image.Imag
             refuse(path, f"a whole {what}", f"a damaged one ({error})", "Save or copy it again.")
 
 
-def as_photo(photo: str | Path | Image.Image | np.ndarray) -> np.ndarray:
+def as_photo(photo: Photo) -> np.ndarray:
     """Return a photo as linear RGB, (H, W, 3) float32 in [0, 1], from whatever a caller has it in."""
     return linear_photo(coded_photo(photo))
 
@@ -89,7 +93,7 @@ def linear_planes(coded: np.ndarray) -> list[Image.Image]:
     return [plane.point(LINEAR.tolist(), "F") for plane in planes]
 
 
-def coded_photo(photo: str | Path | Image.Image | np.ndarray) -> np.ndarray:
+def coded_photo(photo: Photo) -> np.ndarray:
     """Return a photo (H, W, 3) as it is kept: uint8 sRGB where that is all it has, else float32 linear RGB.
 
     Samples count by their true range (`vig.photo.formats.white_level`) and by the colour encoding that the
@@ -113,10 +117,9 @@ def coded_photo(photo: str | Path | Image.Image | np.ndarray) -> np.ndarray:
     if isinstance(photo, Image.Image):
         check_size(name, *photo.size)
         return decoded(name, photo)
-    photo = numpy_of_tensor(photo)
-    if not isinstance(photo, np.ndarray):
+    array: Any = numpy_of_tensor(photo)
+    if not isinstance(array, np.ndarray):
         refuse(name, "a path, a PIL image or an array", f"a {type(photo).__name__}", "Convert it to one.")
-    array = photo
     if array.ndim == 2:
         array = np.repeat(array[:, :, None], 3, axis=2)
     if array.ndim != 3 or array.shape[2] != 3:
@@ -125,7 +128,8 @@ def coded_photo(photo: str | Path | Image.Image | np.ndarray) -> np.ndarray:
         refuse(name, "(H, W, 3) or (H, W)", f"shape {tuple(array.shape)}", remedy)
     check_size(name, array.shape[1], array.shape[0])
     if array.dtype == np.uint8:
-        return array.copy()
+        byte: np.ndarray = array.copy()
+        return byte
     if not np.issubdtype(array.dtype, np.floating):
         refuse(name, "uint8 sRGB or floating-point linear RGB", str(array.dtype), "Convert it to uint8.")
     least, most = float(array.min()), float(array.max())
@@ -189,7 +193,8 @@ def png_bytes(picture: np.ndarray) -> bytes:
     height, width = picture.shape[:2]
     rows = np.ascontiguousarray(picture, picture.dtype.newbyteorder(">")).view(np.uint8).reshape(height, -1)
     lines = np.empty((height, rows.shape[1] + 1), np.uint8)
-    lines[:, 0], lines[0, 1:] = UP, rows[0]
+    # 2: number of PNG's filter that a row is the difference from the one above
+    lines[:, 0], lines[0, 1:] = 2, rows[0]
     np.subtract(rows[1:], rows[:-1], out=lines[1:, 1:])
     colour = {(): 0, (3,): 2, (4,): 6}[picture.shape[2:]]
     chunks = (

@@ -23,12 +23,7 @@ FILM_DIAGONAL = math.hypot(36, 24)
 """Millimetres of 35 mm film, to which cameras state their focal length."""
 UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}
 """Millimetres of EXIF's FocalPlaneResolutionUnit: inch, centimetre, millimetre, micrometre."""
-SAME_FOCAL = 0.1
-"""Relative difference up to which two of EXIF's focal lengths agree; above, the 35 mm equivalent counts, as
-FocalPlane tags of pictures that a camera stored smaller are often those of its whole sensor."""
 STORED_SIZE = (ExifTags.Base.ExifImageWidth, ExifTags.Base.ExifImageHeight)
-STORED_PIXELS = 16
-"""Pixels by which EXIF's size of the stored picture may differ: JPEG stores blocks of 8 or 16."""
 WIDEST = 0.15
 """Focal length, in longer sides of the photo, below which K is not in this photo's pixels."""
 MOST_OFF_CENTRE = 3.0
@@ -308,14 +303,18 @@ def focal_of(photo: object) -> float | None:
         tags = photo.getexif().get_ifd(ExifTags.IFD.Exif)
         size = sorted(photo.size)
         stored = sorted(int(tags.get(tag) or 0) for tag in STORED_SIZE)
-        if all(stored) and any(abs(a - b) > STORED_PIXELS for a, b in zip(size, stored, strict=True)):
+        # 16: pixels by which EXIF's size of the stored picture may differ: JPEG stores blocks of 8 or 16
+        if all(stored) and any(abs(a - b) > 16 for a, b in zip(size, stored, strict=True)):
             return None
         of_film = float(tags.get(ExifTags.Base.FocalLengthIn35mmFilm) or 0)
         equivalent = of_film / FILM_DIAGONAL * math.hypot(*size) if 1 <= of_film <= 2000 else None
         exact = _focal_plane(tags)
         if exact is None or exact < WIDEST * size[1]:
             return equivalent
-        agrees = equivalent is None or abs(exact / equivalent - 1) <= SAME_FOCAL
+        # 0.1: relative difference up to which two of EXIF's focal lengths agree; above, the 35 mm equivalent
+        # counts, as FocalPlane tags of pictures that a camera stored smaller are often those of its whole
+        # sensor
+        agrees = equivalent is None or abs(exact / equivalent - 1) <= 0.1
         return exact if agrees else equivalent
     except Exception:  # no EXIF data, or damaged ones
         return None

@@ -17,10 +17,6 @@ from vig.io.files import compose_name
 from vig.photo.checks import refuse
 from vig.photo.images import read_picture
 
-MOST_LABELS = 32
-"""Values up to which numbers in a mask are those of objects, not shades."""
-MOST_COLOURS = 64
-"""Colours beside black up to which they are those of objects, not the shades of an edge."""
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".gif")
 OF_OBJECT = re.compile(r"(.*)_[0-9]{6}\.png", re.DOTALL)
 """BOP's names of masks: number of the photo, of the object."""
@@ -85,7 +81,8 @@ def _by_value(path: Path, values: np.ndarray) -> np.ndarray:
         return np.full(values.shape, bool(shades[0]))
     if shades[0] == 0 and len(shades) == 2:
         return np.asarray(values > 0)
-    if not np.issubdtype(values.dtype, np.floating) and shades[-1] <= MOST_LABELS:
+    # 32: values up to which numbers in a mask are those of objects, not shades
+    if not np.issubdtype(values.dtype, np.floating) and shades[-1] <= 32:
         received = (
             f"the numbers {', '.join(map(str, shades[:6].tolist()))}{' ...' if len(shades) > 6 else ''}"
         )
@@ -101,7 +98,8 @@ def _check_colours(path: Path, values: np.ndarray) -> None:
         return
     packed = red.astype(np.uint32) << 16 | green.astype(np.uint16) << 8 | blue
     colours = np.unique(packed[packed > 0])
-    if 1 < len(colours) <= MOST_COLOURS:
+    # 64: colours beside black up to which they are those of objects, not the shades of an edge
+    if 1 < len(colours) <= 64:
         refuse(path, "a mask of one object", f"{len(colours)} colours", REMEDY)
 
 

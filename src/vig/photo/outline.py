@@ -18,6 +18,19 @@ REACH = 12
 """Pixels of the map up to which distances are told; farther away they stay at that."""
 BESIDE = 5
 """Points from which distances are smoothed."""
+SMALLEST_PICTURE = 320
+"""Pixels of the longer side of the smallest pictures on which outlines are drawn."""
+
+
+def line_width(height: float, width: float) -> float:
+    """Return the pixels of an outline on a photo of a size, the dark lines beside it left out."""
+    return max(1.5, min(height, width) / 250)
+
+
+def line_reach(height: float, width: float) -> float:
+    """Return the pixels from an object to the outer end of an outline and of the dark line beside it."""
+    line = line_width(height, width)
+    return line + 2 * max(1.0, line / 2) + 0.5
 
 
 def outline_distance(share: np.ndarray, outside: float = REACH, inside: float = REACH) -> np.ndarray:

@@ -15,14 +15,8 @@ from vig.scene import Camera
 
 STEPS = 10
 """Of Gauss-Newton, at most; three are enough for most poses."""
-LEAST_GAIN = 1e-9
-"""Share of the squared distances by which a step must make them less, for another to follow."""
-LEAST_VERTICAL = 1e-3
-"""Sine of the angle between the ray to an object and its vertical."""
 DIFFERENCE = 1e-4
 """Step of differences in radians, widths and logs."""
-INNER_WEIGHT = 0.1
-"""Weight of a vertex within the outline, whose own vertices count 1."""
 
 
 def turned_pose(camera: Camera, pose: np.ndarray, matrix: np.ndarray) -> np.ndarray:
@@ -56,7 +50,8 @@ def sight_axes(pose: np.ndarray) -> np.ndarray:
     """
     ray = pose[:3, 3] / np.linalg.norm(pose[:3, 3])
     vertical = pose[:3, 2] - (pose[:3, 2] @ ray) * ray
-    if np.linalg.norm(vertical) < LEAST_VERTICAL:  # it is seen from straight above
+    # 1e-3: sine of the angle between the ray to an object and its vertical
+    if np.linalg.norm(vertical) < 1e-3:  # it is seen from straight above
         vertical = np.cross(ray, pose[:3, 0])
     vertical /= np.linalg.norm(vertical)
     return np.stack([np.cross(vertical, ray), vertical, ray], axis=1)
@@ -90,7 +85,8 @@ def outline_weights(vertices: np.ndarray, faces: np.ndarray, eye: np.ndarray) ->
     faces_eye, faces_away = np.zeros(len(vertices), bool), np.zeros(len(vertices), bool)
     faces_eye[faces[towards]] = True
     faces_away[faces[~towards]] = True
-    return np.where(faces_eye & faces_away, 1.0, INNER_WEIGHT)
+    # 0.1: weight of a vertex within the outline, whose own vertices count 1
+    return np.where(faces_eye & faces_away, 1.0, 0.1)
 
 
 def reprojected(
@@ -146,7 +142,8 @@ def reprojected(
         if not (next_points[:, 2] > 0).all() or after >= before:
             break
         pose, points, off = candidate, next_points, next_off
-        if before - after < LEAST_GAIN * before:
+        # 1e-9: share of the squared distances by which a step must make them less, for another to follow
+        if before - after < 1e-9 * before:
             break
     return pose
 

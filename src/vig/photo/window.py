@@ -26,8 +26,6 @@ BOX_BELOW_CENTRE = 0.033
 
 SMALLEST_BOX = 8
 """Pixels of a box's shorter side, at least."""
-LEAST_IN_PHOTO = 0.25
-"""Share of a box that must be in the photo."""
 PREFILTER_PIXELS = 4
 """Pixels of the halved photo for each pixel of the window cut from it, at least: with 2, fits turn by a
 degree or two."""
@@ -98,7 +96,8 @@ class Window:
         x, y, w, h = box
         shown_w, shown_h = min(x + w, width) - max(x, 0.0), min(y + h, height) - max(y, 0.0)
         sized = all(map(math.isfinite, box)) and min(w, h) >= SMALLEST_BOX
-        large_enough = min(shown_w, shown_h) >= SMALLEST_BOX and shown_w * shown_h >= LEAST_IN_PHOTO * w * h
+        # 0.25: share of a box that must be in the photo
+        large_enough = min(shown_w, shown_h) >= SMALLEST_BOX and shown_w * shown_h >= 0.25 * w * h
         if not sized or not large_enough:
             numbers = ",".join(f"{number:.12g}" for number in box)
             raise UserError(

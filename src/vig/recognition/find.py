@@ -15,6 +15,7 @@ from vig.photo.window import BOX_BELOW_CENTRE, SMALLEST_BOX, WINDOW_OVER_BOX
 from vig.recognition.object_map import PHOTO_SIDES, SIDES_FOR_SEVERAL, box_overlap, places
 from vig.recognition.prediction import Prediction
 from vig.recognition.recognizer import Recognizer
+from vig.scene.functions import log_odds, sigmoid
 
 MOVED_WINDOWS = 2
 """Places that are looked at where one object is sought, and windows moved onto what is there."""
@@ -27,19 +28,11 @@ MOVES = 2
 the map has them, by .95 after one move, by .97 after two."""
 PLACES_PER_OBJECT = 3
 """The same for each of several objects."""
-SAME_PLACE = 0.4
-"""Overlap with the window that it began as, from which one that was moved is of the same object."""
-SAME_OBJECT = 0.5
-"""Overlap from which windows count as one object's: those of two that hide one another overlap, too."""
 LEAST_ROLL = math.radians(5.0)
 """A window is turned only where the network sees the object turned by more."""
 TURNS = 3
 """So often at most: of a large roll the network sees a part. Real pots rolled by 30 degrees are 8 off in the
 median after one turn, 2 after two."""
-GROWN = (1.0, 1.25, 1.6, 2.2)
-"""Boxes of the object over those of what is known of it."""
-HIDDEN_PART = 1.15
-"""Longer side of the object, as the network sees it, over that of a mask, from which the rest is hidden."""
 UNTRAINED = (
     "expected a box or a mask of the object, as its class has no network to find it; got neither. Give --box"
     " x,y,w,h in pixels, such as 120,80,300,240, or --mask FILE; `vig class train` trains a network."
@@ -54,10 +47,6 @@ PRESENCE_WEIGHTS = -0.8, 1.2, 0.4, 0.7
 """Of 1, of the log odds of the map and of the presence head, and of the logarithm of how well the window is
 filled, in the log odds that it shows an object: a logistic regression on 604 images of the studio that
 training did not see, of teapots, mugs, and things that are neither, rounded, and taken for all classes."""
-LEAST_FRAMED = -3.0
-"""Logarithm of how well a window is filled that counts."""
-LEAST = 1e-3
-"""Probability, of a thing or of its contrary, that counts."""
 SHOWN = 0.5
 """Predicted probability from which a pixel belongs to the object, hidden or not."""
 
@@ -135,10 +124,11 @@ def _tried(
             agreement = 1.0 if clues is None else clues.agreement(windows[i], seen)
             present[i] = max(present[i], agreement * _present(start.present, seen))
         moved = _all_moved(windows, prediction)
+        # 0.4: overlap with the window that it began as, from which one that was moved is of the same object
         windows = [
             window
             # Not onto another object; with clues all of them must be shown.
-            if (overlap(window, start.window) >= SAME_PLACE if clues is None else clues.within(window))
+            if (overlap(window, start.window) >= 0.4 if clues is None else clues.within(window))
             else before
             for start, before, window in zip(starts, windows, moved, strict=True)
         ]
@@ -172,7 +162,8 @@ class LocationHints:
         x, y, w, h = self.box
         side = max(w, h, float(SMALLEST_BOX))
         x, y = x + w / 2, y + h / 2
-        sides = [side * grown for grown in GROWN]
+        # (1.0, 1.25, 1.6, 2.2): boxes of the object over those of what is known of it
+        sides = [side * grown for grown in (1.0, 1.25, 1.6, 2.2)]
         return [Window.round_box((x - s / 2, y - s / 2, s, s)) for s in sides]
 
     def within(self, window: Window) -> bool:
@@ -197,7 +188,9 @@ class LocationHints:
             ]
             low = np.minimum(np.min(corners, axis=0), (x, y))
             high = np.maximum(np.max(corners, axis=0), (x + w, y + h))
-            if max(high - low) > HIDDEN_PART * max(w, h):
+            # 1.15: longer side of the object, as the network sees it, over that of a mask, from which the
+            # rest is hidden
+            if max(high - low) > 1.15 * max(w, h):
                 (x, y), (w, h) = low.tolist(), (high - low).tolist()
         return upright(photo, Window.round_box((x, y, w, h)), recognizer)
 
@@ -218,9 +211,9 @@ def apart(candidates: Iterable[Candidate], most: int) -> list[Candidate]:
     """The best candidates, `most` of them, no two of the same place."""
     separate: list[Candidate] = []
     for each in sorted(candidates, key=lambda each: -each.present):
-        if len(separate) < most and all(
-            overlap(each.window, other.window) < SAME_OBJECT for other in separate
-        ):
+        # 0.5: overlap from which windows count as one object's: those of two that hide one another overlap,
+        # too
+        if len(separate) < most and all(overlap(each.window, other.window) < 0.5 for other in separate):
             separate.append(each)
     return separate
 
@@ -286,16 +279,6 @@ def _present(at_place: float, prediction: Prediction) -> float:
     size = math.log(max(box[2:]) * WINDOW_OVER_BOX) / WINDOW_SIZE_DEVIATION
     off = math.hypot(box[0] + box[2] / 2 - 0.5, box[1] + box[3] / 2 - 0.5 - BOX_BELOW_CENTRE)
     framed = math.log(inside) - 0.5 * (size**2 + (off / WINDOW_PLACE_DEVIATION) ** 2)
-    log_odds = map(log_odds_of, (at_place, float(prediction.presence[0])))
-    return sigmoid(float(np.dot(PRESENCE_WEIGHTS, [1.0, *log_odds, max(framed, LEAST_FRAMED)])))
-
-
-def log_odds_of(probability: float) -> float:
-    """Of a probability, but of one not nearer to 0 or 1 than `LEAST`."""
-    bounded = min(max(probability, LEAST), 1 - LEAST)
-    return math.log(bounded / (1 - bounded))
-
-
-def sigmoid(log_odds: float) -> float:
-    """The probability of log odds."""
-    return 0.5 + 0.5 * math.tanh(0.5 * log_odds)
+    odds = map(log_odds, (at_place, float(prediction.presence[0])))
+    # -3.0: logarithm of how well a window is filled that counts
+    return float(sigmoid(np.dot(PRESENCE_WEIGHTS, [1.0, *odds, max(framed, -3.0)])))

@@ -19,8 +19,6 @@ ALBEDO = 0.4, 0.4
 """Of each channel, likewise."""
 LIGHT_FACTOR = 3.0
 """Over the standard deviations of the class's lights, at an exposure that is not known."""
-MASK = 0.5, 0.1, 0.4
-"""Shares of `MASK_CLASSES` among the pixels of boxes; hints overrule them: beyond the box is nothing."""
 
 
 class UninformedRecognizer(Recognizer):
@@ -41,11 +39,13 @@ class UninformedRecognizer(Recognizer):
     def __call__(self, photos: Any, batch: int = 32, sides: Sequence[bool] = ()) -> Prediction:
         """As `Recognizer.__call__`: photos (N, S, S, 3)."""
         count, bins = len(photos), NetworkSettings().azimuth_bins
+        # (0.5, 0.1, 0.4): shares of `MASK_CLASSES` among the pixels of boxes; hints overrule them: beyond the
+        # box is nothing
         return Prediction(
             np.full((count, bins), 1 / bins, np.float32),
             np.tile(self._mean, (count, 1)),
             np.tile(self._deviation, (count, 1)),
-            np.tile(np.array(MASK, np.float32), (*photos.shape[:3], 1)),
+            np.tile(np.array((0.5, 0.1, 0.4), np.float32), (*photos.shape[:3], 1)),
             np.zeros(count, np.float32),
             np.full(count, 0.5, np.float32),
         ).folded(self.symmetry)

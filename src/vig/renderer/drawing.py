@@ -10,15 +10,13 @@ import numpy as np
 
 from vig.parallel import thread_count
 from vig.scene import Camera, Latents, ObjectClass
+from vig.scene.functions import numpy_of_tensor
 from vig.scene.light import COSINE_LOBE, sh_basis
 from vig_native import engine
 from vig_renderer import NEAR
 from vig_renderer.arrays import Array, like
 from vig_renderer.defaults import with_default_settings
 from vig_renderer.edges import edges_of, smooth_normals, welded
-
-ATTRIBUTES = 9
-"""Numbers of a vertex: normal, albedo, reflected light."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +58,8 @@ def vertex_irradiance(
 
 @with_default_settings
 def draw_latents(latents: Latents, object_class: ObjectClass, camera: Camera, samples: int = 1) -> Drawn:
-    """Draw one explanation (B = 1); samples x samples points a pixel."""
+    """Draw one explanation (B = 1), of arrays or tensors; samples x samples points a pixel."""
+    latents = Latents.from_vector(numpy_of_tensor(latents.to_vector()))
     vertices = object_class.shape_model.vertices(latents.shape.astype(np.float32))[0]
     normals = smooth_normals(vertices, object_class.shape_model.faces)
     shade = vertex_irradiance(latents, normals, object_class)
@@ -92,7 +91,8 @@ def draw_mesh(
     size, threads = (1, height, width), thread_count()
     scenes = engine.Scenes32([mesh], [None], [0], [0, 1], height, width, samples, NEAR, 1, False)
     points = np.empty((len(vertices), 3), np.float32)
-    attributes = np.empty((len(vertices), ATTRIBUTES), np.float32)
+    # 9: numbers of a vertex: normal, albedo, reflected light
+    attributes = np.empty((len(vertices), 9), np.float32)
     rgb, coverage = np.empty((*size, 3), np.float32), np.empty(size, np.float32)
     if not scenes.place([inputs], points, attributes, threads):
         raise ValueError("what is drawn must be finite; got NaN or infinity")

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vig.scene.latents import Latents
 from vig_renderer.arrays import Array, like, namespace
 
 
@@ -119,6 +120,10 @@ class Camera:
         pose[:3, 3] = -self.target_height * pose[:3, 2]
         pose[2, 3] += self.distance
         return pose if self.mount is None else np.array(self.mount) @ pose
+
+    def camera_from_object(self, latents: Latents) -> np.ndarray:
+        """Return the pose (4, 4) of one set of latents (B = 1), metres; float64."""
+        return self.camera_from_world(float(latents.azimuth[0]), float(latents.elevation[0]))
 
     def pose(self, azimuth: Array, elevation: Array) -> tuple[Array, Array]:
         """camera_from_world rotation (B, 3, 3) and translation (B, 3), metres.

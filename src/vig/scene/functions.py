@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,12 @@ def sigmoid(log_odds: np.ndarray) -> np.ndarray:
     half = log_odds.dtype.type(0.5)
     probability: np.ndarray = half + half * np.tanh(half * log_odds)
     return probability
+
+
+def log_odds(probability: float) -> float:
+    """Return log odds of a probability, or of 0.001 or 0.999 where it is nearer to 0 or 1."""
+    bounded = min(max(probability, 1e-3), 1 - 1e-3)
+    return math.log(bounded / (1 - bounded))
 
 
 def softmax(logits: np.ndarray, axis: int = -1) -> np.ndarray:

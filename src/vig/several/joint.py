@@ -33,25 +33,14 @@ from vig.recognition.prediction import bin_centres
 from vig.scene.camera import FOCAL_OVER_WIDTH
 from vig.several.scene import SceneExplanation, heading_light
 
-LEAST_ODDS = 0.02
-"""Floor of the probabilities whose odds tell the order."""
 GROUND_ORDER_WEIGHT = 50.0
 """Nats for the object that ends lower in the photo, per difference over the less tall one's height."""
 TOUCHING = 0.3
 """Coverage from which two objects may hide one another."""
-OUTLINE_PIXELS = 4
-"""Pixels of a window within which an object's outline may be wrong: its pixels are left undecided there."""
-PAINTED_OUT = 0.18
-"""Linear grey of what stands before an object when the network is asked without it."""
 VIEW_SWITCH_NATS = 1.0
 """Nats by which another view must be likelier than that of the fit alone."""
 LIGHT_PRECISION = 2.0
 """Of each other object's light, per coefficient: what is near a lamp is lit by it more."""
-LEVEL_SPREAD = math.radians(5.0)
-"""Standard deviation of an elevation as another object tells it."""
-TELEPHOTO = 2.0
-"""Focal length of a photo of several things that does not tell its own, of the standard cameras' of their
-windows: what a photo frames is smaller than in one of its own."""
 
 
 def fit_jointly(alone: Sequence[Explanation], explainers: Sequence[Explainer]) -> SceneExplanation:
@@ -83,7 +72,8 @@ def order(alone: Sequence[Explanation], predictions: Sequence[Prediction]) -> np
     gains: dict[tuple[int, int], float] = {}
     count, odds = len(alone), []
     for prediction in predictions:
-        logs = np.log(np.maximum(prediction.mask[0], LEAST_ODDS))
+        # 0.02: floor of the probabilities whose odds tell the order
+        logs = np.log(np.maximum(prediction.mask[0], 0.02))
         odds.append(logs[..., 0] - logs[..., 1])
     for i in range(count):
         for j in range(i + 1, count):
@@ -126,7 +116,9 @@ def _focal_of(alone: Sequence[Explanation]) -> float:
         return lens.fy
     standard = [FOCAL_OVER_WIDTH * each.window.side for each in alone]
     if alone[0].focal_from == "assumed":
-        return TELEPHOTO * float(np.mean(standard))
+        # 2.0: focal length of a photo of several things that does not tell its own, of the standard cameras'
+        # of their windows: what a photo frames is smaller than in one of its own
+        return 2.0 * float(np.mean(standard))
     return float(
         np.mean([each.camera_distance_ratio * own for each, own in zip(alone, standard, strict=True)])
     )
@@ -173,7 +165,9 @@ class _Refit:
         """Pixels (S, S) bool of the window that objects before this one cover; where others are seen."""
         here = self.alone[self.index].window
         covered = self.alone[self.index].fit.coverage > 0.5
-        own = dilation(covered, OUTLINE_PIXELS)
+        # 4: pixels of a window within which an object's outline may be wrong: its pixels are left undecided
+        # there
+        own = dilation(covered, 4)
         infront, elsewhere = np.zeros(own.shape, bool), np.zeros(own.shape, bool)
         for index, other in enumerate(self.alone):
             if index == self.index:
@@ -195,7 +189,8 @@ class _Refit:
             for index, each in enumerate(self.alone)
             if index != self.index
         ]
-        place, precision = prediction.layout["elevation"], len(elevations) / LEVEL_SPREAD**2
+        # math.radians(5.0): standard deviation of an elevation as another object tells it
+        place, precision = prediction.layout["elevation"], len(elevations) / math.radians(5.0) ** 2
         numbers, deviation = prediction.numbers.copy(), prediction.deviation.copy()
         own = deviation[:, place] ** -2.0
         numbers[:, place] = (own * numbers[:, place] + precision * float(np.mean(elevations))) / (
@@ -250,7 +245,8 @@ def _without(cut: np.ndarray, infront: np.ndarray, elsewhere: np.ndarray) -> np.
         colour_known = ~filled & (weight > 0.05)
         painted[colour_known] = colours[colour_known] / weight[colour_known, None]
         filled |= colour_known
-    painted[infront] = PAINTED_OUT
+    # 0.18: linear grey of what stands before an object when the network is asked without it
+    painted[infront] = 0.18
     return painted
 
 

@@ -12,15 +12,9 @@ from typing import Any
 import numpy as np
 
 from vig.explanation import Explanation
-from vig.photo.filters import erosion
-from vig.photo.images import coded
+from vig.outputs import output
 from vig.scene import rotate_z
 from vig_renderer.defaults import with_default_settings
-
-TINT = 0.2
-"""Share of an object's colour in its tint."""
-COLOURS = np.array([(255, 220, 0), (0, 220, 255), (255, 90, 220), (120, 255, 90)], np.float32)
-"""Of the objects' tints, in turn."""
 
 
 @with_default_settings
@@ -64,14 +58,8 @@ class SceneExplanation:
         """The photo (H, W, 3) uint8, each object's visible pixels tinted in a colour of its own and what it
         covers outlined in it.
         """
-        picture = coded(self.objects[0].picture).astype(np.float32)
-        for number, each in enumerate(self.objects):
-            colour = COLOURS[number % len(COLOURS)]
-            picture[each.mask] += TINT * (colour - picture[each.mask])
-            width = max(1, round(max(picture.shape) / 500))
-            inner = erosion(each.amodal, width)
-            picture[each.amodal & ~inner] = colour
-        return np.rint(picture).astype(np.uint8)
+        picture: np.ndarray = output("scene_overlay")(self)
+        return picture
 
     def to_dict(self) -> dict[str, Any]:
         """What `scene.json` holds."""
@@ -112,9 +100,8 @@ class SceneExplanation:
         Raises:
             UserError: The folder cannot be written, or there is no such file.
         """
-        from vig_app.report.folder import FILES, save_scene
-
-        return save_scene(self, folder, photo, export, FILES if files is None else files, full_size)
+        saved: Path = output("scene_save")(self, folder, photo, export, files, full_size)
+        return saved
 
     @property
     def order_note(self) -> str:

@@ -28,10 +28,6 @@ MOST_LOG_SIZE = 0.4
 """Likewise in the log of its side."""
 MOST_LOG_ALBEDO = 0.5
 """Likewise in logs of albedo."""
-WIDENING = 0.2
-"""Share by which each frame without the object widens these."""
-MOST_WIDENING = 2.0
-"""Factor to which they are widened at most."""
 PLACE_GAIN = 0.7
 """Share of the way to what a frame shows that the predicted place goes, where all of the object is seen."""
 SPEED_GAIN = 0.2
@@ -46,17 +42,8 @@ SLOWING = 0.9
 """Of the speed for each frame without the object."""
 NUMBERS_GAIN = 0.3
 """Share of the way from the numbers predicted so far to those of a frame."""
-LEAST_SURE = 0.5
-"""Probability of the view in the first frame from which the colour in its box is taken for the object's."""
-SURE = 0.8
-"""Probability of a view from which what is seen in the place is the object whatever its colour: the colour
-of the frames before may be that of what hid it."""
 SEEK_EVERY = 3
 """Frames without the object of which a tracker seeks it in one, which takes longer than a step."""
-SOUGHT = 3.0
-"""Sides of the square about the predicted place in which a lost object is sought."""
-NO_CONFIDENCE = (0.6, 0.2)
-"""Probabilities of a view and of its alternatives where the class has no calibration."""
 
 
 @dataclass(frozen=True)
@@ -102,12 +89,13 @@ class Sighting:
         centre, size = _box_of(explanation)
         calibrated = not math.isnan(explanation.confidence)
         shares = [explanation.confidence, *(view.probability for view in views)]
+        # (0.6, 0.2): probabilities of a view and of its alternatives where the class has no calibration
         return Sighting(
             window=explanation.window,
             camera=_straight(explanation),
             azimuths=np.array([float(each.azimuth[0]) for each in latents]) % math.tau,
             probabilities=np.array(
-                shares if calibrated else [NO_CONFIDENCE[bool(n)] for n in range(len(shares))]
+                shares if calibrated else [(0.6, 0.2)[bool(n)] for n in range(len(shares))]
             ),
             azimuth_deviation=float(layout["azimuth"][0]),
             elevation=math.radians(explanation.elevation_deg),
@@ -205,7 +193,9 @@ class Follower:
             if box is not None:  # whatever is sighting there: the object may be hidden from the start
                 x, y, w, h = box
                 self.place = np.array([x + w / 2, y + h / 2, math.log(max(w, h))])
-                self.albedo = self.albedo if sighting.probabilities[0] > LEAST_SURE else None
+                # 0.5: probability of the view in the first frame from which the colour in its box is taken
+                # for the object's
+                self.albedo = self.albedo if sighting.probabilities[0] > 0.5 else None
             return explanation, sighting
         self.place = self.place + [*self.speed, 0.0]
         explanation, sighting = self._at(frame, window_at(self.place, self.roll))
@@ -249,7 +239,8 @@ class Follower:
         """The window of what is found near the predicted place, if surely."""
         if not self.explainer.recognizer.has_map:
             return None
-        photo, half = coded_photo(frame), SOUGHT / 2 * math.exp(place[2])
+        # 3.0: sides of the square about the predicted place in which a lost object is sought
+        photo, half = coded_photo(frame), 3.0 / 2 * math.exp(place[2])
         left, top, right, bottom = (
             max(0, int(middle + side)) for side in (-half, half) for middle in place[:2]
         )
@@ -262,12 +253,16 @@ class Follower:
 
     def _is_object(self, sighting: Sighting) -> bool:
         """Whether what is seen may be the object: near the predicted place, as large, of its colour."""
-        off, wider = sighting.place - self.place, min(1 + WIDENING * self.missed, MOST_WIDENING)
+        # 0.2: share by which each frame without the object widens these
+        # 2.0: factor to which they are widened at most
+        off, wider = sighting.place - self.place, min(1 + 0.2 * self.missed, 2.0)
+        # 0.8: probability of a view from which what is seen in the place is the object whatever its colour:
+        # the colour of the frames before may be that of what hid it
         return (
             not sighting.lost
             and math.hypot(*off[:2]) < wider * MOST_SHIFT * math.exp(self._side)
             and abs(off[2]) < wider * MOST_LOG_SIZE
-            and (self._has_its_colour(sighting) or float(sighting.probabilities[0]) > SURE)
+            and (self._has_its_colour(sighting) or float(sighting.probabilities[0]) > 0.8)
         )
 
     def _has_its_colour(self, sighting: Sighting) -> bool:
@@ -328,9 +323,7 @@ def _straight(explanation: Explanation) -> Camera:
     straight = replace(
         camera, focal=focal, focal_y=None, cx=cx, cy=cy, distance=float(point[2]), mount=None, roll=0.0
     )
-    level = straight.camera_from_world(
-        float(explanation.latents.azimuth[0]), float(explanation.latents.elevation[0])
-    )
+    level = straight.camera_from_object(explanation.latents)
     roll = turned_pose(straight, level, camera.K)[:3, :3].T @ pose[:3, :3]  # in the object's frame
     roll = level[:3, :3] @ roll @ level[:3, :3].T
     return replace(straight, roll=math.atan2(roll[1, 0], roll[0, 0]))

@@ -25,8 +25,6 @@ SPEEDS = np.arange(-FASTEST, FASTEST + 1)
 _USUAL = np.exp(-0.5 * ((SPEEDS[:, None] - SPEEDS) / SPEED_SPREAD) ** 2)
 LOG_CHANGE = np.log((1 - SPEED_OTHER) * _USUAL / _USUAL.sum(1, keepdims=True) + SPEED_OTHER / len(SPEEDS))
 """(S, S) log probabilities from a speed to that of the next frame."""
-ROUNDS = 4
-"""Rounds of reweighting, after which weights hardly change."""
 
 
 class LikeliestPath:
@@ -99,7 +97,8 @@ def smoothed(
     nothing = ~measured.any(-1, keepdims=True)
     variance = np.where(measured, deviation, 1.0) ** 2
     measured, weight = measured | nothing, np.ones(values.shape)
-    for _ in range(ROUNDS):
+    # 4: rounds of reweighting, after which weights hardly change
+    for _ in range(4):
         estimate = _smoothed(values, np.where(measured, variance / weight, math.inf), acceleration, speed)
         weight = (TAILS + 1) / (TAILS + (values - estimate[0]) ** 2 / variance)
     return np.where(nothing, np.reshape([0.0, math.inf], (2, *[1] * values.ndim)), estimate)

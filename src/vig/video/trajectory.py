@@ -23,10 +23,6 @@ from vig.video.following import SLOWING, Follower, Sighting, window_at
 from vig.video.smoothing import BINS, LikeliestPath, smoothed
 from vig_renderer.defaults import with_default_settings
 
-UNKNOWN = 0.05
-"""Probability that a view is none of a frame's, beside what its confidence leaves."""
-NARROWER = 2.0
-"""A deviation of azimuth counts views from the other side, too: about one view it is so much smaller."""
 LEAST_SPREAD = math.radians(3.0)
 """Standard deviation of azimuth about one view, at least."""
 MOST_SPREAD = math.radians(12.0)
@@ -338,7 +334,8 @@ def view_evidence(sighting: Sighting, fold: int = 1) -> np.ndarray:
     if (seen := sighting.network) is not None:
         bins = (np.arange(len(seen)) + 0.5) * (2 * math.pi / len(seen))
         elsewhere = np.interp(centres, bins, seen * len(seen) * uniform, period=2 * math.pi)
-    evidence: np.ndarray = np.log(sighting.probabilities @ density + rest * elsewhere + UNKNOWN * uniform)
+    # 0.05: probability that a view is none of a frame's, beside what its confidence leaves
+    evidence: np.ndarray = np.log(sighting.probabilities @ density + rest * elsewhere + 0.05 * uniform)
     return evidence
 
 
@@ -389,7 +386,8 @@ def _frames(
 
 def _spread(sighting: Sighting) -> float:
     """Standard deviation of a frame's azimuth about one view, radians."""
-    return min(max(sighting.azimuth_deviation / NARROWER, LEAST_SPREAD), MOST_SPREAD)
+    # 2.0: A deviation of azimuth counts views from the other side, too: about one view it is so much smaller
+    return min(max(sighting.azimuth_deviation / 2.0, LEAST_SPREAD), MOST_SPREAD)
 
 
 def azimuth_off(azimuth: float, other: float, fold: int) -> float:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from vig.io.checks import MOST_TABLE, read_json, reading
 from vig.io.errors import UserError
 from vig.photo.lens import FIELDS, MATRICES, PARAMETERS
-from vig_app.cli.common import FitCommand
 from vig_app.cli.naming import by_photo
+from vig_app.cli.options import CameraOptions, given
 
 CAMERA_KEYS = {*MATRICES, PARAMETERS, *FIELDS[0]}
 """A mapping with one of these is a camera, not cameras by the photos' names."""
@@ -19,34 +19,34 @@ MOST_DIGITS = 19
 REMEDY = 'Write {"photo.jpg": [fx, fy, cx, cy]}, one camera for all, or name BOP\'s scene_camera.json.'
 
 
-def cameras_of(settings: FitCommand, photos: list[Path]) -> list[Any]:
+def cameras_of(options: CameraOptions, photos: Sequence[Path]) -> list[Any]:
     """The camera of each photo as `vig.photo.Intrinsics.of` takes it; None where none is given.
 
     UserError where a file cannot be used, has no camera for a photo, or what is given does not go together.
     """
-    if settings.intrinsics is None and settings.cameras is None:
+    if options.intrinsics is None and options.cameras is None:
         return [None] * len(photos)
-    if (settings.intrinsics, settings.cameras, settings.focal).count(None) < 2:
+    if len(given(options)) > 1:
         raise UserError("expected one of --K, --cameras and --focal; got two of them. Give one.")
-    if settings.intrinsics is not None:
-        return [_parsed(settings.intrinsics)] * len(photos)
-    assert settings.cameras is not None
-    with reading(settings.cameras, "cameras by the photos' names", REMEDY):
-        content = read_json(settings.cameras, MOST_TABLE)
+    if options.intrinsics is not None:
+        return [_parsed(options.intrinsics)] * len(photos)
+    assert options.cameras is not None
+    with reading(options.cameras, "cameras by the photos' names", REMEDY):
+        content = read_json(options.cameras, MOST_TABLE)
         if isinstance(content, list) or (isinstance(content, dict) and content.keys() & CAMERA_KEYS):
             return [content] * len(photos)
         if not isinstance(content, dict) or not content:
             raise ValueError("it holds no camera")
     if all(name.isdecimal() and len(name) < MOST_DIGITS for name in content):
-        return _numbered(photos, content, settings.cameras)
-    of_photo = by_photo(content, photos, "cameras", settings.cameras)
+        return _numbered(photos, content, options.cameras)
+    of_photo = by_photo(content, photos, "cameras", options.cameras)
     for photo in photos:
         if photo not in of_photo:
-            raise UserError(f"expected a camera of '{photo}' in '{settings.cameras}'; it has none. {REMEDY}")
+            raise UserError(f"expected a camera of '{photo}' in '{options.cameras}'; it has none. {REMEDY}")
     return [of_photo[photo] for photo in photos]
 
 
-def _numbered(photos: list[Path], cameras: Mapping[str, Any], path: Path) -> list[Any]:
+def _numbered(photos: Sequence[Path], cameras: Mapping[str, Any], path: Path) -> list[Any]:
     """Each photo's camera by its number, as in BOP's scene_camera.json."""
     scenes = {folder.resolve().parent for folder in {photo.parent for photo in photos}}
     by_number = {int(name): camera for name, camera in cameras.items()}

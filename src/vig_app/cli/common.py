@@ -7,108 +7,14 @@ from dataclasses import dataclass
 from enum import IntEnum
 from importlib import import_module
 from importlib.metadata import entry_points
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tyro
 
 from vig.io.errors import UserError
-from vig_app.exports import FORMATS, RUN_FORMATS
-from vig_native import engine
-
-_MODELS = "robust", "gaussian", "spatial"
-LIKELIHOODS = (*_MODELS, *(name for name in engine.DENSITIES if name not in _MODELS))
-"""The names of `vig.likelihood.LIKELIHOODS`, which loads the likelihood."""
-
-
-@dataclass(frozen=True)
-class FitCommand:
-    """Explain photos of one object each, or of several: a folder of numbers, pictures and the object."""
-
-    images: tyro.conf.Positional[tuple[Path, ...]] = ()
-    """Photos, folders of them, or patterns such as 'photos/*.jpg': any size, JPEG, PNG, TIFF, WebP, AVIF ...;
-    videos, taken as their frames."""
-    track: bool = False
-    """The photos are one folder or video of one object: follow it from frame to frame and smooth its views;
-    --box is that of the first frame. docs/many.md."""
-    live: str | None = None
-    """With --track, in place of photos: a camera by its number, the address of a stream, a file played at its
-    own speed, or - for standard input, until its end or Ctrl-C; writes track.csv, overlay.mp4, track.png."""
-    timeout: float = 10.0
-    """With --live: seconds without a frame after which the source is given up."""
-    box: str | None = None
-    """x,y,w,h in pixels: a box round the whole object, hidden parts included; with several photos, the same
-    for each. Without it the object is sought in the photo."""
-    boxes: Path | None = None
-    """A JSON file with a box for each photo: {"photo.jpg": [x, y, w, h], ...}, by the photos' file names; for
-    several objects in one photo, a list of boxes, or of {"box": [x, y, w, h], "class": "mug"}."""
-    objects: int | None = None
-    """Find up to so many objects in each photo, of any of the classes named, and explain them together."""
-    object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
-    """A packaged class or the folder of a class pack; with --objects several, such as teapot,mug."""
-    mesh: Path | None = None
-    """In place of a class, a mesh file of the very object: its views are tried all round, so that a --box or
-    --mask must tell where it is. explanation.json then has its pose in the file's frame, camera_from_mesh."""
-    length: float | None = None
-    """With --mesh: its longest side, metres, where the file is in other units (only glTF is in metres)."""
-    up: str | None = None
-    """With --mesh: the axis of the file that points up in the photos, x -x y -y z or -z: of things that lie,
-    too. By default it is estimated, which is printed."""
-    focal: float | None = None
-    """Focal length in pixels of the photos; by default that of each one's EXIF data."""
-    intrinsics: Annotated[str | None, tyro.conf.arg(name="K")] = None
-    """fx,fy,cx,cy in pixels, the intrinsics of undistorted photos, in place of --focal."""
-    cameras: Path | None = None
-    """A JSON file with such a camera, or K, for each photo: {"photo.jpg": [fx, fy, cx, cy], ...}; or with one
-    for all; or BOP's scene_camera.json."""
-    mask: Path | None = None
-    """A mask of where the object is seen, of the photo's size: white there, black elsewhere; or a folder with
-    one for each photo, by its name with .png."""
-    marks: Path | None = None
-    """Scribbles on one photo, a PNG of its size: green where the object is seen, red where something else is,
-    blue where the object is not even hidden."""
-    visible: bool = False
-    """Nothing hides any of the object."""
-    points: tuple[str, ...] = ()
-    """Where in one photo points are that the class names, hidden ones too: spout=120,80 handle=300,95."""
-    azimuth: float | None = None
-    """The eye's azimuth in degrees, to some 8 degrees: one of explanation.json's alternatives, say."""
-    elevation: float | None = None
-    """The eye's elevation in degrees, which is then held."""
-    roll: float | None = None
-    """By how far the photos are turned clockwise, degrees, which is then held."""
-    pose: Path | None = None
-    """Another tool's pose of the object in one photo: a JSON file with a 4 x 4 camera_from_object."""
-    likelihood: Literal[LIKELIHOODS] = "spatial"  # type: ignore[valid-type]
-    """The pixel model: robust allows for occluders, pixel by pixel; in spatial's mask neighbouring pixels are
-    hidden or visible together; gaussian takes all of the object as visible. The name of a density that was
-    added: spatial with it, without a calibration unless the class has one of such fits."""
-    no_self_shadow: bool = False
-    """Shade without self-shadowing and interreflection; docs/objective.md."""
-    framing: Literal["auto", "fixed", "free"] = "auto"
-    """Fit the image's shift and magnification too? auto: yes."""
-    workers: int = 1
-    """Processes that share the photos out."""
-    cluster: str | None = None
-    """Address of a Ray cluster that does the work, in place of workers; auto: that of this machine."""
-    out: Path = Path("vig-fit")
-    """Folder for the results, one folder per photo."""
-    export: tuple[Literal[FORMATS], ...] = ()  # type: ignore[valid-type]
-    """Write these formats into each photo's folder, too; docs/explanation.md. Of several photos with bop or
-    coco also one file for all, as `vig export` does."""
-    files: tuple[str, ...] | None = None
-    """Write these files of each photo alone, beside explanation.json and corrections.json, in place of those
-    of an earlier result: overlay.png thumbnail.jpg mask.png render.png object.glb report.html. By default
-    all; mask.png with --export, too, which names it. Not by default: texture_seen.png, what of object.glb's
-    texture is from the photo."""
-    full_size: bool = False
-    """Write overlay.png as large as the photo; else its longer side has 2,048 pixels at most."""
-    quiet: bool = False
-    """Print the folder alone, and what went wrong."""
-    log: Path | None = None
-    """Also add the line of each photo, with the time, to this file."""
-    json: bool = False
-    """Print one JSON object instead of lines."""
+from vig_app.exports import FORMATS
 
 
 @dataclass(frozen=True)
@@ -117,9 +23,9 @@ class ExportCommand:
 
     results: tyro.conf.Positional[Path]
     """Folder of `vig fit` of several photos."""
-    to: tuple[Literal[RUN_FORMATS], ...]  # type: ignore[valid-type]
+    to: tuple[Literal[FORMATS], ...]  # type: ignore[valid-type]
     """bop: bop.csv, the poses as BOP's evaluation reads them. coco: coco.json, images, categories and
-    annotations with whole and visible masks."""
+    annotations with whole and visible masks. Others have files for each photo: vig fit --export."""
     out: Path | None = None
     """Folder for the files; by default that of the results."""
     json: bool = False
@@ -245,6 +151,10 @@ class Verb:
 
 
 def verbs_of_packages() -> tuple[Verb, ...]:
-    """The verbs that installed packages bring, in the order of their entry points' names."""
+    """The verbs that installed packages bring, in the order of their entry points' names.
+
+    A wheel names those of vig_paper, too, which is only in a clone.
+    """
     points = sorted(entry_points(group=GROUP), key=lambda point: point.name)
+    points = [point for point in points if find_spec(point.module.partition(".")[0])]
     return tuple(Verb(*verb) for point in points for verb in point.load())

@@ -28,13 +28,12 @@ from vig.photo.images import coded
 from vig.scene import angle_difference
 from vig_app.cli.common import Demo
 from vig_app.demo import DemoPhoto, demo_photos
-from vig_app.report.folder import FILES, outlined, save_entry
+from vig_app.pictures import overlay
+from vig_app.report.folder import FILES, save_entry
 from vig_app.report.folder_page import Entry, reduced
 from vig_app.report.gallery import Card, card_of, gallery_html
 from vig_app.report.html import QUALITY, write_page
 
-CARD = 480
-"""Pixels of a photo's longer side from which overview.jpg is made."""
 CELL, GAP, CAPTION, COLUMNS = 396, 5, 24, 4
 """Pixels of a photo's side in overview.jpg, between photos, and of a caption's height; photos in a row."""
 NUMBERS = ("hidden", "azimuth", "elevation", "albedo", "shape error", "mask IoU")
@@ -147,9 +146,10 @@ def _caption(described: Mapping[str, Any]) -> str:
 
 def _enlarged(entry: Entry, explanation: Explanation) -> Entry:
     """With a larger picture than that of many photos."""
-    picture = reduced(coded(explanation.picture), CARD)
+    # 480: pixels of a photo's longer side from which overview.jpg is made
+    picture = reduced(coded(explanation.picture), 480)
     if entry.described["verdict"] != "absent":
-        picture = outlined(explanation, picture)
+        picture = overlay(explanation, picture)
     return replace(entry, picture=picture)
 
 

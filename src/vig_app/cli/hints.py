@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,37 +15,33 @@ from vig.io.errors import UserError
 from vig.photo.checks import refuse
 from vig.photo.images import eight_bit_photo
 from vig.photo.masks import mask_files
-from vig_app.cli.common import FitCommand
+from vig_app.cli.options import HintOptions, given
 
 MARK_CHANNELS = ((0, PixelLabel.IN_FRONT), (1, PixelLabel.SEEN), (2, PixelLabel.NOTHING))
 """What a pixel of marks means whose red, green or blue stands out."""
-MARK_CONTRAST = 80
-"""By how much that channel is above the others, of 255."""
 OF_ONE_PHOTO = ("marks", "points", "azimuth", "pose")
 """Options that say something of a single photo."""
 
 
-def hints_of(settings: FitCommand, photos: list[Path]) -> Hints | None:
-    """The hints on each photo, but for its mask; UserError where something cannot be used."""
-    if len(photos) > 1:
-        for name in OF_ONE_PHOTO:
-            if getattr(settings, name) not in (None, ()):
-                raise UserError(f"expected one photo with --{name}; got {len(photos)}. Fit them one by one.")
+def hints_of(options: HintOptions, photos: Sequence[Path]) -> Hints | None:
+    """Return the hints on each photo, but for its mask; UserError where something cannot be used."""
+    for name in given(options) if len(photos) > 1 else ():
+        if name in OF_ONE_PHOTO:
+            raise UserError(f"expected one photo with --{name}; got {len(photos)}. Fit them one by one.")
     hints = Hints(
-        marks=None if settings.marks is None else read_marks(settings.marks),
-        visible=settings.visible,
-        points=dict(map(parse_point, settings.points)),
-        azimuth_deg=settings.azimuth,
-        elevation_deg=settings.elevation,
-        roll_deg=settings.roll,
-        pose=None if settings.pose is None else read_pose(settings.pose),
+        marks=None if options.marks is None else read_marks(options.marks),
+        visible=options.visible,
+        points=dict(map(parse_point, options.points)),
+        azimuth_deg=options.azimuth,
+        elevation_deg=options.elevation,
+        roll_deg=options.roll,
+        pose=None if options.pose is None else read_pose(options.pose),
     )
     return hints or None
 
 
-def mask_of(settings: FitCommand, photos: list[Path]) -> Callable[[Path], Path | None]:
+def mask_of(path: Path | None, photos: Sequence[Path]) -> Callable[[Path], Path | None]:
     """Return what gives a photo's mask file, read with the photo; UserError for one mask of several."""
-    path = settings.mask
     if path is None or not path.is_dir():
         if path is not None and len(photos) > 1:
             raise UserError(f"expected --mask FOLDER for {len(photos)} photos; got '{path}'. Name one.")
@@ -80,7 +76,8 @@ def read_marks(path: Path) -> np.ndarray:
     marks = np.zeros(colours.shape[:2], np.uint8)
     for channel, kind in MARK_CHANNELS:
         others = np.delete(colours, channel, axis=-1).max(-1)
-        marks[colours[..., channel] - others > MARK_CONTRAST] = kind
+        # 80: by how much that channel is above the others, of 255
+        marks[colours[..., channel] - others > 80] = kind
     if not marks.any():
         refuse(path, "pure red, green or blue marks", "none", "Draw on a black or grey copy of the photo.")
     return marks

@@ -24,13 +24,13 @@ from vig_app.cli.common import (
     Doctor,
     ExitCode,
     ExportCommand,
-    FitCommand,
     Gallery,
     SchemaCommand,
     Verb,
     ViewCommand,
     verbs_of_packages,
 )
+from vig_app.cli.options import FitCommand
 from vig_app.cli.speed import extra_of
 
 VERBS = (
@@ -112,6 +112,11 @@ def _check_verb(names: set[str], arguments: list[str]) -> None:
         given = " ".join(arguments[:depth])
         if given in names or len(arguments) < depth or arguments[depth - 1].startswith("-"):
             return
+        if given == "reproduce":
+            raise UserError(
+                "expected a clone of vig's repository for `vig reproduce`, whose package vig_paper is not in"
+                " the wheel. Run pip install --editable '.[train]' in a clone."
+            )
         known = sorted({" ".join(name.split()[:depth]) for name in names})
         if given not in known:
             alike = difflib.get_close_matches(given, known, 1)

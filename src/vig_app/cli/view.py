@@ -12,7 +12,7 @@ from vig.io.errors import UserError
 from vig.io.printing import end, note
 from vig_app.cli.boxes import parse_box
 from vig_app.cli.common import ViewCommand
-from vig_app.cli.fit import result_folders
+from vig_app.cli.photos import result_folders
 from vig_app.viewer.server import HOST, Viewer
 from vig_app.viewer.walk import Walk
 

@@ -1,23 +1,12 @@
-"""Results in the formats of other tools: an explanation (`formats`), or a run as one file (`run_formats`)."""
+"""Results in the formats of other tools: an explanation, or a run as one file."""
 
 from vig_app.exports.export import (
     FORMATS,
-    RUN_FORMATS,
     export_explanation,
     export_run,
     formats_in,
     remove_exports,
-    run_files,
-    run_formats_in,
+    run_formats,
 )
 
-__all__ = [
-    "FORMATS",
-    "RUN_FORMATS",
-    "export_explanation",
-    "export_run",
-    "formats_in",
-    "remove_exports",
-    "run_files",
-    "run_formats_in",
-]
+__all__ = ["FORMATS", "export_explanation", "export_run", "formats_in", "remove_exports", "run_formats"]

@@ -3,37 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
 from vig.io.errors import UserError
-from vig_app.exports.run import ExportedRun
 
 if TYPE_CHECKING:
     from vig.explanation import Explanation
 
-
-def _names_in(package: str) -> tuple[str, ...]:
-    """Names of the modules of a subpackage, which are not imported: help on the command line lists them."""
-    files = (Path(__file__).parent / package).glob("*.py")
-    return tuple(sorted(path.stem for path in files if path.stem != "__init__"))
+_FILES = (Path(__file__).parent / "formats").glob("*.py")
+FORMATS = tuple(sorted(path.stem for path in _FILES if path.stem != "__init__"))
+"""Names of the formats, which are not imported: help on the command line lists them."""
 
 
-FORMATS = _names_in("formats")
-"""Of an explanation."""
-RUN_FORMATS = _names_in("run_formats")
-"""Of a run over many photos."""
+@cache
+def run_formats() -> dict[str, str]:
+    """Return the formats that have one file for all photos of a run, and what it is called."""
+    return {name: _module(name).RUN_FILE for name in FORMATS if hasattr(_module(name), "RUN_FILE")}
 
 
 def export_explanation(
     explanation: Explanation, folder: str | Path, formats: Sequence[str], photo: str
 ) -> Path:
-    """The work of `Explanation.export`."""
-    _check(formats, FORMATS)
+    """Write the files of `Explanation.export`."""
+    _check(formats)
     for name in formats:
-        _module("formats", name).write(Path(folder), explanation, photo)
+        _module(name).write(Path(folder), explanation, photo)
     return Path(folder)
 
 
@@ -52,19 +50,25 @@ def export_run(
     Raises:
         UserError: There is no such format, the results cannot be read or a file not be written.
     """
-    _check(formats, RUN_FORMATS)
-    run = ExportedRun.read(Path(results), first_id)
-    paths = []
+    _check(formats)
     for name in formats:
-        module = _module("run_formats", name)
-        paths.append(Path(out or results) / module.FILE)
-        module.write(paths[-1], run)
+        if name not in run_formats():
+            raise UserError(
+                f"expected a format with one file for all photos, {' or '.join(run_formats())}; got '{name}',"
+                f" which has files for each. Write them with vig fit --export {name}."
+            )
+    from vig_app.exports.run import ExportedRun  # help lists formats, and needs no table
+
+    run = ExportedRun.read(Path(results), first_id)
+    paths = [Path(out or results) / run_formats()[name] for name in formats]
+    for name, path in zip(formats, paths, strict=True):
+        _module(name).write_run(path, run)
     return paths
 
 
 def remove_exports(folder: Path) -> None:
     """Remove the exports of an earlier explanation, and folders that held nothing else."""
-    for file in (file for name in FORMATS for file in _module("formats", name).FILES):
+    for file in (file for name in FORMATS for file in _module(name).FILES):
         path = folder / file
         path.unlink(missing_ok=True)
         for parent in path.parents:
@@ -74,29 +78,18 @@ def remove_exports(folder: Path) -> None:
 
 
 def formats_in(folder: Path) -> tuple[str, ...]:
-    """Formats of the exports of an explanation that a folder holds."""
-    return tuple(
-        name for name in FORMATS if any((folder / file).exists() for file in _module("formats", name).FILES)
-    )
+    """Return the formats of the exports of an explanation that a folder holds."""
+    return tuple(name for name in FORMATS if any((folder / file).exists() for file in _module(name).FILES))
 
 
-def run_formats_in(folder: Path) -> tuple[str, ...]:
-    """Formats of the exports of a run that a folder holds."""
-    return tuple(name for name in RUN_FORMATS if (folder / _module("run_formats", name).FILE).exists())
-
-
-def run_files() -> tuple[str, ...]:
-    """Names of all files that `export_run` may write."""
-    return tuple(_module("run_formats", name).FILE for name in RUN_FORMATS)
-
-
-def _check(formats: Sequence[str], known: Sequence[str]) -> None:
+def _check(formats: Sequence[str]) -> None:
     """UserError for a text in place of a list, or what is no format."""
-    wrong = [formats] if isinstance(formats, str) else [name for name in formats if name not in known]
+    wrong = [formats] if isinstance(formats, str) else [name for name in formats if name not in FORMATS]
     if wrong:
-        options = ", ".join(known)
-        raise UserError(f"expected a list of formats out of {options}; got '{wrong[0]}'. Name these.")
+        raise UserError(
+            f"expected a list of formats out of {', '.join(FORMATS)}; got '{wrong[0]}'. Name these."
+        )
 
 
-def _module(package: str, name: str) -> ModuleType:
-    return import_module(f"vig_app.exports.{package}.{name}")
+def _module(name: str) -> ModuleType:
+    return import_module(f"vig_app.exports.formats.{name}")

@@ -28,8 +28,6 @@ LEAST_COSINE = 0.25
 """Of a face's normal and its chart's direction, at least: else it takes the one that it looks along most."""
 SPLITS = 4
 """Times that what lies below another part of its chart is made a chart of its own."""
-LIFT = 0.02
-"""Depth of the charts before the camera that draws them, over its distance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +216,8 @@ def _corners(size: np.ndarray) -> np.ndarray | None:
 
 def _drawn(place: np.ndarray, height: np.ndarray) -> np.ndarray:
     """(SIDE, SIDE) the face that is the highest at each texel, -1 for none."""
-    depth = 1 - LIFT * (height - height.min()) / max(float(np.ptp(height)), 1e-9)
+    # 0.02: depth of the charts before the camera that draws them, over its distance
+    depth = 1 - 0.02 * (height - height.min()) / max(float(np.ptp(height)), 1e-9)
     points = np.concatenate([place, np.ones_like(height)[..., None]], axis=2) * depth[..., None]
     points = points.reshape(-1, 3).astype(np.float32)
     mesh = mesh_of(np.arange(len(points)).reshape(-1, 3))

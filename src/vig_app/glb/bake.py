@@ -13,13 +13,13 @@ import numpy as np
 from PIL import Image, ImageFilter
 
 from vig.explanation import Explanation
-from vig.output.pictures import PANEL
 from vig.parallel import on_one_core
 from vig.photo.masks import box_of
 from vig.renderer.drawing import draw_latents
 from vig.scene import Camera, ObjectClass
 from vig.scene.light import srgb8_from_linear
 from vig_app.glb.atlas import SIDE, Atlas, atlas_of
+from vig_app.pictures import PANEL, close_up, part_albedo
 from vig_renderer.edges import smooth_normals
 
 SEEN, MIRRORED, INVENTED = 255, 128, 0
@@ -84,7 +84,7 @@ def bake(explanation: Explanation) -> Texture | None:
     model, atlas = object_class.shape_model, atlas_of(object_class)
     if atlas is None:
         return None
-    colours = explanation.part_albedo[model.parts[model.faces[atlas.face, 0]]]
+    colours = part_albedo(explanation)[model.parts[model.faces[atlas.face, 0]]]
     origin = np.full(len(colours), INVENTED, np.uint8)
     shown = _Shown.of(explanation)
     if shown is not None:
@@ -117,14 +117,14 @@ class _Shown:
     @staticmethod
     def of(explanation: Explanation) -> _Shown | None:
         """None where the window shows nothing of it."""
-        shown, latents = explanation.close_up, explanation.latents
+        shown, latents = close_up(explanation), explanation.latents
         camera = shown.camera
         box = box_of(shown.visible & (shown.part >= 0))
         if box is None:
             return None
         x, y, width, height = box
         part = slice(y, y + height), slice(x, x + width)
-        pose = camera.camera_from_world(float(latents.azimuth[0]), float(latents.elevation[0]))
+        pose = camera.camera_from_object(latents)
         eye, length = -pose[:3, :3].T @ pose[:3, 3], float(np.ptp(explanation.vertices, axis=0).max())
         light, depth = _light(explanation)[part], shown.depth[part]
         layers = np.empty((5, height, width), np.float32)
@@ -183,7 +183,7 @@ class _Shown:
 
 def _light(explanation: Explanation) -> np.ndarray:
     """What a white surface in the place of the object's would reflect, (S, S) of the window."""
-    latents, object_class, shown = explanation.latents, explanation.object_class, explanation.close_up
+    latents, object_class, shown = explanation.latents, explanation.object_class, close_up(explanation)
     albedo = latents.albedo[0]
     channel = int(albedo.argmax())
     if object_class.part_reflectance is None and albedo[channel] > LEAST_ALBEDO:
@@ -212,7 +212,7 @@ def _facing(normals: np.ndarray, camera: Camera, part: tuple[slice, slice]) -> n
 
 def _visible(explanation: Explanation, part: tuple[slice, slice]) -> np.ndarray:
     """Where nothing hides the object, (h, w) bool of a part of the window."""
-    visible = explanation.close_up.visible[part]
+    visible = close_up(explanation).visible[part]
     if explanation.others is not None:
         others = np.repeat(explanation.others[..., None].astype(np.float32), 3, axis=2)
         visible = visible & (explanation.window.crop(others, PANEL)[0][*part, 0] < 0.5)

@@ -9,16 +9,15 @@ from typing import Any
 import numpy as np
 
 from vig.explanation import Explanation
-from vig.output import glb_from_object
+from vig.record import glb_from_object
 from vig.scene import Camera
 from vig.several.scene import SceneExplanation
 from vig_app.glb.bake import Texture
 from vig_app.glb.write import GlbObject, write_glb
+from vig_app.pictures import part_albedo
 
 MOST_SCALED = 1.5
 """By what an object of a scene is scaled at most, so that it stands on the ground of the others."""
-LEAST_HEIGHT = 0.05
-"""Height of the camera above an object's foot, over the distance, from which it tells where the ground is."""
 
 
 def write_object(path: Path, explanation: Explanation, texture: Texture | None) -> None:
@@ -40,7 +39,7 @@ def _object(
     texture: Texture | None,
     extras: dict[str, Any] | None = None,
 ) -> GlbObject:
-    vertices, colours = explanation.vertices, explanation.part_albedo
+    vertices, colours = explanation.vertices, part_albedo(explanation)
     return GlbObject(name, explanation.object_class, vertices, colours, node, texture, extras or {})
 
 
@@ -78,7 +77,9 @@ def on_one_ground(poses: Sequence[np.ndarray]) -> tuple[list[float], np.ndarray]
     up = np.mean([pose[:3, 2] for pose in poses], axis=0)
     up /= np.linalg.norm(up)
     heights = np.array([-up @ pose[:3, 3] for pose in poses])  # of the camera above each object's foot
-    above = heights > LEAST_HEIGHT * np.linalg.norm([pose[:3, 3] for pose in poses], axis=1)
+    # 0.05: height of the camera above an object's foot, over the distance, from which it tells where the
+    # ground is
+    above = heights > 0.05 * np.linalg.norm([pose[:3, 3] for pose in poses], axis=1)
     height = float(np.exp(np.log(heights[above]).mean())) if above.any() else float(heights.mean())
     scales = np.where(above, height / np.where(above, heights, 1.0), 1.0)
     scales = scales.clip(1 / MOST_SCALED, MOST_SCALED)

@@ -9,8 +9,9 @@ import numpy as np
 from PIL import Image
 
 from vig.explanation import Explanation
-from vig.output.pictures import LABEL, PANEL, line_width
-from vig.photo.outline import FINER, REACH
+from vig.photo.images import coded
+from vig.photo.outline import FINER, REACH, line_width
+from vig_app.pictures import LABEL, PANEL, panels, part_albedo
 from vig_app.report import words
 from vig_app.report.drawing import Pose, clip_matrix, mesh_data, pose_data, steps_of, views_of
 from vig_app.report.html import filled, png_url
@@ -19,6 +20,11 @@ PAGE_SIDE = 768
 """Pixels of the longer side of a page's photo."""
 COARSER = 2
 """How many times fewer points a side the distances to the outlines have on a page."""
+
+
+def report(explanation: Explanation, photo: str) -> str:
+    """Return `Explanation.report`."""
+    return page_of(explanation, photo, explanation.to_dict(), page_photo(coded(explanation.picture)))
 
 
 def page_of(explanation: Explanation, photo: str, described: dict[str, Any], reduced: np.ndarray) -> str:
@@ -41,11 +47,11 @@ def page_of(explanation: Explanation, photo: str, described: dict[str, Any], red
         summary=words.summary(described),
         photo=reduced,
         outlines=data.pop("outlines"),
-        panels=explanation.panels(),
+        panels=panels(explanation),
         rows=words.table_rows(described),
         colours=[
             (name, words.css_colour(rgb))
-            for name, rgb in zip(part_names, explanation.part_albedo, strict=True)
+            for name, rgb in zip(part_names, part_albedo(explanation), strict=True)
         ],
         views=[view.words for view in views],
         views_note=words.views_note(described),

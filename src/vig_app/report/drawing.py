@@ -15,6 +15,7 @@ import numpy as np
 
 from vig.explanation import Explanation
 from vig.scene import Camera, Latents
+from vig_app.pictures import part_albedo
 from vig_app.report import words
 
 STEPS = 8
@@ -66,7 +67,7 @@ def mesh_data(explanation: Explanation) -> dict[str, Any]:
         "low": low.tolist(),
         "steps": steps.tolist(),
         "parts": _base64(model.parts, "<u2"),
-        "colours": (explanation.part_albedo / object_class.reflectance_of_parts[:, None]).tolist(),
+        "colours": (part_albedo(explanation) / object_class.reflectance_of_parts[:, None]).tolist(),
         "reflectance": None if object_class.part_reflectance is None else list(object_class.part_reflectance),
         "target": (low + extent / 2).tolist(),
         "size": float(extent.max()),

@@ -14,18 +14,19 @@ from PIL import Image
 
 from vig.explanation import Explanation
 from vig.io.errors import UserError
-from vig.io.files import atomic_write
-from vig.output import mask_picture, overlay, write_json
+from vig.io.files import atomic_write, write_json
 from vig.photo.images import coded, write_png
-from vig.several.scene import COLOURS, SceneExplanation
+from vig.record import FILE
+from vig.several.scene import SceneExplanation
 from vig_app.exports import export_explanation, remove_exports
 from vig_app.glb import Texture, bake, write_object, write_scene
+from vig_app.pictures import COLOURS, overlay, panels, scene_overlay
 from vig_app.report.contents import page_of, page_photo
 from vig_app.report.folder_page import Entry, folder_html, reduced, write_thumbnail
 from vig_app.report.html import write_page
 
 FILES = (
-    "explanation.json", "overlay.png", "thumbnail.jpg", "mask.png", "render.png", "object.glb", "report.html",
+    FILE, "overlay.png", "thumbnail.jpg", "mask.png", "render.png", "object.glb", "report.html",
 )  # fmt: skip
 """What an explanation's folder holds; the first in any case."""
 OPTIONAL_FILES = ("texture_seen.png",)
@@ -40,10 +41,10 @@ def save_explanation(
     explanation: Explanation,
     folder: str | Path,
     photo: str,
-    files: Sequence[str] = FILES,
+    files: Sequence[str] | None = None,
     full_size: bool = False,
 ) -> Path:
-    """The work of `Explanation.save`."""
+    """Write the files of `Explanation.save`."""
     if not isinstance(folder, str | Path):
         raise UserError(f"expected a folder's path; got a {type(folder).__name__}. Pass its name.")
     save_entry(explanation, Path(folder), photo, photo, files, full_size)
@@ -55,24 +56,25 @@ def save_entry(
     folder: Path,
     photo: str,
     name: str,
-    files: Sequence[str] = FILES,
+    files: Sequence[str] | None = None,
     full_size: bool = False,
 ) -> tuple[Entry, Texture | None]:
     """`save_explanation`; returns what the page of several photos or objects shows of it under a name, and
     the texture where a file has it.
     """
+    files = FILES if files is None else files
     check_files(files)
     described = explanation.to_dict()
     _remove_stale_files(folder, described, files)
     picture = coded(explanation.picture)
     picture = picture if full_size else reduced(picture, PICTURE_SIDE)
     shown = page_photo(picture)
-    small = outlined(explanation, reduced(shown))
+    small = overlay(explanation, reduced(shown))
     entry = Entry(name, folder.name, described, small, "report.html" in files)
     texture = bake(explanation) if TEXTURED & set(files) else None
     for file in FILES[1:]:
         if file == "overlay.png" and file in files:
-            write_png(folder / file, outlined(explanation, picture))
+            write_png(folder / file, overlay(explanation, picture))
         elif file == "object.glb" and file in files:
             write_object(folder / file, explanation, texture)
         elif file in files:
@@ -84,7 +86,7 @@ def save_entry(
             print(f"vig: {note}", file=sys.stderr)
         else:
             write_png(folder / "texture_seen.png", texture.origin_picture)
-    write_json(folder, described)
+    write_json(folder / FILE, described)
     return entry, texture
 
 
@@ -113,15 +115,16 @@ def _write(
         case "mask.png":
             write_png(path, mask_picture(explanation.amodal, explanation.mask))
         case "render.png":
-            write_png(path, explanation.panels())
+            write_png(path, panels(explanation))
         case "report.html":
             write_page(path, page_of(explanation, photo, described, shown))
 
 
-def outlined(explanation: Explanation, photo: np.ndarray) -> np.ndarray:
-    """`Explanation.overlay` on its photo (h, w, 3) uint8 made smaller, `THUMBNAIL` pixels or more."""
-    window = explanation.window.scaled(photo.shape[1] / explanation.picture.shape[1])
-    return overlay(photo, window, *explanation.outlines)
+def mask_picture(amodal: np.ndarray, visible: np.ndarray) -> np.ndarray:
+    """Draw two masks (H, W) bool, uint8: 255 where the object is visible, 128 where hidden, else 0."""
+    picture: np.ndarray = amodal.view(np.uint8) * np.uint8(128)
+    picture[visible] = 255
+    return picture
 
 
 def save_scene(
@@ -129,12 +132,13 @@ def save_scene(
     folder: str | Path,
     photo: str,
     export: Sequence[str],
-    files: Sequence[str],
+    files: Sequence[str] | None,
     full_size: bool = False,
 ) -> Path:
-    """The work of `SceneExplanation.save`."""
+    """Write the files of `SceneExplanation.save`."""
+    files = FILES if files is None else files
     check_files(files)
-    folder, picture = Path(folder), scene.overlay()
+    folder, picture = Path(folder), scene_overlay(scene)
     numbers = np.zeros(picture.shape[:2], np.uint8)
     for number, mask in enumerate(scene.masks, 1):
         numbers[mask] = number
@@ -153,7 +157,7 @@ def save_scene(
         write_scene(folder / "scene.glb", scene, textures)
     else:  # of an earlier result
         (folder / "scene.glb").unlink(missing_ok=True)
-    write_json(folder, scene.to_dict(), "scene.json")
+    write_json(folder / "scene.json", scene.to_dict())
     return folder
 
 
@@ -169,7 +173,7 @@ def _write_numbers(path: Path, numbers: np.ndarray) -> None:
 def _remove_stale_files(folder: Path, described: dict[str, Any], files: Sequence[str]) -> None:
     """Remove exports and files that are not written anew where explanation.json is not what is described."""
     with suppress(OSError, ValueError):
-        if json.loads((folder / "explanation.json").read_text()) != json.loads(json.dumps(described)):
+        if json.loads((folder / FILE).read_text()) != json.loads(json.dumps(described)):
             remove_exports(folder)
-            for name in {*FILES, *OPTIONAL_FILES} - {*files, "explanation.json"}:
+            for name in {*FILES, *OPTIONAL_FILES} - {*files, FILE}:
                 (folder / name).unlink(missing_ok=True)

@@ -16,7 +16,7 @@ import numpy as np
 from PIL import Image
 
 from vig.io.files import atomic_write
-from vig.output.pictures import THUMBNAIL
+from vig.photo.outline import SMALLEST_PICTURE
 from vig_app.report.html import QUALITY, filled, write_page
 from vig_app.results import VERDICTS, name_of
 
@@ -123,7 +123,7 @@ def review_order(row: Mapping[str, Any]) -> tuple[int, float]:
     return VERDICTS.index(row["verdict"]), row["confidence"] or 0.0
 
 
-def reduced(picture: np.ndarray, side: int = THUMBNAIL) -> np.ndarray:
+def reduced(picture: np.ndarray, side: int = SMALLEST_PICTURE) -> np.ndarray:
     """A picture (H, W, 3) uint8 whose longer side has `side` pixels at most."""
     if max(picture.shape) <= side:
         return picture
@@ -133,6 +133,6 @@ def reduced(picture: np.ndarray, side: int = THUMBNAIL) -> np.ndarray:
 
 
 def write_thumbnail(folder: Path, thumbnail: np.ndarray) -> None:
-    """Write a picture (h, w, 3) uint8 of `THUMBNAIL` pixels that pages and sheets show."""
+    """Write a picture (h, w, 3) uint8 of `SMALLEST_PICTURE` pixels that pages and sheets show."""
     with atomic_write(folder / THUMBNAIL_FILE) as temporary:
         Image.fromarray(thumbnail).save(temporary, "JPEG", quality=QUALITY)

@@ -13,9 +13,9 @@ from urllib.parse import quote
 
 from vig.io.checks import reading
 from vig.io.errors import UserError
+from vig.record import read_explanation
 from vig_app.report import words
 from vig_app.report.html import filled
-from vig_app.schema import read_explanation
 
 MOST = 40
 """Photos of a gallery, each some 0.2 MB of the page."""

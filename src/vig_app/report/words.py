@@ -11,9 +11,6 @@ from vig.explainer import LEAST_PRESENT
 from vig.scene import Latents
 from vig.scene.light import srgb8_from_linear
 
-INTERVAL = 1.645
-"""Standard deviations to either side that hold 90 % of a Gaussian."""
-
 
 def view_words(latents: Latents, probability: float) -> str:
     """A view (B = 1), and how likely it is right."""
@@ -37,7 +34,8 @@ def table_rows(described: dict[str, Any]) -> list[tuple[str, str]]:
         if absent:
             interval = ", of the fit that was rejected"
         elif deviation[key] is not None:
-            width = INTERVAL * deviation[key]
+            # 1.645: standard deviations to either side that hold 90 % of a Gaussian
+            width = 1.645 * deviation[key]
             interval = f", 90 % interval ±{width:.0f}°" if width < 90 else ", if this is the right view"
         rows.append((name, f"{described[key]:.0f}°{interval}"))
     return rows + [

@@ -22,8 +22,11 @@ FORMAT = 3
 
 @contextmanager
 def ledger_of(out: Path) -> Iterator[Any]:
-    """results.jsonl, to be added to by this run alone."""
-    path = out / LEDGER
+    """Open results.jsonl, to be added to by this run alone.
+
+    Where a run is refused before anything is done, the folder that was made for it goes again.
+    """
+    path, made = out / LEDGER, not out.exists()
     try:
         out.mkdir(parents=True, exist_ok=True)
         file = open(path, "a+", encoding="utf-8")
@@ -46,7 +49,12 @@ def ledger_of(out: Path) -> Iterator[Any]:
             ) from error
         for unfinished in out.glob(f".*{PARTIAL}"):
             shutil.rmtree(unfinished, ignore_errors=True)
-        yield file
+        try:
+            yield file
+        except UserError:
+            if made and not path.stat().st_size and [*out.iterdir()] == [path]:
+                shutil.rmtree(out)
+            raise
 
 
 def rows_done(ledger: Any) -> dict[str, tuple[str, Rows]]:

@@ -22,8 +22,10 @@ from vig.io.errors import UserError
 from vig.io.files import atomic_write
 from vig.photo.video import Video, av_errors
 from vig.video import TrackedPose, Tracker
+from vig_app.pictures import overlay
 from vig_app.results import POSE, TRACK
 from vig_app.runs.ledger import ledger_of
+from vig_app.runs.tracked import row_of_pose
 
 CAMERAS = {
     "linux": ("v4l2", "/dev/video{}"),
@@ -49,10 +51,6 @@ CLOCK = Fraction(1, 1000)
 AXIS = 0.6
 """Length of a drawn axis, of the object's longest side."""
 AXIS_COLOURS = ((230, 60, 50), (70, 190, 70), (70, 110, 240))
-LINE_EVERY = 1.0
-"""Seconds between printed lines."""
-CURVE_SIZE = 1000, 280
-"""Pixels of the picture of one curve."""
 
 
 class LatestFrame:
@@ -256,7 +254,8 @@ def run_live(
                     file.flush()
                     picture = drawn(picture, pose, tracker)
                 video.add(picture, seconds)
-                if seconds - said >= LINE_EVERY:
+                # 1.0: seconds between printed lines
+                if seconds - said >= 1.0:
                     say(_line(pose))
                     said = seconds
             problem = frames.problem
@@ -264,6 +263,8 @@ def run_live(
             stopped_by = stop.args[0] if stop.args else SIGINT
         except UserError as error:  # such as a frame of another size
             if not poses:
+                for name in (f"{TRACK}.csv", OVERLAY):
+                    (out / name).unlink(missing_ok=True)
                 raise
             problem = str(error)
     if poses:
@@ -278,7 +279,7 @@ def _reason(error: Exception) -> str:
 
 def drawn(picture: np.ndarray, pose: TrackedPose, tracker: Tracker) -> np.ndarray:
     """A frame (H, W, 3) uint8 with the object's outline, and its axes: x red, y green, z blue."""
-    shown = picture if pose.lost else pose.explanation.overlay()
+    shown = picture if pose.lost else overlay(pose.explanation)
     image = Image.fromarray(shown)
     length = AXIS * float(np.ptp(tracker.explainer.object_class.shape_model.mean, axis=0).max())
     points = np.concatenate([np.zeros((1, 3)), length * np.eye(3)])
@@ -294,7 +295,8 @@ def drawn(picture: np.ndarray, pose: TrackedPose, tracker: Tracker) -> np.ndarra
 
 def curves(poses: list[TrackedPose]) -> Image.Image:
     """Azimuth and elevation over the frames, each with a band of a standard deviation; lost frames grey."""
-    (width, height), margin = CURVE_SIZE, 40
+    # (1000, 280): pixels of the picture of one curve
+    (width, height), margin = (1000, 280), 40
     image = Image.new("RGB", (width, 2 * height), "white")
     draw = ImageDraw.Draw(image)
     numbers = np.array([pose.number for pose in poses], float)
@@ -325,17 +327,8 @@ def curves(poses: list[TrackedPose]) -> Image.Image:
 
 def _row(pose: TrackedPose, seconds: float) -> dict[str, Any]:
     deviations = np.sqrt(np.diag(pose.covariance)).tolist()
-    values = [*pose.camera_from_object[:3].ravel().tolist(), *deviations]
-    return {
-        **{name: value for name, value in vars(pose).items() if name in LIVE_COLUMNS},
-        "frame": pose.number,
-        "seconds": round(seconds, 3),
-        "focal_px": pose.camera.focal,
-        "center_x": pose.camera.cx,
-        "center_y": pose.camera.cy,
-        **dict(zip((*POSE, *LIVE_COLUMNS[-7:-1]), values, strict=True)),
-        "step_seconds": round(pose.seconds, 4),
-    }
+    times = {"seconds": round(seconds, 3), "step_seconds": round(pose.seconds, 4)}
+    return row_of_pose(pose, LIVE_COLUMNS) | dict(zip(LIVE_COLUMNS[-7:-1], deviations, strict=True)) | times
 
 
 def _line(pose: TrackedPose | None) -> str:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from vig.io.errors import UserError
-from vig.output import write_json
+from vig.io.files import write_json
 from vig.parallel import Lost
 from vig.parallel.cluster import map_on_cluster
 from vig.photo.checks import existing_file
@@ -100,7 +100,7 @@ def _store(task: Task, files: dict[str, bytes]) -> None:
         for corrections in beside.rglob(CORRECTIONS):
             content = json.loads(corrections.read_text())
             content["photo"] = os.path.relpath(task.photo.resolve(), corrections.parent.resolve())
-            write_json(corrections.parent, content, CORRECTIONS)
+            write_json(corrections, content)
 
 
 def taken(waiting: deque[Item]) -> Iterator[Item]:

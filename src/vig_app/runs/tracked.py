@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 from vig.explainer import Explainer
 from vig.explanation import Explanation
-from vig.output import write_json
-from vig.video import Track, TrackedFrame, track
+from vig.io.files import write_json
+from vig.video import Track, track
+from vig.video.trajectory import FramePose
 from vig_app.results import POSE, TRACK, TRACK_COLUMNS, write_table
 from vig_app.runs.ledger import ledger_of
 from vig_app.runs.work import RunSettings, Task, Work, row_of
@@ -54,27 +55,23 @@ def run_tracked(
         first = tasks[0]
         photos = [task.photo for task in tasks]
         tracked = track(photos, explainer, first.box, first.focal, first.hints, write_frame, first.camera)
-        rows = [_row_of_track(task, frame) for task, frame in zip(tasks, tracked.frames, strict=True)]
+        rows = [
+            row_of_pose(frame, TRACK_COLUMNS) | {"photo": str(task.photo), "folder": task.folder.name}
+            for task, frame in zip(tasks, tracked.frames, strict=True)
+        ]
         write_table(out, rows, TRACK, TRACK_COLUMNS)
         content = {
             "class": explainer.object_class.name,
             "shape": tracked.shape.tolist(),
             "albedo": tracked.albedo.tolist(),
         }
-        write_json(out, content, f"{TRACK}.json")
+        write_json(out / f"{TRACK}.json", content)
     return tracked
 
 
-def _row_of_track(task: Task, frame: TrackedFrame) -> dict[str, Any]:
-    camera, pose = frame.camera, frame.camera_from_object[:3].ravel().tolist()
-    return {
-        "photo": str(task.photo),
-        "folder": task.folder.name,
-        "frame": frame.number,
-        "roll_deg": math.degrees(camera.roll),
-        "focal_px": camera.focal,
-        "center_x": camera.cx,
-        "center_y": camera.cy,
-        **{name: value for name, value in vars(frame).items() if name in TRACK_COLUMNS},
-        **dict(zip(POSE, pose, strict=True)),
-    }
+def row_of_pose(pose: FramePose, columns: Iterable[str]) -> dict[str, Any]:
+    """Return what columns of a table say of the object in a frame."""
+    camera, matrix = pose.camera, pose.camera_from_object[:3].ravel().tolist()
+    row = vars(pose) | {"frame": pose.number, "roll_deg": math.degrees(camera.roll), "focal_px": camera.focal}
+    row |= {"center_x": camera.cx, "center_y": camera.cy, **dict(zip(POSE, matrix, strict=True))}
+    return {name: row[name] for name in columns if name in row}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import shutil
 import time
@@ -22,11 +21,13 @@ from vig.io.errors import UserError
 from vig.parallel import Lost
 from vig.photo.images import coded_photo
 from vig.photo.masks import read_mask
+from vig.recognition.object_map import box_overlap
 from vig.several import explain_found, explain_together
 from vig.several.scene import SceneExplanation
-from vig_app.corrections import CORRECTIONS, REMEDY, Correction, Found, State, overlap, place_of
-from vig_app.exports import remove_exports
-from vig_app.results import COLUMNS, POSE
+from vig_app.corrections import CORRECTIONS, REMEDY, Correction, Found, State, place_of
+from vig_app.exports import export_explanation, remove_exports
+from vig_app.report.folder import save_explanation, save_scene
+from vig_app.results import COLUMNS, row_of_record
 
 PARTIAL = ".partial"
 """End of the name of a folder that is not complete."""
@@ -166,11 +167,11 @@ class Work:
                 scene = SceneExplanation(objects, scene.occludes)
         with beside_folder(task) as beside:
             settings = self.settings
-            scene.save(beside, task.photo.name, settings.export, settings.files, settings.full_size)
+            save_scene(scene, beside, task.photo.name, settings.export, settings.files, settings.full_size)
             for name, explanation, place in zip(scene.names, scene.objects, places, strict=True):
                 box: Any = explanation.box and tuple(map(float, explanation.box))
                 found = None if task.objects else Found.of(explanation)
-                given = State(box, focal=task.focal, camera=_lens(task, explanation), found=found)
+                given = State(box=box, focal=task.focal, camera=_lens(task, explanation), found=found)
                 state = states.get(name, given)
                 state.write(beside / name, task.photo, explanation.object_class, name in states, place)
         return [
@@ -181,9 +182,14 @@ class Work:
     def write(self, task: Task, explanation: Explanation, corrected: State | None = None) -> None:
         """All files of a photo beside its folder, then in their place; see `beside_folder`."""
         with beside_folder(task) as beside:
-            explanation.save(beside, task.photo.name, self.settings.files, self.settings.full_size)
-            explanation.export(beside, self.settings.export, task.photo.name)
-            state = corrected or State.of(task.box, task.focal, explanation.hints, _lens(task, explanation))
+            save_explanation(
+                explanation, beside, task.photo.name, self.settings.files, self.settings.full_size
+            )
+            export_explanation(explanation, beside, self.settings.export, task.photo.name)
+            hints, state = explanation.hints or Hints(), corrected
+            if state is None and all(each is None for each in (hints.mask, hints.marks, hints.pose)):
+                lens = _lens(task, explanation)
+                state = State(box=task.box, focal=task.focal, camera=lens, **hints.plain)
             if state is not None:  # named from where it will be, which is as deep
                 state.write(beside, task.photo, explanation.object_class, corrected is not None)
 
@@ -197,7 +203,7 @@ def _states(task: Task, scene: SceneExplanation) -> dict[str, State]:
     states: dict[str, State] = {}
     for correction in task.corrected:
         overlaps = {
-            name: overlap(place_of(explanation), correction.box)
+            name: box_overlap(place_of(explanation), correction.box)
             for name, explanation in zip(scene.names, scene.objects, strict=True)
             if correction.box is not None
             and name not in states
@@ -254,32 +260,8 @@ def beside_folder(task: Task) -> Iterator[Path]:
 
 
 def row_of(task: Task, explanation: Explanation) -> dict[str, Any]:
-    """The row of a photo that was explained."""
-    described = explanation.to_dict()
-    camera, pinhole, deviation = described["camera"], described["pinhole"], described["deviation"]
-    box = described["box"] or [None] * 4
-    row = {
-        "photo": str(task.photo),
-        "folder": task.folder.name,
-        "object": 1,
-        "error": None,
-        "view_trusted": "view" in described["trusted"],
-        "mask_trusted": "mask" in described["trusted"],
-        "azimuth_deviation_deg": deviation["azimuth_deg"],
-        "elevation_deviation_deg": deviation["elevation_deg"],
-        **dict(zip(("albedo_r", "albedo_g", "albedo_b"), described["albedo"], strict=True)),
-        **dict(zip(("box_x", "box_y", "box_width", "box_height"), box, strict=True)),
-        "width": camera["width"],
-        "height": camera["height"],
-        "focal_px": pinhole["K"][0][0],
-        "focal_y_px": pinhole["K"][1][1],
-        "center_x": pinhole["K"][0][2],
-        "center_y": pinhole["K"][1][2],
-        "focal_from": camera["focal_from"],
-        "distance_known": pinhole["distance_known"],
-        **dict(zip(POSE, itertools.chain(*pinhole["camera_from_object"][:3]), strict=True)),
-    }
-    return {name: row[name] if name in row else described.get(name) for name in COLUMNS}
+    """Return the row of a photo that was explained."""
+    return row_of_record(explanation.to_dict(), photo=str(task.photo), folder=task.folder.name, object=1)
 
 
 def failed(task: Task, error: object) -> Rows:

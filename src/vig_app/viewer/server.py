@@ -13,7 +13,7 @@ import traceback
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from ipaddress import ip_address
@@ -27,17 +27,16 @@ from vig.inference import PixelLabel
 from vig.io.checks import decode, parse_json
 from vig.io.errors import UserError
 from vig.photo.images import coded, coded_photo
+from vig_app.pictures import panels
 from vig_app.report import words
 from vig_app.report.contents import drawing_data
 from vig_app.report.drawing import views_of
 from vig_app.report.folder_page import reduced
 from vig_app.report.html import QUALITY, filled, jpeg_url
-from vig_app.viewer.session import Change, cleared, marked, placed
+from vig_app.viewer.session import Change, changed, cleared, marked, placed
 from vig_app.viewer.walk import Walk
 
 HOST = "127.0.0.1"
-MOST_PORTS = 100
-"""Ports that are tried, from the one that was named."""
 SENT_SIDE = 1600
 """Pixels of the longer side of the photo that is sent."""
 MOST_BYTES = 1 << 22
@@ -85,7 +84,8 @@ def _bound(port: int, host: str, handler: Callable[..., Any]) -> _Server:
     """A server at the port, or the next one that is free; UserError when none is."""
     if not 1 <= port <= 65535:
         raise UserError(f"expected a port of 1 to 65535; got {port}. 8080 is usual.")
-    for candidate in range(port, min(port + MOST_PORTS, 65536)):
+    # 100: ports that are tried, from the one that was named
+    for candidate in range(port, min(port + 100, 65536)):
         with suppress(OSError):
             return _Server((host, candidate), handler)
     raise UserError(f"expected a free port from {port} on; got none. Name another with --port.")
@@ -173,7 +173,7 @@ class Viewer:
             "summary": words.summary(described),
             "elevation": explanation.elevation_deg,
             "roll": explanation.roll_deg,
-            "hints": asdict(session.state),
+            "hints": session.state.to_json(),
             "undo": len(session.states) - 1,
             "unsaved": session.unsaved,
             "corrected": [number for number, item in enumerate(walk.items) if item.corrected],
@@ -187,7 +187,7 @@ class Viewer:
                 for (azimuth, elevation, probability), view in zip(answers, views, strict=True)
             ],
             "drawing": drawing_data(explanation, views, [], *sent),
-            "panels": jpeg_url(explanation.panels()),
+            "panels": jpeg_url(panels(explanation)),
             "objects": walk.objects() or self._found,
             "message": self._message,
             "refused": self._refused,
@@ -256,13 +256,11 @@ class Viewer:
                 x, y = at
                 return marked(PixelLabel(action.label), x, y, action.radius, action.path)
             case "view":
-                return lambda state: replace(state, azimuth_deg=value)
-            case "elevation":
-                return lambda state: replace(state, elevation_deg=value)
-            case "roll":
-                return lambda state: replace(state, roll_deg=value)
+                return changed(azimuth_deg=value)
+            case "elevation" | "roll":
+                return changed(**{f"{action.do}_deg": value})
             case "visible":
-                return lambda state: replace(state, visible=bool(value))
+                return changed(visible=bool(value))
             case "clear":
                 return cleared
         return None

@@ -6,21 +6,22 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from vig.explainer import Explainer
 from vig.explanation import Explanation
+from vig.hints import Stroke
 from vig.inference import PixelLabel
 from vig.io.errors import UserError
 from vig.parallel import on_one_core
 from vig.photo.images import coded_photo
 from vig.several import MOST_OBJECTS
 from vig.several.explain import find_together
-from vig_app.corrections import Mark, State, box_of
+from vig_app.corrections import State, box_of
+from vig_app.report.folder import save_explanation
 
-MOST_UNDO = 200
-"""States that can be gone back to, at most."""
 Change = Callable[[State], State]
 """What one correction makes of a state."""
 Places = Sequence[tuple[float, float]]
@@ -29,8 +30,7 @@ Places = Sequence[tuple[float, float]]
 class Session:
     """One photo, its explanation, and the states that led there.
 
-    Every method that corrects something fits the photo again and returns the new explanation; where that
-    cannot be done it raises UserError and leaves all as it was.
+    Changes are `Session.boxed`, `placed`, `marked`, `changed` and `cleared`.
     """
 
     def __init__(
@@ -88,51 +88,20 @@ class Session:
                 states.pop()
         if states[-1] != self.state:
             self.explanation = self._explained(states[-1])
-        self.states = states[-MOST_UNDO:]
+        # 200: states that can be gone back to, at most
+        self.states = states[-200:]
         return self.explanation
 
-    def draw_box(self, x: float, y: float, width: float, height: float) -> Explanation:
-        """A box round the whole object, cut at the photo's edges, in place of the one that was found."""
-        return self.correct(self.boxed(x, y, width, height))
-
     def boxed(self, x: float, y: float, width: float, height: float) -> Change:
-        """The change that `draw_box` makes."""
+        """A box round the whole object, cut at the photo's edges, in place of the one that was found."""
         photo_height, photo_width = self.photo.shape[:2]
         left, top = max(x, 0.0), max(y, 0.0)
         right, bottom = min(x + width, float(photo_width)), min(y + height, float(photo_height))
         return lambda state: replace(state, box=(left, top, right - left, bottom - top), found=None)
 
-    def place(self, name: str, x: float, y: float) -> Explanation:
-        """Where a named point of the class is."""
-        return self.correct(placed(name, x, y))
-
-    def mark(self, label: PixelLabel, x: float, y: float, radius: float, path: Places = ()) -> Explanation:
-        """What the photo shows under a stroke of a brush, set down at a place and moved along a path."""
-        return self.correct(marked(label, x, y, radius, path))
-
-    def choose(self, azimuth_deg: float | None) -> Explanation:
-        """Which view it is, to some 8 degrees; None leaves it open again."""
-        return self.correct(lambda state: replace(state, azimuth_deg=azimuth_deg))
-
-    def hold(self, elevation_deg: float | None, roll_deg: float | None) -> Explanation:
-        """Hold the eye's elevation and the photo's roll; None lets them free."""
-        return self.correct(lambda state: replace(state, elevation_deg=elevation_deg, roll_deg=roll_deg))
-
-    def say_visible(self, visible: bool) -> Explanation:
-        """Whether nothing hides any of the object."""
-        return self.correct(lambda state: replace(state, visible=visible))
-
-    def clear(self) -> Explanation:
-        """Take all back but the box."""
-        return self.correct(cleared)
-
-    def undo(self) -> Explanation:
-        """Take the last correction back; nothing happens where there is none."""
-        return self.correct(None)
-
     def save(self, folder: str | Path, files: Sequence[str] | None = None) -> Path:
         """Write what `vig fit` writes, see `Explanation.save`; returns the folder."""
-        folder = self.explanation.save(folder, self.path.name, files)
+        folder = save_explanation(self.explanation, folder, self.path.name, files)
         self.state.write(folder, self.path, self.explainer.object_class, corrected=True)
         self.saved = self.state
         return folder
@@ -155,15 +124,20 @@ class Session:
 
 
 def placed(name: str, x: float, y: float) -> Change:
-    """The change that `Session.place` makes."""
+    """Where a named point of the class is."""
     return lambda state: replace(state, points={**state.points, name: (x, y)})
 
 
 def marked(label: PixelLabel, x: float, y: float, radius: float, path: Places = ()) -> Change:
-    """The change that `Session.mark` makes."""
-    return lambda state: replace(state, marks=(*state.marks, Mark(x, y, radius, label, tuple(path))))
+    """What the photo shows under a stroke of a brush, set down at a place and moved along a path."""
+    return lambda state: replace(state, strokes=(*state.strokes, Stroke(x, y, radius, label, tuple(path))))
+
+
+def changed(**values: Any) -> Change:
+    """Other values of fields of the state: a view, whether nothing hides the object; None leaves one open."""
+    return lambda state: replace(state, **values)
 
 
 def cleared(state: State) -> State:
-    """The change that `Session.clear` makes."""
+    """Take all back but the box."""
     return State(box=state.box, focal=state.focal, camera=state.camera, found=state.found)

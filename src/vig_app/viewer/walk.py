@@ -13,15 +13,15 @@ from vig.explainer import Box, Explainer
 from vig.io.checks import reading
 from vig.io.errors import UserError
 from vig.photo.decoding import opened
+from vig.record import read_explanation
 from vig_app.corrections import CORRECTIONS, State, corrected_in
-from vig_app.exports import export_run, formats_in, run_formats_in
+from vig_app.exports import export_explanation, export_run, formats_in, run_formats
 from vig_app.report.folder import FILES, OPTIONAL_FILES
 from vig_app.report.folder_page import review_order, write_run_page
 from vig_app.report.sheet import write_sheets
 from vig_app.results import TABLES, name_of, read_results, write_table
 from vig_app.runs import Task, ledger_of
 from vig_app.runs.work import row_of
-from vig_app.schema import read_explanation
 from vig_app.viewer.session import Session
 
 OWN = ("photo", "folder", "object", "seconds")
@@ -174,9 +174,10 @@ class Walk:
                 write_table(self.run, _with_row(rows, item.found))
         item.photo = item.box = None  # which are in its corrections.json now
         item.corrected = self.saved = True
-        explanation.export(item.folder, formats, self.session.path.name)
+        export_explanation(explanation, item.folder, formats, self.session.path.name)
         if self.run is not None:
-            export_run(self.run, run_formats_in(self.run))
+            there = [name for name, file in run_formats().items() if (self.run / file).exists()]
+            export_run(self.run, there)
         return item.folder
 
     def close(self) -> None:

@@ -11,12 +11,13 @@ from rich.console import Console
 
 from vig.io.machine import machine
 from vig.io.printing import end
-from vig_paper.cli.settings import Reproduce
-from vig_paper.reproduction import RENDERERS, Record, ReproductionSettings, Run, RunFolder, reproduce
+from vig_paper.reproduction import RENDERERS, Run, RunFolder, reproduce
 from vig_paper.reproduction.page import write_page
 from vig_paper.reproduction.reached import reached, reached_block, reached_line, training_line
+from vig_paper.settings import Reproduce, ReproductionSettings
 from vig_train.cli.common import check_workers, command_line
 from vig_train.evaluation.paper import compare, comparison_block
+from vig_train.record import Record
 
 SAME_NUMBERS = ("steps", "workers", "json")
 """Options that do not change the numbers."""
@@ -53,7 +54,7 @@ def reproduce_paper(chosen: Reproduce) -> int:
             )
         else:
             print(f"{renderer}: {passed} of {len(cells)} cells pass")
-    print(training_line(record.data["settings"], settings.train_images))
+    print(training_line(record.data["settings"], settings.count("train_images")))
     if folder.page.exists():
         end(folder.root, f"reproduced: open {folder.page}")
     else:

@@ -21,7 +21,6 @@ from vig_train.evaluation.statistics import (
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 PANEL_TITLES = {
     "azimuth_deg": "azimuth error, degrees",
@@ -38,8 +37,9 @@ GROUP_COLOURS = {
     "albedo": "#e08a2e",
     "light": "#8a63c7",
 }
-COVERAGE_AIM = 85, 95
-"""Per cent of images whose truth should be within the predicted 90 % intervals."""
+_LINE: dict[str, Any] = {"linewidth": 1.7, "linestyle": "-", "marker": "o", "markersize": 3}
+_DASHED: dict[str, Any] = {"linestyle": (0, (4, 2)), "zorder": 3}
+_LEGEND: dict[str, Any] = {"loc": "outside upper left", "frameon": False, "fontsize": 9, "labelcolor": INK}
 NOMINAL_COVERAGES = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99])
 
 
@@ -60,12 +60,17 @@ def figure3(
         cumulative: Medians over all images with at most this occlusion, as in the paper, whose own medians at
             75 % are crosses; otherwise over separate bins.
     """
+    from matplotlib.lines import Line2D
+
     ranges = [(0.0, level) for level in OCCLUSION_LEVELS] if cumulative else list(OCCLUSION_BINS)
-    places = 100 * np.array(
-        OCCLUSION_LEVELS if cumulative else [sum(limits) / 2 for limits in OCCLUSION_BINS]
-    )
+    places = [100 * (most if cumulative else (least + most) / 2) for least, most in ranges]
     figure = new_figure(12, 7)
     panels = figure.subplots(2, 3)
+    # Dashes over "spatial", whose line may be the same as that of "robust".
+    lines = {
+        method: _LINE | {"color": COLOURS[method]} | (_DASHED if method == "robust" else {})
+        for method in results
+    }
     for axes, (metric, title) in zip(panels.flat, PANEL_TITLES.items(), strict=True):
         for method, result in results.items():
             if metric not in result.errors:
@@ -78,20 +83,13 @@ def figure3(
                 if summary is not None
             ]
             occlusions, median, low, high = np.array(rows).reshape(-1, 4).T
-            colour = COLOURS[method]
-            axes.fill_between(occlusions, low, high, color=colour, alpha=0.15, linewidth=0)
-            dashed = method == "robust"  # dashes over "spatial", whose line may be the same
-            axes.plot(
-                occlusions,
-                median,
-                color=colour,
-                linewidth=1.7,
-                marker="o",
-                markersize=3,
-                **_line_style(dashed),
-            )
-            if cumulative:
-                _paper_median(axes, renderer, metric, method)
+            axes.fill_between(occlusions, low, high, color=COLOURS[method], alpha=0.15, linewidth=0)
+            axes.plot(occlusions, median, **lines[method])
+            if cumulative and method in ("rm", "gaussian", "robust") and metric != "shape_mm":
+                paper = paper_median(renderer, metric, method)  # whose shape is in another unit
+                if paper is not None:
+                    cross = {"color": COLOURS[method], "markersize": 7, "markeredgewidth": 1.8}
+                    axes.plot(100 * MAX_OCCLUSION, paper, "x", **cross)
         style_axes(axes, title)
         axes.set_xlim(0, 90)
         axes.set_xticks(range(0, 91, 15))
@@ -102,8 +100,14 @@ def figure3(
     for axes in panels[1]:
         label = "occlusion at most, %" if cumulative else "occlusion, % (bins of 15)"
         axes.set_xlabel(label, color=SOFT, fontsize=9)
+    handles = [Line2D([], [], **lines[method]) for method in results]
+    labels = [NAMES.get(method, method) for method in results]
+    if cumulative:
+        handles.append(Line2D([], [], color=SOFT, marker="x", linestyle="", markersize=7))
+        labels.append("the paper, at 75 %")
     title = f"{len(occlusion):,} {renderer} images; median and its 95 % interval"
-    _legend(figure, list(results), title, cumulative)
+    heading: dict[str, Any] = {"title": title, "alignment": "left", "title_fontproperties": {"size": 11}}
+    figure.legend(handles, labels, ncols=len(labels), **_LEGEND, **heading)
     return save(figure, path)
 
 
@@ -121,18 +125,11 @@ def reliability_figure(
         standard = standardised_errors(result, truth_vector)
         coverages = [coverage(standard, nominal) for nominal in NOMINAL_COVERAGES]
         axes.plot([0, 100], [0, 100], color=SOFT, linewidth=0.8, linestyle=(0, (2, 2)))
-        axes.fill_between([88, 92], *COVERAGE_AIM, color=FAINT, linewidth=0, label="aim at 90 %")
+        # Where truths should lie: 85 to 95 % of them within the predicted 90 % intervals.
+        axes.fill_between([88, 92], 85, 95, color=FAINT, linewidth=0, label="aim at 90 %")
         for group, colour in GROUP_COLOURS.items():
             observed = [100 * shares[group] for shares in coverages]
-            axes.plot(
-                100 * NOMINAL_COVERAGES,
-                observed,
-                color=colour,
-                linewidth=1.5,
-                marker="o",
-                markersize=3,
-                label=group,
-            )
+            axes.plot(100 * NOMINAL_COVERAGES, observed, label=group, **_LINE | {"color": colour})
         style_axes(axes, NAMES.get(method, method))
         axes.set_xlim(0, 100)
         axes.set_ylim(0, 101)
@@ -141,19 +138,8 @@ def reliability_figure(
     if uncertain:
         panels[0].set_ylabel("observed, %", color=SOFT, fontsize=9)
         handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(
-            handles, labels, loc="outside upper left", ncols=6, frameon=False, fontsize=9, labelcolor=INK
-        )
+        figure.legend(handles, labels, ncols=6, **_LEGEND)
     return save(figure, path)
-
-
-def _paper_median(axes: Axes, renderer: str, metric: str, method: str) -> None:
-    """A cross at the paper's own median at 75 %, if it has one in the same unit."""
-    if method not in ("rm", "gaussian", "robust"):
-        return
-    median = paper_median(renderer, metric, method) if metric != "shape_mm" else None
-    if median is not None:
-        axes.plot(100 * MAX_OCCLUSION, median, "x", color=COLOURS[method], markersize=7, markeredgewidth=1.8)
 
 
 def _logarithmic(axes: Axes) -> None:
@@ -166,32 +152,3 @@ def _logarithmic(axes: Axes) -> None:
     axes.yaxis.set_major_locator(LogLocator(subs=steps, numticks=20))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())
-
-
-def _line_style(dashed: bool) -> dict[str, Any]:
-    return {"linestyle": (0, (4, 2)), "zorder": 3} if dashed else {"linestyle": "-"}
-
-
-def _legend(figure: Figure, methods: list[str], title: str, with_paper: bool) -> None:
-    from matplotlib.lines import Line2D
-
-    handles = [
-        Line2D([], [], color=COLOURS[method], linewidth=1.7, **_line_style(method == "robust"))
-        for method in methods
-    ]
-    labels = [NAMES.get(method, method) for method in methods]
-    if with_paper:
-        handles.append(Line2D([], [], color=SOFT, marker="x", linestyle="", markersize=7))
-        labels.append("the paper, at 75 %")
-    figure.legend(
-        handles,
-        labels,
-        loc="outside upper left",
-        ncols=len(labels),
-        frameon=False,
-        fontsize=9,
-        labelcolor=INK,
-        title=title,
-        alignment="left",
-        title_fontproperties={"size": 11},
-    )

@@ -22,9 +22,6 @@ from vig_train.evaluation.statistics import OCCLUSION_BINS, within_occlusion
 from vig_train.evaluation.table import METRICS
 from vig_world.dataset import Dataset
 
-WORST_IMAGES = 8
-"""Images of figure4_worst.png."""
-
 
 def draw_figures(
     dataset: Dataset,
@@ -60,7 +57,7 @@ def draw_figures(
     method = last_fit(results)
     if method is None:
         return paths
-    chosen, wrong = choose(results, dataset, method), worst(results, method, WORST_IMAGES)
+    chosen, wrong = choose(results, dataset, method), worst(results, method, 8)
     paths += [
         reliability_figure(results, dataset.latents, folder / "reliability.png"),
         figure4(dataset, object_class, results, chosen, folder / "figure4.png"),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,10 +13,10 @@ from vig_paper.figures.style import (
     EXPLAINING_METHODS,
     NAMES,
     last_fit,
-    new_figure,
+    outline,
+    picture_grid,
     render_explanations,
     save,
-    set_titles,
     show_picture,
 )
 from vig_train.evaluation.results import MethodResult
@@ -26,24 +25,8 @@ from vig_world.dataset.format import read_info
 from vig_world.dataset.spec import SceneSpec
 from vig_world.library import Library
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-CELL_INCHES = 1.55
-"""Size of a picture in figure 4, inches."""
-OUTLINE_COLOUR = "#ffd200"
-VISIBLE_COLOUR = "#19b36b"
-HIDDEN_COLOUR = "#eb2878"
-FADE_SHARE = 0.45
-"""Share of white that is mixed into the photo behind a rendering or a mask."""
-ROW_INCHES = 1.3
-"""Height of a row of figure 5, inches."""
 MAP_ROWS = 64
 """Rows of a map of light in figure 5; it has twice as many columns."""
-SPHERE_ROWS = 160
-"""Rows and columns of a sphere in figure 5."""
-EXPOSURE = 0.4
-"""Radiance and irradiance are multiplied by it before they are shown as sRGB."""
 
 
 def figure4(
@@ -62,77 +45,55 @@ def figure4(
     if not len(indices):
         raise ValueError("expected at least one image to show; got none")
     chosen = list(indices)
-    photos = dataset.read("rgb", chosen) / 255.0
     truth = Latents.from_vector(dataset.latents[chosen])
-    azimuth = np.degrees(truth.azimuth) % 360
-    amodal, visible = dataset.read("mask", chosen), dataset.read("mask_visib", chosen)
+    photos, amodal, visible = (dataset.read(name, chosen) for name in ("rgb", "mask", "mask_visib"))
     methods = [method for method in EXPLAINING_METHODS if method in results]
     titles = ["photo", "truth", *(NAMES[method] for method in methods)]
     titles += [f"{NAMES[methods[-1]]}: mask"] if methods else []
-    titles += ["truth: mask"]
-    figure = new_figure(CELL_INCHES * len(titles) + 0.2, (CELL_INCHES + 0.12) * len(chosen) + 0.3)
-    panels = figure.subplots(len(chosen), len(titles), squeeze=False)
-    renderings = {method: _render_explanations(results[method], chosen, object_class) for method in methods}
+    figure, panels = picture_grid([*titles, "truth: mask"], len(chosen), 1.55)
+    renderings = {method: _render_chosen(results[method], chosen, object_class) for method in methods}
     for row, index in enumerate(chosen):
-        cells = iter(panels[row])
-        photo = photos[row]
+        cells, photo = iter(panels[row]), photos[row] / 255.0
         show_picture(next(cells), photo, f"{index}: {dataset.occlusion[index]:.0%} hidden")
         axes = next(cells)
-        show_picture(axes, photo, f"azimuth {azimuth[row]:.0f}\N{DEGREE SIGN}")
-        _outline(axes, amodal[row])
+        show_picture(axes, photo, f"azimuth {np.degrees(truth.azimuth[row]) % 360:.0f}\N{DEGREE SIGN}")
+        outline(axes, amodal[row])
         for method in methods:
-            colours, coverage = renderings[method][0][row], renderings[method][1][row]
-            axes = next(cells)
-            picture = _fade(photo) * (1 - coverage[..., None]) + colours * coverage[..., None]
-            show_picture(axes, picture, _caption(results[method], index))
-            _outline(axes, coverage >= 0.5)
+            colours, coverage = (part[row] for part in renderings[method])
+            axes, covered = next(cells), coverage[..., None]
+            picture = _fade(photo) * (1 - covered) + srgb_from_linear(colours) * covered
+            verdict, error = results[method].verdicts[index], results[method].errors["azimuth_deg"][index]
+            caption = f"{error:.1f}\N{DEGREE SIGN} off"
+            show_picture(axes, picture, f"{caption}, {verdict}" if verdict else caption)
+            outline(axes, coverage >= 0.5)
         if methods:
-            masks = results[methods[-1]].masks
-            mask = visible[row] & False if masks is None else masks[index]
-            iou = results[methods[-1]].errors["segmentation_iou"][index]
-            show_picture(
-                next(cells),
-                _tint_masks(photo, renderings[methods[-1]][1][row] >= 0.5, mask),
-                f"IoU {iou:.2f}",
-            )
+            last, silhouette = results[methods[-1]], renderings[methods[-1]][1][row] >= 0.5
+            mask = np.zeros_like(silhouette) if last.masks is None else last.masks[index]
+            caption = f"IoU {last.errors['segmentation_iou'][index]:.2f}"
+            show_picture(next(cells), _tint_masks(photo, silhouette, mask), caption)
         show_picture(next(cells), _tint_masks(photo, amodal[row], visible[row]))
-    set_titles(panels[0], titles)
     return save(figure, path)
 
 
-def _render_explanations(
+def _render_chosen(
     result: MethodResult, chosen: list[int], object_class: ObjectClass
 ) -> tuple[np.ndarray, np.ndarray]:
-    """sRGB in [0, 1] and coverage of a method's explanations of the chosen images, shaded as fits are."""
+    """Linear RGB and coverage of a method's explanations of the chosen images, shaded as fits are."""
     assert result.latents is not None
-    latents = result.latents[np.array(chosen)]
-    colours, coverage = render_explanations(latents, object_class, ExplainSettings().self_shadow)
-    return srgb_from_linear(colours), coverage
-
-
-def _caption(result: MethodResult, index: int) -> str:
-    error = f"{result.errors['azimuth_deg'][index]:.1f}\N{DEGREE SIGN} off"
-    verdict = result.verdicts[index]
-    return f"{error}, {verdict}" if verdict else error
+    return render_explanations(result.latents[np.array(chosen)], object_class, ExplainSettings().self_shadow)
 
 
 def _fade(photo: np.ndarray) -> np.ndarray:
-    return (1 - FADE_SHARE) * photo + FADE_SHARE
+    """The photo behind a rendering or a mask: 45 % white is mixed in."""
+    return 0.55 * photo + 0.45
 
 
 def _tint_masks(photo: np.ndarray, amodal: np.ndarray, visible: np.ndarray) -> np.ndarray:
     """The photo faded, with visible pixels in green and the silhouette's others in pink, half transparent."""
-    from matplotlib.colors import to_rgb
-
     picture = _fade(photo)
-    for mask, colour in ((amodal & ~visible, HIDDEN_COLOUR), (visible, VISIBLE_COLOUR)):
-        picture[mask] = 0.4 * photo[mask] + 0.6 * np.array(to_rgb(colour))
+    for mask, colour in ((amodal & ~visible, (235, 40, 120)), (visible, (25, 179, 107))):
+        picture[mask] = 0.4 * photo[mask] + 0.6 * np.array(colour) / 255
     return picture
-
-
-def _outline(axes: Axes, mask: np.ndarray) -> None:
-    if mask.any() and not mask.all():
-        axes.contour(mask.astype(float), levels=[0.5], colors=[OUTLINE_COLOUR], linewidths=0.9)
 
 
 def figure5(
@@ -155,28 +116,25 @@ def figure5(
     assert result.latents is not None
     fitted = result.latents[np.array(chosen)]
     truth = Latents.from_vector(dataset.latents[chosen])
-    specs = None if _own_panoramas(dataset) else dataset.specs()
-    library = None if specs is None else Library(specs[0].split)
+    specs = [] if _own_panoramas(dataset) else dataset.specs()
     photos = dataset.read("rgb", chosen) / 255.0
     titles = ["photo", "environment map", "true light", "fitted light", "true, on white", "fitted, on white"]
     widths = [1.0, 2.0, 2.0, 2.0, 1.0, 1.0]
-    if library is None:
+    if not specs:
         del titles[1], widths[1]
-    figure = new_figure(ROW_INCHES * sum(widths) + 0.8, (ROW_INCHES + 0.2) * len(chosen) + 0.3)
-    panels = figure.subplots(len(chosen), len(titles), squeeze=False, width_ratios=widths)
+    figure, panels = picture_grid(titles, len(chosen), 1.3, widths)
     for row, index in enumerate(chosen):
         cells = iter(panels[row])
         show_picture(next(cells), photos[row], f"{index}: {dataset.occlusion[index]:.0%} hidden")
-        if library is not None and specs is not None:
-            surroundings = environment(library, specs[index], float(truth.azimuth[row]))
+        if specs:
+            surroundings = environment(Library(specs[0].split), specs[index], float(truth.azimuth[row]))
             show_picture(next(cells), _expose(surroundings), f"panorama {specs[index].panorama}")
         caption = f"{NAMES[method]}; error {result.errors['illumination'][index]:.3f}"
         for latents, text in ((truth, ""), (fitted, caption)):
             radiance = light_map(latents.light[row], float(latents.azimuth[row]))
-            show_picture(next(cells), _expose(_grey(radiance)), text)
+            show_picture(next(cells), _expose(radiance), text)
         for latents in (truth, fitted):
             show_picture(next(cells), white_sphere(latents[row : row + 1]))
-    set_titles(panels[0], titles)
     return save(figure, path)
 
 
@@ -214,15 +172,15 @@ def _headings(azimuth: float) -> np.ndarray:
 
 
 def white_sphere(latents: Latents) -> np.ndarray:
-    """A white sphere under one explanation's light and camera: (SPHERE_ROWS, SPHERE_ROWS, 3) sRGB."""
-    across = (np.arange(SPHERE_ROWS) + 0.5) * 2 / SPHERE_ROWS - 1
+    """A white sphere under one explanation's light and camera: (160, 160, 3) sRGB."""
+    across = (np.arange(160) + 0.5) / 80 - 1
     x, y = np.meshgrid(across, across)
     inside = x**2 + y**2 < 1
     facing = -np.sqrt(np.clip(1 - x**2 - y**2, 0, None))  # towards the camera, which looks along +z
     rotation = camera_rotation(latents.azimuth, latents.elevation)[0].astype(np.float64)
     normals = np.stack([x, y, facing], axis=-1) @ rotation
     reflected = irradiance(latents.light[0].astype(np.float64), normals)
-    return np.where(inside[..., None], _expose(_grey(reflected)), 1.0)
+    return np.where(inside[..., None], _expose(reflected), 1.0)
 
 
 def _own_panoramas(dataset: Dataset) -> bool:
@@ -231,9 +189,7 @@ def _own_panoramas(dataset: Dataset) -> bool:
     return any(name.startswith("panorama/") for name in settings["own_assets"])
 
 
-def _grey(values: np.ndarray) -> np.ndarray:
-    return np.repeat(values[..., None], 3, axis=-1)
-
-
 def _expose(radiance: np.ndarray) -> np.ndarray:
-    return srgb_from_linear(EXPOSURE * radiance)
+    """Radiance or irradiance, grey (H, W) or (H, W, 3), as sRGB (H, W, 3) at one exposure for all."""
+    colours = radiance if radiance.ndim == 3 else np.repeat(radiance[..., None], 3, axis=-1)
+    return srgb_from_linear(0.4 * colours)

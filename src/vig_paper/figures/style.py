@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -67,10 +67,23 @@ def show_picture(axes: Axes, picture: np.ndarray, caption: str = "") -> None:
     axes.set_xlabel(caption, fontsize=7.5, color=SOFT, labelpad=2)
 
 
-def set_titles(row: Iterable[Axes], titles: Sequence[str]) -> None:
-    """Titles above a row of pictures."""
-    for axes, title in zip(row, titles, strict=True):
+def picture_grid(
+    titles: Sequence[str], rows: int, inches: float, widths: Sequence[float] | None = None
+) -> tuple[Figure, np.ndarray]:
+    """A figure, and its axes (rows, columns) for pictures: titles above the columns, each picture as high as
+    `inches` and as wide as that times its entry of `widths`, by default 1."""
+    widths = widths or [1.0] * len(titles)
+    figure = new_figure(inches * sum(widths) + 0.5, (inches + 0.15) * rows + 0.3)
+    panels = figure.subplots(rows, len(titles), squeeze=False, width_ratios=widths)
+    for axes, title in zip(panels[0], titles, strict=True):
         axes.set_title(title, fontsize=8.5, color=INK)
+    return figure, panels
+
+
+def outline(axes: Axes, mask: np.ndarray) -> None:
+    """Draw the edge of a mask (H, W) over a picture."""
+    if mask.any() and not mask.all():
+        axes.contour(mask.astype(float), levels=[0.5], colors=["#ffd200"], linewidths=0.9)
 
 
 def last_fit(results: Mapping[str, MethodResult]) -> str | None:

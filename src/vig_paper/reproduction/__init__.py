@@ -1,30 +1,7 @@
 """The paper's section 5 as one run: data, training, methods under both renderers, tables and figures."""
 
-from vig_paper.reproduction.run import Step, duration, reproduce, steps_of
-from vig_paper.reproduction.settings import (
-    DATASETS,
-    RENDERERS,
-    SCALES,
-    ReproductionSettings,
-    RunFolder,
-    read_json,
-)
-from vig_paper.reproduction.work import OCCLUSION_LIMITS, Run
-from vig_train.record import Record, read_record
+from vig_paper.reproduction.folder import RENDERERS, RunFolder
+from vig_paper.reproduction.run import reproduce
+from vig_paper.reproduction.work import Run
 
-__all__ = [
-    "DATASETS",
-    "OCCLUSION_LIMITS",
-    "RENDERERS",
-    "SCALES",
-    "Record",
-    "ReproductionSettings",
-    "Run",
-    "RunFolder",
-    "Step",
-    "duration",
-    "read_json",
-    "read_record",
-    "reproduce",
-    "steps_of",
-]
+__all__ = ["RENDERERS", "Run", "RunFolder", "reproduce"]

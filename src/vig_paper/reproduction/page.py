@@ -1,21 +1,27 @@
-"""The page of a reproduction: tables beside the paper's, figures, and how it was made, in one HTML file."""
+"""The page of a reproduction: tables beside the paper's, figures, and how it was made, in one HTML file.
+
+A section is a list of parts, each a kind and its content: `page.html` says how each kind is shown.
+"""
 
 from __future__ import annotations
 
+import base64
 import csv
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from jinja2 import Environment, FileSystemLoader
+
 from vig.io.errors import UserError
+from vig.io.files import atomic_write
 from vig_paper.ablation import ablation_blocks
-from vig_paper.reproduction.html import HtmlCell, heading, listing, paragraph, picture, table, write_html
-from vig_paper.reproduction.reached import RUNS, ReachedMedian, reached, reached_line, training_line
+from vig_paper.reproduction.folder import DATASETS, RENDERERS, RunFolder, read_json
+from vig_paper.reproduction.reached import reached, reached_block, reached_line, training_line
 from vig_paper.reproduction.run import duration
-from vig_paper.reproduction.settings import DATASETS, RENDERERS, RunFolder, read_json
 from vig_paper.reproduction.work import OCCLUSION_LIMITS
 from vig_train.evaluation import METRICS
-from vig_train.evaluation.paper import ComparisonCell, compare, comparison, comparison_title
+from vig_train.evaluation.paper import compare, comparison_block
 from vig_train.evaluation.presentation import TableBlock, blocks
 from vig_train.record import read_record
 from vig_world.dataset.format import read_info
@@ -32,10 +38,10 @@ PICTURES = {
     "figure4_worst.png": "The photos of largest azimuth error, the worst first.",
     "reliability.png": "How often the truth lies within predicted intervals; on the diagonal they are"
     " calibrated.",
-    "fit.webp": "A fit, evaluation by evaluation.",
+    "fit.webp": "A fit, step by step.",
 }
-COUNTS = ("train_images", "validation_images", "test_images", "cycles_images")
-"""Settings left out of their table, since the table of photos has the counts."""
+
+Part = tuple[str, Any]
 
 
 def write_page(root: Path) -> Path:
@@ -47,43 +53,44 @@ def write_page(root: Path) -> Path:
     folder = RunFolder(root)
     record = read_record(folder.record)
     by_renderer = {name: folder.read_table(name) for name in RENDERERS}
-    tables = {name: table_data for name, table_data in by_renderer.items() if table_data is not None}
-    results = [
-        (name, TITLES[name], _results(folder, name, table_data, reached(record["settings"], table_data)))
-        for name, table_data in tables.items()
+    tables = {name: table for name, table in by_renderer.items() if table is not None}
+    sections = [
+        *((name, TITLES[name], _results(folder, record, name, table)) for name, table in tables.items()),
+        ("ablations", "Ablations", _tables(folder.ablations, ablation_blocks)),
+        ("training", "Training", _training(folder)),
+        ("making", "How it was made", _making(folder, record)),
     ]
-    write_html(
-        folder.page,
-        TITLE,
-        _introduction(folder, record, tables),
-        [
-            *results,
-            ("ablations", "Ablations", _ablations(folder)),
-            ("training", "Training", _training(folder)),
-            ("making", "How it was made", _making(folder, record)),
-        ],
+    templates = Environment(
+        loader=FileSystemLoader(Path(__file__).parent), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
+    page = templates.get_template("page.html").render(
+        title=TITLE,
+        introduction=_introduction(folder, record, tables),
+        sections=[section for section in sections if section[2]],
+    )
+    with atomic_write(folder.page) as temporary:
+        temporary.write_text(page, encoding="utf-8")
     return folder.page
 
 
-def _introduction(folder: RunFolder, record: Mapping[str, Any], tables: Mapping[str, Any]) -> str:
+def _introduction(folder: RunFolder, record: Mapping[str, Any], tables: Mapping[str, Any]) -> list[str]:
     """What was run, on how much it was trained, and how many cells of Table 1 pass.
 
     A run too small for that is put beside others of its size first.
     """
     settings = record["settings"]
-    text = paragraph(
+    trained = [int(row[3]) for row in _photos(folder, record) if row[0] == "train"]
+    lines = [
         "Section 5 of P. Moreno, C. K. I. Williams, C. Nash and P. Kohli (ECCV 2016 Workshops), run by vig at"
         f" the scale \u201c{settings['scale']}\u201d. A cell of Table 1 passes when our median is"
-        " better than the paper's. The photos are vig's own; training and test photos share no asset."
-    )
-    trained = [int(cells[2]) for name, cells in _photos(folder, record) if name == "train"]
-    text += paragraph(training_line(settings, trained[0] if trained else settings["train_images"]))
-    for renderer, table_data in tables.items():
-        cells = compare(table_data)
+        " better than the paper's. The photos are vig's own; training and test photos share no asset.",
+        training_line(settings, trained[0] if trained else settings["train_images"]),
+    ]
+    for renderer, table in tables.items():
+        cells = compare(table)
         passed = sum(cell.passed for cell in cells)
-        if medians := reached(settings, table_data):
-            text += paragraph(
+        if medians := reached(settings, table):
+            lines.append(
                 f"{TITLES[renderer]}: {reached_line(medians)}. So small a run checks that everything works;"
                 f" the paper's numbers are no aim for it: {passed} of {len(cells)} are better than these."
             )
@@ -94,112 +101,95 @@ def _introduction(folder: RunFolder, record: Mapping[str, Any], tables: Mapping[
                 failed.setdefault(METRICS[cell.metric].split(" (")[0], []).append(cell.method)
         missed = "; ".join(f"{metric} ({', '.join(methods)})" for metric, methods in failed.items())
         line = f"{TITLES[renderer]}: {passed} of {len(cells)} cells pass."
-        text += paragraph(f"{line} Not passed: {missed}." if missed else line)
+        lines.append(f"{line} Not passed: {missed}." if missed else line)
     left_out = [TITLES[name].lower() for name in RENDERERS if name not in tables]
-    return text + (paragraph(f"This run has no {' and no '.join(left_out)}.") if left_out else "")
+    return [*lines, f"This run has no {' and no '.join(left_out)}."] if left_out else lines
 
 
 def _results(
-    folder: RunFolder, renderer: str, table_data: Mapping[str, Any], medians: list[ReachedMedian]
-) -> str:
-    """Tables and figures of a renderer's photos; medians: those beside which ours are judged, if any."""
-    methods, rows = comparison(table_data)
-    of_size = {(METRICS[median.metric], median.method): median for median in medians}
-    cells = [
-        (title, [_cell(row.get(method), of_size.get((title, method))) for method in methods])
-        for title, row in rows
-    ]
-    beside = f"; judged by what {RUNS} reached" if medians else ""
-    html = table(comparison_title(table_data) + beside, ["", *methods], cells)
-    for block in blocks(table_data)[1:]:  # the first is Table 1 without the paper's numbers
-        html += _block(block)
+    folder: RunFolder, record: Mapping[str, Any], renderer: str, table: Mapping[str, Any]
+) -> list[Part]:
+    """Tables and figures of a renderer's photos, judged by runs of its size where these were measured."""
+    medians = reached(record["settings"], table)
+    first, *further = blocks(table)
+    judged = [reached_block(medians), first] if medians else [comparison_block(table)]
+    parts: list[Part] = [("table", block) for block in (*judged, *further)]
     for name, (least, most) in OCCLUSION_LIMITS.items():
-        occluded_table = folder.read_table(renderer, name) if name != "table" else None
-        if occluded_table is not None:
-            html += heading(f"{least:.0%} to {most:.0%} hidden")
-            html += "".join(_block(block) for block in blocks(occluded_table))
-    if folder.figures(renderer).exists():
-        html += heading("Figures")
-    return html + "".join(picture(folder.figures(renderer) / name, text) for name, text in PICTURES.items())
+        tables = [] if name == "table" else _tables(folder.tables(renderer) / f"{name}.json", blocks)
+        parts += [("heading", f"{least:.0%} to {most:.0%} hidden"), *tables] if tables else []
+    figures = folder.figures(renderer)
+    parts += [("heading", "Figures")] if figures.exists() else []
+    return parts + [part for name, caption in PICTURES.items() for part in _picture(figures / name, caption)]
 
 
-def _cell(entry: ComparisonCell | None, median: ReachedMedian | None) -> HtmlCell:
-    if entry is None:
-        return HtmlCell("\u2013")
-    below = f"{entry.interval}\npaper {entry.paper}" if entry.paper else entry.interval
-    if median is not None:
-        return HtmlCell(entry.median, f"{below}\nsuch runs {median.text}", median.passed, median.word)
-    return HtmlCell(entry.median, below, entry.passed)
+def _tables(path: Path, blocks_of: Any) -> list[Part]:
+    """The blocks of a table in a file; none where there is no file."""
+    table = read_json(path)
+    return [] if table is None else [("table", block) for block in blocks_of(table)]
 
 
-def _block(block: TableBlock) -> str:
-    """A table of the evaluation; the second line of a cell is set smaller below the first."""
-    rows = [(row[0], [_two_lines(cell) for cell in row[1:]]) for row in block.rows]
-    return table(block.title, [name.replace("\n", " ") for name in block.header], rows)
+def _picture(path: Path, caption: str) -> list[Part]:
+    """A PNG or WebP picture that becomes part of the page; none where there is no file."""
+    if not path.exists():
+        return []
+    data = base64.b64encode(path.read_bytes()).decode()
+    return [("picture", {"caption": caption, "url": f"data:image/{path.suffix[1:]};base64,{data}"})]
 
 
-def _two_lines(text: str) -> HtmlCell:
-    above, _, below = text.partition("\n")
-    return HtmlCell(above, below)
-
-
-def _ablations(folder: RunFolder) -> str:
-    """The fit with each part of the method switched off."""
-    table_data = read_json(folder.ablations)
-    return "" if table_data is None else "".join(_block(block) for block in ablation_blocks(table_data))
-
-
-def _training(folder: RunFolder) -> str:
+def _training(folder: RunFolder) -> list[Part]:
     """The training's curve and the last line of its log; empty when weights were given."""
+    reliability = "The network's predicted uncertainty on validation photos, before and after calibration."
+    parts = _picture(folder.recognition / "losses.png", "The losses of the training, epoch by epoch.")
+    parts += _picture(folder.recognition / "reliability.png", reliability)
     log = folder.recognition / "log.csv"
-    html = picture(folder.recognition / "losses.png", "The losses of the training, epoch by epoch.")
-    caption = "The network's predicted uncertainty on validation photos, before and after calibration."
-    html += picture(folder.recognition / "reliability.png", caption)
     if log.exists():
         with open(log, newline="") as file:
             names, *_, last_row = csv.reader(file)
-        html += table(
-            "The last line of its log",
-            [name.replace("_", " ") for name in names],
-            [(last_row[0], last_row[1:])],
+        parts.append(
+            _table("The last line of its log", [name.replace("_", " ") for name in names], [last_row])
         )
-    return html
+    return parts
 
 
-def _making(folder: RunFolder, record: Mapping[str, Any]) -> str:
-    """Command, machine, photos, settings, and the time of each step."""
+def _making(folder: RunFolder, record: Mapping[str, Any]) -> list[Part]:
+    """Command, machine, photos, the time of each step, and the settings but for the counts of photos."""
     machine = record["machine"]
     packages = ", ".join(f"{name} {version}" for name, version in machine.get("packages", {}).items())
-    html = listing([record["command"]])
-    html += paragraph(
-        f"vig {record['vig']}, Python {machine.get('python')}, {machine.get('cpus')} x"
-        f" {machine.get('processor')}, {machine.get('platform')}; {packages}."
-    )
     done = {name: step for name, step in record["steps"].items() if step["complete"]}
     steps = [
-        (name, [duration(step["seconds"]), str(step["sittings"]), step["finished"][:16].replace("T", " ")])
+        [name, duration(step["seconds"]), str(step["sittings"]), step["finished"][:16].replace("T", " ")]
         for name, step in done.items()
     ]
-    steps.append(("all", [duration(sum(step["seconds"] for step in done.values())), "", ""]))
-    html += table("Photos", ["", "split", "renderer", "photos", "seed"], _photos(folder, record))
-    html += table("Steps", ["", "time", "sittings", "finished (UTC)"], steps)
+    steps.append(["all", duration(sum(step["seconds"] for step in done.values())), "", ""])
     settings = [
-        (name.replace("_", " "), [", ".join(value) if isinstance(value, list) else str(value)])
+        [name.replace("_", " "), ", ".join(value) if isinstance(value, list) else str(value)]
         for name, value in record["settings"].items()
-        if value is not None and name not in COUNTS
+        if value is not None and name not in {count for _, _, count in DATASETS.values()}
     ]
-    return html + table("Settings", ["", ""], settings)
+    return [
+        ("command", record["command"]),
+        (
+            "paragraph",
+            f"vig {record['vig']}, Python {machine.get('python')}, {machine.get('cpus')} x"
+            f" {machine.get('processor')}, {machine.get('platform')}; {packages}.",
+        ),
+        _table("Photos", ["", "split", "renderer", "photos", "seed"], _photos(folder, record)),
+        _table("Steps", ["", "time", "sittings", "finished (UTC)"], steps),
+        _table("Settings", ["", ""], settings),
+    ]
 
 
-def _photos(folder: RunFolder, record: Mapping[str, Any]) -> list[tuple[str, list[str]]]:
-    """Split, renderer, count and seed of each dataset that exists."""
+def _table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> Part:
+    return "table", TableBlock(title, header, rows)
+
+
+def _photos(folder: RunFolder, record: Mapping[str, Any]) -> list[list[str]]:
+    """Name, split, renderer, count and seed of each dataset that exists."""
     rows = []
-    for name, (split, _) in DATASETS.items():
+    for name, (split, _, _) in DATASETS.items():
         try:
-            split_info = read_info(Path(record["settings"][name] or folder.data(name)))["splits"][split]
+            info = read_info(Path(record["settings"][name] or folder.data(name)))["splits"][split]
         except (UserError, KeyError):
             continue
-        rows.append(
-            (name.replace("_", " "), [split, *(str(split_info[key]) for key in ("tier", "count", "seed"))])
-        )
+        rows.append([name.replace("_", " "), split, *(str(info[key]) for key in ("tier", "count", "seed"))])
     return rows

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from vig.io.errors import UserError
-from vig_paper import STEP_KINDS
 from vig_paper.reproduction import work
-from vig_paper.reproduction.settings import RENDERERS
+from vig_paper.reproduction.folder import RENDERERS
 from vig_paper.reproduction.work import Run
+from vig_paper.settings import STEP_KINDS
 from vig_train.record import Record
 
 
@@ -52,37 +52,23 @@ def steps_of(run: Run, renderers: tuple[str, ...], write_page: Callable[[Path], 
             Step("calibrate", partial(work.calibrate, run), ("train", "data validation")),
         ]
     ready = model[-1].name
-    data = [
+    steps = [
         Step(f"data {name}", partial(work.make_data, run, name), (), run.dataset_folder(name) / "info.json")
         for name in names
-    ]
-    evaluations = [
-        Step(
-            f"evaluate {renderer}",
-            partial(work.evaluate, run, renderer),
-            (ready, f"data {RENDERERS[renderer]}"),
-            folder.tables(renderer),
+    ] + model
+    for renderer in renderers:
+        needs = ready, f"data {RENDERERS[renderer]}"
+        work_of = partial(work.evaluate, run, renderer)
+        steps.append(Step(f"evaluate {renderer}", work_of, needs, folder.tables(renderer)))
+    steps.append(Step("ablations", partial(work.ablate, run), (ready, "data test_raster"), folder.ablations))
+    for renderer in renderers:
+        work_of = partial(work.draw_figures, run, renderer)
+        steps.append(
+            Step(f"figures {renderer}", work_of, (f"evaluate {renderer}",), folder.figures(renderer))
         )
-        for renderer in renderers
-    ]
-    ablations = Step("ablations", partial(work.ablate, run), (ready, "data test_raster"), folder.ablations)
-    figures = [
-        Step(
-            f"figures {renderer}",
-            partial(work.draw_figures, run, renderer),
-            (f"evaluate {renderer}",),
-            folder.figures(renderer),
-        )
-        for renderer in renderers
-    ]
-    page = Step(
-        "page",
-        partial(write_page, folder.root),
-        tuple(step.name for step in evaluations),
-        folder.page,
-        ("ablations", *(step.name for step in figures)),
-    )
-    return [*data, *model, *evaluations, ablations, *figures, page]
+    evaluated, drawn = (tuple(f"{kind} {name}" for name in renderers) for kind in ("evaluate", "figures"))
+    page = Step("page", partial(write_page, folder.root), evaluated, folder.page, ("ablations", *drawn))
+    return [*steps, page]
 
 
 def dependent_steps(step: Step, steps: list[Step]) -> list[str]:

@@ -22,7 +22,8 @@ from vig_paper.ablation import ablation_markdown, run_ablations, variants
 from vig_paper.figures import draw_figures as draw_all_figures
 from vig_paper.network.recognizer import recognizer_of
 from vig_paper.network.training import PaperTrainingSettings, train_paper
-from vig_paper.reproduction.settings import DATASETS, RENDERERS, ReproductionSettings, RunFolder
+from vig_paper.reproduction.folder import DATASETS, RENDERERS, RunFolder
+from vig_paper.settings import ReproductionSettings
 from vig_paper.teapot_class import copy_class
 from vig_train.calibration import calibrate_fits, describe, fit_count
 from vig_train.evaluation import MethodResult, markdown_table, save_table, summarise, write_csv
@@ -41,10 +42,6 @@ from vig_world.generation.write import make_dataset
 
 OCCLUSION_LIMITS = {"table": (0.0, 0.75), "table_75_90": (0.75, 0.9)}
 """The tables of a renderer's photos: least and most of the object hidden in the photos of each."""
-SHEET_PHOTOS = 48
-"""Test photos of each renderer's contact sheet."""
-MIN_BATCHES = 8
-"""A small training set is trained on in smaller batches, so that an epoch has at least this many."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +112,7 @@ class Run:
 
 def make_data(run: Run, name: str) -> None:
     """Make one of `DATASETS`, or check the one that is to be used."""
-    split, renderer = DATASETS[name]
+    split, renderer, count = DATASETS[name]
     folder = run.dataset_folder(name)
     if getattr(run.settings, name) is not None:
         info = read_info(folder)["splits"][complete_split(folder, split)]
@@ -129,24 +126,11 @@ def make_data(run: Run, name: str) -> None:
                 f" '{info['class']}'. Make them with --class {run.folder.object_class}."
             )
         return
-    counts = {
-        "train": run.settings.train_images,
-        "validation": run.settings.validation_images,
-        "test_raster": run.settings.test_images,
-        "test_cycles": run.settings.cycles_images,
-    }
     # One seed for all: the splits' scenes differ even so, and both renderers draw the same scenes.
     make_dataset(
-        folder,
-        counts[name],
-        run.settings.seed,
-        renderer,
-        split,
-        run.workers,
-        run.progress,
-        run.object_class,
-        world="paper",
-    )
+        folder, run.settings.count(count), run.settings.seed, renderer, split, run.workers, run.progress,
+        run.object_class, world="paper",
+    )  # fmt: skip
 
 
 def train(run: Run) -> None:
@@ -155,19 +139,15 @@ def train(run: Run) -> None:
     chosen: dict[str, Any] = {"seed": run.settings.seed, "threads": run.threads}
     if run.settings.epochs is not None:
         chosen["epochs"] = run.settings.epochs
-    batch = len(dataset) // MIN_BATCHES
+    most = len(dataset) // 8  # in small training sets, so that an epoch has at least eight batches
     if run.settings.net == "paper":
-        paper_settings = PaperTrainingSettings(**chosen)
-        train_paper(
-            dataset,
-            run.folder.recognition,
-            replace(paper_settings, batch=min(paper_settings.batch, batch)),
-            run.report,
-        )
+        paper = PaperTrainingSettings(**chosen)
+        paper = replace(paper, batch=min(paper.batch, most))
+        train_paper(dataset, run.folder.recognition, paper, run.report)
     else:
-        vig_settings = TrainingSettings(**chosen, start=TRUNK_FILE, trunk_only=True)
-        vig_settings = replace(vig_settings, batch=min(vig_settings.batch, batch))
-        train_network([dataset], run.folder.recognition, vig_settings, run.report)
+        settings = TrainingSettings(**chosen, start=TRUNK_FILE, trunk_only=True)
+        settings = replace(settings, batch=min(settings.batch, most))
+        train_network([dataset], run.folder.recognition, settings, run.report)
 
 
 def take_weights(run: Run) -> None:
@@ -233,7 +213,7 @@ def evaluate(run: Run, renderer: str) -> None:
 
 def ablate(run: Run) -> None:
     """Fit the first rasterised test photos with each part of the method switched off; write the tables."""
-    dataset = run.dataset("test_raster").first(run.settings.ablation_images)
+    dataset = run.dataset("test_raster").first(run.settings.count("ablation_images"))
     settings = run.explain_settings()
     with Meter(len(variants(settings)) * len(dataset), 0, run.progress, "fits") as meter:
         table = run_ablations(
@@ -255,7 +235,7 @@ def draw_figures(run: Run, renderer: str) -> None:
     dataset = run.dataset(RENDERERS[renderer])
     results = _results(run, renderer, dataset)
     folder = run.folder.figures(renderer)
-    contact_sheet(dataset, folder / "photos.png", SHEET_PHOTOS)
+    contact_sheet(dataset, folder / "photos.png", 48)
     draw_all_figures(
         dataset, run.object_class, run.recognizer(), results, renderer, folder, run.explain_settings()
     )

@@ -11,7 +11,7 @@ from vig.io.errors import UserError
 from vig.scene import Symmetry
 from vig_train.building.reading import Scan
 from vig_train.building.template import TEMPLATE_VERTICES
-from vig_world.assets.props.families import ZONE_NAMES
+from vig_world.assets.things import ZONE_NAMES
 
 USUAL_LENGTH, LENGTHS = 0.2, (0.001, 1000.0)
 """Longest side of a class's mean shape where none is told, and the bounds of one that is, metres."""

@@ -22,13 +22,10 @@ from vig_world.assets.own.load import SUFFIXES, load
 from vig_world.assets.own.props import standing_parts
 from vig_world.assets.own.settings import settings_of
 from vig_world.assets.own.standing import SizedKind
-from vig_world.assets.props import is_of_class
-from vig_world.assets.props.material import prop
+from vig_world.assets.things import is_of_class, prop
 
 VIEWS = 8
 """Cut-outs of each model, each in another pose and light."""
-FALLEN_SHARE = 0.15
-"""Share of cut-outs that lie, at any angle."""
 SPLIT_SHARES: dict[Split, float] = {"train": 0.7, "validation": 0.1, "test": 0.2}
 """Of the models, by a hash of their names."""
 _ANY_SIZE = SizedKind("thing", 1e-3, 100.0, furniture=False)
@@ -55,7 +52,7 @@ class ModelCutouts:
         return hashlib.sha256("\n".join(sizes).encode()).hexdigest()[:16]
 
     def draw(self, rng: np.random.Generator) -> Image.Image:
-        """One of the models in one of its poses: RGBA, sRGB, as large as its outline."""
+        """Draw one of the models in one of its poses: RGBA, sRGB, as large as its outline."""
         for _ in range(_MOST_FAILURES):
             name, number = self.files[int(rng.integers(len(self.files)))], int(rng.integers(VIEWS))
             if cutouts := _cutouts(self.root, name):
@@ -65,7 +62,7 @@ class ModelCutouts:
 
 @functools.cache
 def model_cutouts(source: str, split: Split, class_name: str) -> ModelCutouts:
-    """The models of a folder, or of furniture catalogues, that fall into a split and are not of a class.
+    """Return the models of a folder or of catalogues that fall into a split and are not of a class.
 
     Args:
         source: What `mesh_folder` takes.
@@ -76,17 +73,13 @@ def model_cutouts(source: str, split: Split, class_name: str) -> ModelCutouts:
         UserError: There is no such folder, or no model in it that falls into the split.
     """
     root = mesh_folder(source)
-    listed = [each for each in files_of(root, SUFFIXES) if not _is_like(each[0], class_name)]
+    listed = [each for each in files_of(root, SUFFIXES) if not is_of_class(Path(each[0]).stem, class_name)]
     files = tuple(path.relative_to(root).as_posix() for name, path in listed if _split_of(name) == split)
     if not files:
         raise UserError(
             f"{source}: expected models for the {split} split; got none of {len(listed)}. Give more."
         )
     return ModelCutouts(root, files)
-
-
-def _is_like(name: str, class_name: str) -> bool:
-    return is_of_class("_".join(Path(name).stem.replace("-", " ").split()), class_name)
 
 
 def _split_of(name: str) -> Split:
@@ -100,7 +93,7 @@ def _split_of(name: str) -> Split:
 
 @functools.lru_cache(maxsize=2048)
 def _cutouts(root: Path, name: str) -> tuple[Image.Image, ...]:
-    """All cut-outs of a model; none where it cannot be read."""
+    """Return all cut-outs of a model; none where it cannot be read."""
     seed = hashlib.sha256(name.encode() + (root / name).read_bytes()).digest()
 
     def make() -> Arrays:
@@ -111,7 +104,8 @@ def _cutouts(root: Path, name: str) -> tuple[Image.Image, ...]:
         except UserError:
             return {}
         shown, rng = prop("model", *parts), np.random.default_rng(list(seed[:16]))
-        rolls = [rng.uniform(0, 2 * math.pi) * (rng.random() < FALLEN_SHARE) for _ in range(VIEWS)]
+        # Some lie, at any angle.
+        rolls = [rng.uniform(0, 2 * math.pi) * (rng.random() < 0.15) for _ in range(VIEWS)]
         return {str(n): np.asarray(render_cutout(rng, shown, roll)) for n, roll in enumerate(rolls)}
 
     made = asset_cache().arrays(f"{_code()}/{seed.hex()[:24]}", make)
@@ -120,7 +114,7 @@ def _cutouts(root: Path, name: str) -> tuple[Image.Image, ...]:
 
 @functools.cache
 def _code() -> str:
-    """Under what name the cut-outs of this code are kept."""
+    """Return the name under which the cut-outs of this code are kept."""
     reader = sorted(Path(own.__file__).parent.rglob("*.py"))
     files = [Path(__file__), Path(__file__).with_name("cutouts.py"), *reader]
     code = b"".join(file.read_bytes() for file in files)

@@ -9,10 +9,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from vig_world.assets.props import Prop
-from vig_world.assets.props.material import material
-from vig_world.assets.props.shapes import box, moved, scaled, smooth, tube
+from vig_world.assets.materials import material
+from vig_world.assets.shapes import box, moved, scaled, smooth, tube
 from vig_world.assets.textures import near
+from vig_world.assets.things import Prop
 from vig_world.mesh import Mesh
 
 _SKINS = np.array(
@@ -100,4 +100,4 @@ def board(rng: np.random.Generator) -> Prop:
 HOLDERS: dict[str, Callable[[np.random.Generator], Prop]] = {
     make.__name__: make for make in (arm, twig, board)
 }
-"""Every fixture by name, made like the members of `vig_world.assets.props.FAMILIES`."""
+"""Every fixture by name, by a function of a generator."""

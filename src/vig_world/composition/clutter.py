@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vig_world.assets.footprint import Footprint
-from vig_world.assets.furniture import Support
+from vig_world.assets.things import Support
 from vig_world.composition.occluders import placed
 from vig_world.composition.stage import MARGIN, StagedRoom
 from vig_world.rotations import about_z, turned_about_z

@@ -12,7 +12,7 @@ import numpy as np
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig_native import engine
-from vig_world.assets.props import ZONE_NAMES
+from vig_world.assets.things import ZONE_NAMES
 from vig_world.composition.stage import Actor, StagedRoom
 from vig_world.dataset.spec import Room, Surface
 from vig_world.library import Library

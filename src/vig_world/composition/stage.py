@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,8 +12,7 @@ import numpy as np
 from vig.scene import ObjectClass
 from vig_native import engine
 from vig_world.assets.footprint import Footprint, extreme_points
-from vig_world.assets.furniture import Support
-from vig_world.assets.props import is_of_class
+from vig_world.assets.things import Support
 from vig_world.dataset.spec import Placed, Room
 from vig_world.library import Library
 from vig_world.raster import Item, ObjectPixels, Target, depth, settle
@@ -178,7 +177,7 @@ class StagedRoom:
 
     def families(self, zone: str) -> tuple[str, ...]:
         """The families of props that belong in a zone, but for those like the object."""
-        return _unlike(self.library.families(zone), self.actor.object_class.name)
+        return self.library.families(zone, self.actor.object_class.name)
 
     def hidden(self, extra: np.ndarray | None = None) -> float:
         """Share of the object's pixels behind room and props, or behind one more depth image (75, 75)."""
@@ -251,9 +250,3 @@ class StagedRoom:
         self._obstacles = None
         if depths is not None:
             self.blockers, self._hidden = np.minimum(self.blockers, depths), None
-
-
-@lru_cache(maxsize=256)
-def _unlike(families: tuple[str, ...], name: str) -> tuple[str, ...]:
-    """Those of families of props that are not like a class, or all where that leaves none."""
-    return tuple(family for family in families if not is_of_class(family, name)) or families

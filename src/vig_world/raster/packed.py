@@ -10,7 +10,7 @@ import numpy as np
 
 from vig_native import engine
 from vig_world.asset_cache import packed_text, unpacked_text
-from vig_world.assets.props.material import Material
+from vig_world.assets.things import Material
 from vig_world.mesh import Mesh, vertex_normals
 from vig_world.raster.pyramid import TextureLevels
 from vig_world.raster.shadows import ambient_occlusion, surface_points

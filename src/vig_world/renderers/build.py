@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vig.scene import ObjectClass
-from vig_world.assets.props.material import Material
 from vig_world.assets.target import target_vertices
+from vig_world.assets.things import Material
 from vig_world.dataset.spec import SceneSpec
 from vig_world.library import Library
 from vig_world.mesh import Mesh, vertex_normals

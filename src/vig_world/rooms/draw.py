@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-from vig_world.assets.furniture import FAMILIES, Furniture, finishes
-from vig_world.assets.furniture.joinery import joined
-from vig_world.assets.props.material import Material
-from vig_world.assets.props.shapes import moved
+from vig_world.assets.joinery import joined
+from vig_world.assets.materials import plain, slot_material
+from vig_world.assets.shapes import moved, scaled
+from vig_world.assets.things import Furniture, Material
 from vig_world.mesh import Mesh
 from vig_world.rooms import fittings, openings
 from vig_world.rooms.kinds import KINDS
@@ -22,28 +22,30 @@ SHOULDERS = 0.5
 """Width in metres that a person needs to walk."""
 ABOVE_SILL = 0.3
 """Metres by which furniture before a window may be higher than its sill."""
+RADIATOR = 0.1
+"""Metres that a radiator takes up from the wall."""
+LOWEST_LAMP = 1.35
+"""Metres above the floor at which a lamp may end."""
 _ATTEMPTS = 8
 
 
-def draw_layout(rng: np.random.Generator, furniture: Make | None = None) -> Layout:
+def draw_layout(rng: np.random.Generator, furniture: Make) -> Layout:
     """A furnished room drawn from a generator.
 
     Args:
-        furniture: Gives a piece of a family (a name of `vig_world.assets.furniture.FAMILIES`) from a
-            generator of its own; by default the family's own. What it gives stands on z = 0, centred, with
-            its front to -Y. Pieces that do not fit are left out.
+        furniture: Gives a piece of a family of the packaged catalogue from a generator of its own. It stands
+            on z = 0, centred, with its front to -Y. Pieces that do not fit are left out.
     """
-    make = furniture or _own
+
+    def make(family: str, own: np.random.Generator) -> Furniture:
+        return fittings.wall_shelf(own) if family == "wall_shelf" else furniture(family, own)
+
     name = str(rng.choice(list(KINDS), p=[0.2, 0.16, 0.18, 0.1, 0.1, 0.06, 0.08, 0.12]))
     for attempt in range(_ATTEMPTS):
         layout = _drawn(name, np.random.default_rng(rng.integers(2**63)), make, attempt == _ATTEMPTS - 1)
         if layout is not None:
             return layout
     raise AssertionError("the last attempt always gives a layout")
-
-
-def _own(family: str, rng: np.random.Generator) -> Furniture:
-    return FAMILIES[family](rng)
 
 
 def _drawn(name: str, rng: np.random.Generator, make: Make, always: bool) -> Layout | None:
@@ -54,9 +56,9 @@ def _drawn(name: str, rng: np.random.Generator, make: Make, always: bool) -> Lay
     walls = walls_of(outline)
     doors, windows = _openings(rng, walls, kind.sill, height)
     plan = Plan(rng, outline, height, make)
-    paint = finishes.plain(np.array([0.8, 0.79, 0.75]) * rng.uniform(0.85, 1.0), "wood", 0.5)
+    paint = plain(np.array([0.8, 0.79, 0.75]) * rng.uniform(0.85, 1.0), "wood", 0.5)
     if rng.uniform() < 0.25:
-        paint = finishes.wood(rng)
+        paint = slot_material("wood", rng)
     depth = float(rng.uniform(0.16, 0.28))
     plan.parts += shell(rng, outline, height, doors + windows, depth, paint)
     for opening in doors:
@@ -151,10 +153,13 @@ def _add_window(plan: Plan, opening: Opening, depth: float, paint: Material, cur
         wide = min(opening.right - opening.left, float(rng.uniform(0.6, 1.2)))
         high = min(0.7, opening.low - 0.1)
         a = (opening.left + opening.right - wide) / 2
-        body = _zone(wall, a, a + wide, 0.085, 0.0, high)
+        body = _zone(wall, a, a + wide, RADIATOR, 0.0, high)
         if high > 0.35 and plan.free([body]):
-            parts = [(moved(mesh, (a, 0, 0)), stuff) for mesh, stuff in fittings.radiator(rng, wide, high)]
-            plan.parts += [(wall.placed(mesh), stuff) for mesh, stuff in parts]
+            piece = plan.draw("radiator")
+            size = np.array([wide, RADIATOR - 0.005, high]) / (piece.high - piece.low)
+            middle = (a + wide / 2, RADIATOR / 2, 0.0)
+            for mesh, stuff in piece.furniture.parts:
+                plan.parts.append((wall.placed(moved(scaled(mesh, size), middle, np.pi)), stuff))
             plan.bodies.append(body)
 
 
@@ -211,18 +216,25 @@ def _light(plan: Plan, name: str) -> None:
     ]
     for table in tables:
         if rng.uniform() < 0.6:
-            drop = height - float(rng.uniform(1.42, 1.75))
-            x, y = table.offset[:2]
-            body = Body.of((-0.25, -0.25, 0.25, 0.25, height - drop, height), (x, y, 0.0))
-            if plan.free([body]):
-                plan.parts += [(moved(m, (x, y, height)), stuff) for m, stuff in fittings.pendant(rng, drop)]
-                plan.bodies.append(body)
+            _hang_lamp(plan, "pendant", table.offset[:2], height - float(rng.uniform(1.42, 1.75)))
     spots = [(0.0, 0.0)] if not tables or rng.uniform() < 0.5 else []
     for x, y in spots:
-        body = Body.of((-0.42, -0.42, 0.42, 0.42, height - 0.15, height), (x, y, 0.0))
-        if plan.free([body]):
-            plan.parts += [(moved(m, (x, y, height)), stuff) for m, stuff in fittings.ceiling_lamp(rng)]
-            plan.bodies.append(body)
+        _hang_lamp(plan, "ceiling_lamp", (x, y))
+
+
+def _hang_lamp(plan: Plan, family: str, at: tuple[float, float], drop: float | None = None) -> None:
+    """A lamp below the ceiling where nothing is in its way, `drop` metres high or as its model is."""
+    piece = plan.draw(family)
+    x, y, z = (piece.high - piece.low).tolist()
+    stretch = 1.0 if drop is None else drop / z
+    z *= stretch
+    body = Body.of((-x / 2, -y / 2, x / 2, y / 2, plan.height - z, plan.height), (*at, 0.0))
+    if plan.height - z > LOWEST_LAMP and plan.free([body]):
+        place = (*at, plan.height - z)
+        plan.parts += [
+            (moved(scaled(mesh, (1, 1, stretch)), place), stuff) for mesh, stuff in piece.furniture.parts
+        ]
+        plan.bodies.append(body)
 
 
 def walkable(plan: Plan) -> bool:

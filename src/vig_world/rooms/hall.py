@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from vig_world.assets.furniture import finishes
-from vig_world.assets.furniture.furniture import Support
+from vig_world.assets.materials import plain
+from vig_world.assets.things import Support
 from vig_world.rooms.layout import Layout
 from vig_world.rooms.shell import shell
 
@@ -26,7 +26,7 @@ def draw_hall(rng: np.random.Generator, size: float = 1.0) -> Layout:
     x, y = sides.tolist()
     outline = np.array([[-x, -y], [x, -y], [x, y], [-x, y]])
     height = HEIGHT * HALF * size
-    paint = finishes.plain(np.array([0.8, 0.79, 0.75]) * rng.uniform(0.85, 1.0), "wood", 0.5)
+    paint = plain(np.array([0.8, 0.79, 0.75]) * rng.uniform(0.85, 1.0), "wood", 0.5)
     parts = tuple(shell(rng, outline, height, [], 0.2, paint))
     support = Support("display", (0.0, 0.0, 0.0), (MIDDLE * x, MIDDLE * y))
     return Layout(EMPTY, parts, (support,), outline, height, np.zeros((0, 5, 2)))

@@ -56,7 +56,7 @@ def _cook(plan: Plan) -> None:
     walls = _longest(plan)[:4]
     first = plan.against("sink_counter", 0.9, walls, snug=True, tries=4)
     runs = walls if first is None else [first.wall, walls[int(rng.integers(len(walls)))]]
-    for family in ("hob_counter", "kitchen_counter", "kitchen_counter"):
+    for family in ("hob_counter", *["kitchen_counter"] * int(rng.integers(3, 7))):
         plan.against(family, 0.9, runs, snug=True)
     plan.against("refrigerator", 0.7, runs, snug=True)
     lift = float(rng.uniform(1.38, 1.5))
@@ -97,35 +97,33 @@ def kitchen(plan: Plan) -> None:
                 at = island.point(x * float(high[0] - low[0]), float(high[1]) + 0.25)
                 plan.put(PlacedFurniture(plan.draw("bar_stool"), (*at, 0.0), island.turn))
     _dine(plan, "dining_table" if plan.rng.uniform() < 0.6 else "cafe_table")
-    _some(plan, dresser=0.5, tea_trolley=0.5, stool=0.4, console=0.3, potted_tree=0.3)
+    _some(plan, sideboard=0.8, stool=0.6, potted_tree=0.4)
     _shelf(plan, 0.7)
 
 
 def dining_room(plan: Plan) -> None:
-    """A table with its chairs, a sideboard, a dresser."""
+    """A table with its chairs, sideboards."""
     _dine(plan)
-    _some(plan, 0.6, sideboard=1.0, fireplace=0.4, dresser=0.7, window_seat=0.5, tea_trolley=0.6, console=0.5)
-    _some(plan, 0.4, chair=0.8, bookshelf=0.3, potted_tree=0.6, bench=0.3, floor_lamp=0.3)
+    _some(plan, 0.6, sideboard=1.6, fireplace=0.4, cafe_table=0.5, bench=0.5)
+    _some(plan, 0.4, chair=0.8, bookshelf=0.6, potted_tree=0.6, floor_lamp=0.3)
     _shelf(plan, 0.4)
 
 
 def living_room(plan: Plan) -> None:
     """A sofa and what belongs to it, shelves, a hearth."""
     _sit(plan)
-    _some(
-        plan, 0.6, fireplace=0.5, media_bench=0.6, bookshelf=1.3, sideboard=0.7, armchair=0.8, window_seat=0.5
-    )
-    _some(plan, 0.5, tea_trolley=0.4, chest_of_drawers=0.4, side_table=0.7, potted_tree=0.7, console=0.3)
+    _some(plan, 0.6, fireplace=0.5, media_bench=0.8, bookshelf=1.3, sideboard=1.0, armchair=0.8, bench=0.4)
+    _some(plan, 0.5, side_table=1.0, potted_tree=0.8)
     _shelf(plan, 0.7)
 
 
 def bedroom(plan: Plan) -> None:
-    """A bed with its tables, a wardrobe, a chest."""
+    """A bed with its tables, a wardrobe, a sideboard."""
     bed = plan.against("bed", 0.6, tries=4)
     if bed is not None:
         for side in (-1, 1):
             plan.beside(bed, "bedside_table", side, 0.06)
-    for desk in _some(plan, wardrobe=0.9, chest_of_drawers=1.0, window_seat=0.5, desk=0.5):
+    for desk in _some(plan, wardrobe=1.0, sideboard=1.0, desk=0.6):
         if desk.piece.furniture.family == "desk":
             plan.before(desk, "chair", 0.04, True)
     _some(plan, 0.5, armchair=0.5, bench=0.4, bookshelf=0.4, floor_lamp=0.5, side_table=0.4, chair=0.4)
@@ -138,15 +136,15 @@ def study(plan: Plan) -> None:
     if desk is not None:
         plan.before(desk, "chair", float(plan.rng.uniform(0.02, 0.2)), True)
         _shelf(plan, 0.7, [desk.wall], desk.along)
-    _some(plan, 0.6, bookshelf=1.8, armchair=0.8, side_table=0.7, chest_of_drawers=0.5, window_seat=0.4)
-    _some(plan, 0.5, floor_lamp=0.7, sideboard=0.4, console=0.4, potted_tree=0.5, chair=0.4)
+    _some(plan, 0.6, bookshelf=1.8, armchair=0.8, side_table=0.7, sideboard=0.6)
+    _some(plan, 0.5, floor_lamp=0.7, cafe_table=0.4, potted_tree=0.5, chair=0.4)
     _shelf(plan, 0.5)
 
 
 def hall(plan: Plan) -> None:
-    """A console, a bench, a wardrobe."""
-    _some(plan, 0.7, console=1.0, bench=0.9, chest_of_drawers=0.7, wardrobe=0.6, bookshelf=0.5, stool=0.5)
-    _some(plan, 0.5, potted_tree=0.5, window_seat=0.4, sideboard=0.4, chair=0.5)
+    """Sideboards, a bench, a wardrobe."""
+    _some(plan, 0.7, sideboard=1.4, bench=1.0, wardrobe=0.7, bookshelf=0.6, stool=0.6)
+    _some(plan, 0.5, potted_tree=0.6, cafe_table=0.4, chair=0.6)
     _shelf(plan, 1.3)
 
 
@@ -160,7 +158,7 @@ def cafe(plan: Plan) -> None:
         if table is not None:
             family = "chair" if plan.rng.uniform() < 0.8 else "stool"
             plan.around(table, family, int(plan.rng.integers(2, 4)))
-    _some(plan, 0.5, bench=0.8, sideboard=0.6, potted_tree=0.8, window_seat=0.6, dresser=0.4, sofa=0.3)
+    _some(plan, 0.5, bench=1.2, sideboard=0.9, potted_tree=0.8, sofa=0.4)
     _shelf(plan, 0.5)
 
 
@@ -169,7 +167,7 @@ def living_kitchen(plan: Plan) -> None:
     _cook(plan)
     _dine(plan)
     _sit(plan)
-    _some(plan, 0.6, bookshelf=0.8, sideboard=0.6, potted_tree=0.6, tea_trolley=0.4, console=0.3)
+    _some(plan, 0.6, bookshelf=0.8, sideboard=0.8, potted_tree=0.6)
     _shelf(plan, 0.5)
 
 

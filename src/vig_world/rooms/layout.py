@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vig_world.assets.furniture.furniture import Support
-from vig_world.assets.props.material import Material
+from vig_world.assets.things import Material, Support
 from vig_world.mesh import Mesh
 
-LEVEL = 0.006
+LEVEL = 0.012
 """Metres by which the surface may lie above or below the support's height."""
 
 

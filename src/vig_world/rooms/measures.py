@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from vig_world.assets.furniture import Support
+from vig_world.assets.things import Support
 from vig_world.rooms.plan import Body, Plan
 
 Array = np.ndarray

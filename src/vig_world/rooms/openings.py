@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from vig_world.assets.furniture import finishes
-from vig_world.assets.furniture.furniture import Support
-from vig_world.assets.furniture.joinery import Joinery, rod, stick
-from vig_world.assets.props.material import Material
-from vig_world.assets.props.shapes import relief
+from vig_world.assets.joinery import Joinery, rod, stick
+from vig_world.assets.materials import fitting, loose_fabric, paint_finish, plain, slot_material
+from vig_world.assets.shapes import relief
 from vig_world.assets.textures import noise
+from vig_world.assets.things import Material, Support
 from vig_world.rooms.shell import Opening, Part, quads
 
 CURTAIN = 0.13
@@ -24,7 +23,7 @@ def door(rng: np.random.Generator, opening: Opening, paint: Material) -> list[Pa
     """A closed door in its frame."""
     j = Joinery(rng)
     a, b, high = opening.left, opening.right, opening.high
-    leaf = paint if rng.uniform() < 0.6 else finishes.wood(rng)
+    leaf = paint if rng.uniform() < 0.6 else slot_material("wood", rng)
     for x in (a - 0.06, b - 0.01):
         j.board(paint, (x, -0.06, 0.0), (x + 0.07, 0.02, high - 0.01), 0.003)
     j.board(paint, (a - 0.06, -0.06, high - 0.01), (b + 0.06, 0.02, high + 0.06), 0.003)
@@ -41,7 +40,7 @@ def door(rng: np.random.Generator, opening: Opening, paint: Material) -> list[Pa
                     j.board(leaf, (s, -0.015, z0), (e, -0.004, z1))
                 for s, e in ((z0, z0 + 0.03), (z1 - 0.03, z1)):
                     j.board(leaf, (x0 + 0.03, -0.015, s), (x1 - 0.03, -0.004, e))
-    metal = finishes.fitting(rng)
+    metal = fitting(rng)
     x, way = (b - 0.07, -1) if rng.uniform() < 0.5 else (a + 0.07, 1)
     j.board(metal, (x - 0.02, -0.015, 0.94), (x + 0.02, -0.009, 1.12), 0.002)
     j.add(
@@ -92,7 +91,7 @@ def window(
     if rng.uniform() < 0.4:
         rail = low + float(rng.choice([0.5, 0.72])) * (high - low)
         j.board(paint, (a + bar, -depth, rail - 0.02), (b - bar, y - 0.006, rail + 0.02), 0.003)
-    stuff = paint if rng.uniform() < 0.6 else finishes.top(rng)
+    stuff = paint if rng.uniform() < 0.6 else slot_material("top", rng)
     nose = float(rng.uniform(0.02, NOSE))
     j.board(stuff, (a - 0.004, y - 0.01, low - SILL), (b + 0.004, nose, low), 0.003)  # its ends in the wall
     clear = high - low
@@ -116,25 +115,23 @@ def _blind(j: Joinery, opening: Opening, y: float, drop: float) -> float:
     a, b, high = opening.left + 0.015, opening.right - 0.015, opening.high
     rng = j.rng
     if rng.uniform() < 0.6:
-        white = finishes.paint(rng) if rng.uniform() < 0.4 else finishes.plain((0.8, 0.8, 0.78))
+        white = paint_finish(rng) if rng.uniform() < 0.4 else plain((0.8, 0.8, 0.78))
         j.board(white, (a, y + 0.01, high - 0.03), (b, y + 0.05, high))
         for z in np.arange(high - 0.045, high - drop, -0.03).tolist():
             j.board(white, (a, y + 0.012, z - 0.012), (b, y + 0.016, z + 0.01))
         j.board(white, (a, y + 0.008, high - drop - 0.02), (b, y + 0.024, high - drop))
     else:
-        cloth = finishes.fabric_own(rng)
+        cloth = loose_fabric(rng)
         j.board(cloth, (a, y + 0.014, high - drop), (b, y + 0.017, high))
         j.board(cloth, (a, y + 0.005, high - 0.05), (b, y + 0.045, high), 0.01)
-        j.board(
-            finishes.plain((0.7, 0.7, 0.68)), (a, y + 0.01, high - drop - 0.02), (b, y + 0.022, high - drop)
-        )
+        j.board(plain((0.7, 0.7, 0.68)), (a, y + 0.01, high - drop - 0.02), (b, y + 0.022, high - drop))
     return high - drop - 0.02 - opening.low
 
 
 def _curtains(j: Joinery, opening: Opening) -> None:
     """A curtain on each side, drawn back, on a rod."""
     rng = j.rng
-    cloth, metal = finishes.fabric_own(rng), finishes.fitting(rng)
+    cloth, metal = loose_fabric(rng), fitting(rng)
     top = opening.high + 0.1
     low = 0.02 if rng.uniform() < 0.6 else max(0.02, opening.low - 0.12)
     wide, over = float(rng.uniform(0.18, 0.3)), 0.06

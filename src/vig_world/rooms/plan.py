@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vig_world.assets.furniture import Furniture, Support
-from vig_world.assets.props.shapes import moved
+from vig_world.assets.shapes import moved
+from vig_world.assets.things import Furniture, Support
 from vig_world.rooms.shell import Part, Wall, walls_of
 
 Array = np.ndarray
@@ -19,6 +19,8 @@ Box = tuple[float, float, float, float, float, float]
 TOUCH = 1e-4
 CROWN = 0.03
 """Metres above a support that still belong to what carries it: rims, edges, a tap's foot."""
+THIN = 0.002
+"""Metres by which a box above a support is wider than its contents, so that sheets have a side, too."""
 HEADROOM = 1.9
 """Metres above the floor that stay free where people walk."""
 
@@ -96,7 +98,7 @@ def boxes_of(piece: Furniture) -> list[Box]:
     result: list[Box] = [(low[0], low[1], high[0], high[1], low[2], level)]
     for chosen in (back, left & ~back, right & ~back, ~(back | left | right)):
         if chosen.any():
-            a, b = above[chosen].min(0).tolist(), above[chosen].max(0).tolist()
+            a, b = above[chosen].min(0).tolist(), (above[chosen].max(0) + THIN).tolist()
             result.append((a[0], a[1], b[0], b[1], level, b[2]))
     return result
 

@@ -6,14 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vig_world.assets.furniture.pierced import cells
-from vig_world.assets.props.material import Material
-from vig_world.assets.props.shapes import moved
+from vig_world.assets.shapes import moved
 from vig_world.assets.textures import texture
+from vig_world.assets.things import Material
 from vig_world.mesh import Mesh
 
 Array = np.ndarray
 Part = tuple[Mesh, Material]
+Hole = tuple[float, float, float, float]
+"""x0, y0, x1, y1 of an opening in a wall."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,19 @@ def walls_of(outline: Array) -> list[Wall]:
         )
         for k, (a, d) in enumerate(zip(outline, ahead, strict=True))
     ]
+
+
+def cells(low: tuple[float, float], high: tuple[float, float], holes: list[Hole]) -> list[Hole]:
+    """Rectangles that together cover the rectangle low..high but for its holes, all on one grid of lines."""
+    xs = sorted({low[0], high[0], *(hole[0] for hole in holes), *(hole[2] for hole in holes)})
+    ys = sorted({low[1], high[1], *(hole[1] for hole in holes), *(hole[3] for hole in holes)})
+    result = []
+    for a, c in zip(xs[:-1], xs[1:], strict=True):
+        for b, d in zip(ys[:-1], ys[1:], strict=True):
+            x, y = (a + c) / 2, (b + d) / 2
+            if not any(h[0] < x < h[2] and h[1] < y < h[3] for h in holes):
+                result.append((a, b, c, d))
+    return result
 
 
 def quads(corners: list[list[tuple[float, float, float]]], uv: Array) -> Mesh:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from vig_world.assets.coats import any_colour
-from vig_world.assets.furniture.furniture import Support
-from vig_world.assets.props.material import Material
 from vig_world.assets.textures import texture
+from vig_world.assets.things import Material, Support
 from vig_world.mesh import Mesh
 from vig_world.rooms.layout import Layout
 

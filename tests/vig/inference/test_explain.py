@@ -29,7 +29,7 @@ from vig.inference import (
 from vig.inference.calibration import LEAST_DEVIATION, UNCALIBRATED_WIDENING
 from vig.inference.confidence import MOST_GAP, _among_views, assess
 from vig.inference.posterior import objective_of, objectives_of, pixel_prior, prior_of
-from vig.inference.refinement import AMBIGUOUS_NATS, RefinedStarts, select, survivors
+from vig.inference.refinement import RefinedStarts, select
 from vig.inference.settings import PHOTO, PICTURE, Stage
 from vig.io.errors import UserError
 from vig.likelihood import GAUSSIAN, ROBUST, SPATIAL, PixelModel, log_colour_density
@@ -199,12 +199,6 @@ def test_outline_and_mask_are_joined_with_the_networks_by_its_share(whole: Case,
     assert not (found(0.7, GAUSSIAN).amodal & square).any(), "a model without occluders has none"
 
 
-def test_the_same_photo_gives_the_same_explanation(occluded: Case, teapot: ObjectClass) -> None:
-    once, again = (explain_one(occluded.photo, occluded.prediction, teapot, SETTINGS) for _ in range(2))
-    assert np.array_equal(once.latents.to_vector(), again.latents.to_vector())
-    assert once.evidence == again.evidence
-
-
 def test_explain_asks_the_recognizer_and_explains_each_photo(
     whole: Case, occluded: Case, teapot: ObjectClass
 ) -> None:
@@ -232,11 +226,6 @@ def test_ends_below_the_guess_are_not_taken(whole: Case, teapot: ObjectClass) ->
     assert not found.alternatives
 
 
-def test_a_search_without_steps_is_no_better_than_the_guess(whole: Case, teapot: ObjectClass) -> None:
-    still = replace(SETTINGS, stages=(Stage(1, 0),))
-    assert explain_one(whole.photo, whole.prediction, teapot, still).verdict is Verdict.REVERTED
-
-
 @pytest.mark.parametrize("turned_deg", [10.0, 60.0])
 def test_a_rival_from_another_side_makes_it_ambiguous(
     turned_deg: float, whole: Case, teapot: ObjectClass, monkeypatch: pytest.MonkeyPatch
@@ -251,13 +240,6 @@ def test_a_rival_from_another_side_makes_it_ambiguous(
     assert found.verdict is Verdict.AMBIGUOUS
     assert azimuth_off(found.alternatives[0].latents, rival) < 1e-3
     assert found.reason.startswith("turned by 60 degrees it fits nearly as well (")
-
-
-def test_a_much_worse_end_from_another_side_is_no_rival(whole: Case, teapot: ObjectClass) -> None:
-    assert AMBIGUOUS_NATS < 100
-    rival = turned(whole.truth, 60)
-    found = explain_one(whole.photo, whole.prediction, teapot, ending_at(rival, whole.truth))
-    assert found.verdict is Verdict.TRUSTED
 
 
 LOGIT_OF_90 = math.log(0.9 / 0.1)
@@ -362,6 +344,7 @@ def test_a_photo_is_of_an_unknown_kind_from_one_half_on(
     found = explain_one(whole.photo, whole.prediction, teapot, given)
     known = 1 / (1 + math.exp(-in_distribution_bias))
     assert found.confidence == pytest.approx(0.5 * min(1, 2 * known))
+    assert not found.mask_trusted
     assert found.verdict is Verdict.AMBIGUOUS and ("unlike those" in found.reason) == unlike
 
 
@@ -472,16 +455,6 @@ def test_stages_are_run_at_their_scale_noise_and_budget(whole: Case, teapot: Obj
         (150, 2, 0.03, Budget(9, 0.5)),
     ]
     assert found.evaluations == 6 + 3 + 2
-
-
-def test_half_of_the_starts_go_on_by_score_the_others_by_view() -> None:
-    """By score: 0, 1, 2, 4, 3, 5. Of 4, the first two; then the best beyond 25 degrees of all chosen."""
-    azimuth = np.radians([0.0, 5.0, 350.0, 90.0, 95.0, 180.0])
-    scores = np.array([10.0, 9.0, 8.0, 1.0, 2.0, 0.0])
-    assert survivors(azimuth, scores, 4).tolist() == [0, 1, 4, 5]
-    assert survivors(azimuth, scores, 5).tolist() == [0, 1, 2, 4, 5]
-    assert survivors(azimuth, scores, 6).tolist() == [0, 1, 2, 4, 5, 3]
-    assert survivors(azimuth, scores, 1).tolist() == [0]
 
 
 def test_a_photo_with_self_shadow_is_explained_with_self_shadow(
@@ -620,16 +593,6 @@ def saying(bias: float, in_distribution_bias: float, scale: np.ndarray | None = 
     return FitCalibration(*of_view, *of_kind, *of_mask, 0.9, 0.9, factors, floor)
 
 
-def test_a_photo_of_an_unknown_kind_is_not_trusted(whole: Case, teapot: ObjectClass) -> None:
-    """However sure of the view all else is."""
-    said = saying(8.0, -2.0)
-    settings = replace(ending_at(whole.truth), calibrated=True, calibration=said)
-    found = explain_one(whole.photo, whole.prediction, teapot, settings)
-    assert found.verdict is Verdict.AMBIGUOUS and "unlike those" in found.reason
-    assert found.confidence == pytest.approx(2 / (1 + math.exp(2)), rel=1e-3)
-    assert found.mask_confidence == pytest.approx(found.confidence, rel=1e-3) and not found.mask_trusted
-
-
 @pytest.mark.parametrize(
     ("bias", "trusted"), [(3.1, (True, False)), (3.3, (True, True)), (2.1, (False, False))]
 )
@@ -674,21 +637,9 @@ def test_what_was_not_photographed_counts_for_nothing(whole: Case, teapot: Objec
     )
 
 
-def test_teapots_of_which_a_part_was_not_photographed_are_found(studio, teapot: ObjectClass) -> None:
-    """Which of several near maxima a fit ends in differs between processors: most are within .2 degrees."""
-    known = np.ones((150, 150), bool)
-    known[:, :60] = False
-    off = []
-    for seed in range(1, 8):
-        given = case(studio, seed, occluded=False)
-        found = explain_one(given.photo, given.prediction, teapot, SETTINGS, known)
-        off.append(azimuth_off(found.latents, given.truth))
-    assert np.median(off) < 0.5 and max(off) < 15
-
-
 def test_free_framing_explains_shifted_teapots_better(studio, teapot: ObjectClass) -> None:
     gains = []
-    for seed in range(5):
+    for seed in range(2):
         rng = np.random.default_rng(seed)
         truth = studio.latents(rng)
         framing = np.array([[0.06, -0.04, 0.0, 0.03]])  # magnification mixes with size
@@ -700,7 +651,7 @@ def test_free_framing_explains_shifted_teapots_better(studio, teapot: ObjectClas
         held = explain_one(photo, prediction, teapot, SETTINGS)
         assert not held.framing.any()
         gains.append(found.evidence - held.evidence)
-    assert np.median(gains) > 300
+    assert min(gains) > 300
 
 
 def test_without_mask_surroundings_and_decoration_the_prior_is_the_papers(whole: Case) -> None:
@@ -743,13 +694,6 @@ def test_decoration_shares_a_visible_pixel_between_the_rendered_and_the_objects_
     assert_close(np.exp(prior[..., 1]), own + 1 - alpha)
     assert_close(decorated, own / (own + 1 - alpha))
     assert not prior[..., 2].any(), "the background stays as it is"
-
-
-def test_the_gaussian_model_has_no_prior_of_its_own(whole: Case) -> None:
-    given = replace(SETTINGS, likelihood=GAUSSIAN)
-    prior, decorated = pixel_prior(whole.photo, whole.prediction.mask[0], given)
-    assert_close(prior, GAUSSIAN.log_prior(150, 150))
-    assert not decorated.any()
 
 
 def test_recognition_weight_scales_the_predicted_gaussians(whole: Case, teapot: ObjectClass) -> None:

@@ -11,6 +11,7 @@ import scipy.stats
 from tests.support import POINT, assert_close, points_of
 from vig.inference import Objective, RecognitionPrior
 from vig.inference.objective import Prior
+from vig.renderer.drawing import draw_latents
 from vig.scene import Latents, ObjectClass, rotate_z
 from vig.scene.latents import FRAMING
 
@@ -30,6 +31,19 @@ def test_a_point_is_the_latents_then_the_framing(studio, objective: Objective) -
     assert_close(objective.framing(points), framing)
     assert_close(objective.latents(points).to_vector(), latents.to_vector())
     assert not objective.framing(objective.point(latents)).any()
+
+
+def test_tensors_are_taken_as_arrays(studio, objective: Objective, teapot: ObjectClass) -> None:
+    torch = pytest.importorskip("torch")
+    latents = studio.latents(np.random.default_rng(1), 1)
+    of_torch = Latents.from_vector(torch.from_numpy(latents.to_vector()).requires_grad_())
+    point, photo, sigma = objective.point(latents), np.zeros(1, np.int32), np.array([0.05])
+    assert_close(objective.point(of_torch), point)
+    assert_close(objective.latents(torch.from_numpy(point)).to_vector(), latents.to_vector())
+    tensors = map(torch.from_numpy, (point, photo, sigma))
+    assert_close(objective(*tensors).value, objective(point, photo, sigma).value)
+    drawn = [draw_latents(each, teapot, teapot.camera()).rgb for each in (latents, of_torch)]
+    assert_close(*drawn)
 
 
 def test_points_lie_within_the_bounds(objective: Objective) -> None:
@@ -183,10 +197,3 @@ def test_the_priors_derivatives_are_added_to_the_likelihoods(studio, objective: 
     assert_close(valued.gradient - below.gradient, slope, atol=1e-5, rtol=1e-6)
     curvature = differences(lambda p: -derivatives_of(objective.prior, p)[1], points)
     assert_close(valued.normal - below.normal, curvature, atol=1e-4, rtol=1e-6)
-
-
-def test_derivatives_may_be_left_out(studio, objective: Objective) -> None:
-    points = objective.point(studio.latents(np.random.default_rng(7)))
-    plain = objective(points, *studio.whose(1), derivatives=False)
-    assert plain.gradient is None and plain.normal is None
-    assert_close(plain.value, objective(points, *studio.whose(1)).value)

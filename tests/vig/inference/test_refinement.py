@@ -18,10 +18,10 @@ from vig.inference.refinement import (
     refine,
     survivors,
 )
-from vig.inference.settings import Stage, followed, resolve
+from vig.inference.settings import Stage, for_tracking, resolve
 from vig.recognition.prediction import START_STEP, round_to_grid
 from vig.renderer import render_latents
-from vig.scene import ObjectClass, regressed_layout
+from vig.scene import ObjectClass, Symmetry, regressed_layout
 
 LAYOUT = regressed_layout(10)
 GREY = np.full((150, 150, 3), 0.5, np.float32)
@@ -96,17 +96,22 @@ def test_where_the_mask_shows_nothing_the_first_start_is_not_moved(teapot: Objec
     assert not framings(starts(given, 2, teapot), given, objective)[0].any()
 
 
-def test_of_each_view_the_best_point_enters() -> None:
-    azimuth = np.radians([0.0, 5.0, 90.0, 95.0, 180.0])
-    scores = np.array([1, 5, 4, 3, 2.0])
-    assert survivors(azimuth, scores, 4).tolist() == [1, 2, 4, 3]
-    assert survivors(azimuth, scores, 4, one_per_view=True).tolist() == [1, 2, 4]
-    assert survivors(azimuth, scores, 2, one_per_view=True).tolist() == [1, 2]
+def test_half_of_the_starts_go_on_by_score_the_others_by_view() -> None:
+    """By score: 0, 1, 2, 4, 3, 5. Of 4, the first two; then the best beyond 25 degrees of all chosen."""
+    azimuth = np.radians([0.0, 5.0, 350.0, 90.0, 95.0, 180.0])
+    scores = np.array([10.0, 9.0, 8.0, 1.0, 2.0, 0.0])
+    for count, expected in ((4, [0, 1, 4, 5]), (5, [0, 1, 2, 4, 5]), (6, [0, 1, 2, 4, 5, 3]), (1, [0])):
+        assert survivors(azimuth, scores, count).tolist() == expected
+    assert survivors(azimuth, scores, 4, one_per_view=True).tolist() == [0, 4, 5]
+    # A view that looks the same is no other view.
+    azimuth, scores = np.radians([10.0, 190.0, 100.0, 12.0]), np.array([9.0, 8, 1, 7])
+    for symmetry, second in ((Symmetry.NONE, 1), (Symmetry.HALF_TURN, 2), (Symmetry.ANY_TURN, 1)):
+        assert survivors(azimuth, scores, 2, symmetry).tolist() == [0, second]
 
 
 def test_an_expected_start_is_tried_and_of_the_networks_those_elsewhere(teapot: ObjectClass) -> None:
     given = prediction_of_peaks({10: 0.6, 40: 0.4})
-    settings = replace(followed(resolve(ExplainSettings(), teapot, photo=True)), stages=(Stage(3, 0),))
+    settings = replace(for_tracking(resolve(ExplainSettings(), teapot, photo=True)), stages=(Stage(3, 0),))
     objective = objective_of(GREY, given, teapot, settings)
     latents, box = given.best(), (0.2, 0.3, 0.5, 0.4)
 

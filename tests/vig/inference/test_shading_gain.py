@@ -13,8 +13,8 @@ from tests.vig.recognition.predictions import prediction_of_latents
 from vig.inference import FitSettings, explain_one
 from vig.inference.posterior import objective_of
 from vig.inference.refinement import Selection
-from vig.inference.settings import PHOTO, PICTURE, followed
-from vig.inference.shading_gain import BRIGHTEST, LEAST, MOST, _bumps, _divided, _gain, with_shading_gain
+from vig.inference.settings import PHOTO, PICTURE, for_tracking
+from vig.inference.shading_gain import BRIGHTEST, LEAST, MOST, _divided, _gain, with_shading_gain
 from vig.likelihood import GAUSSIAN
 from vig.recognition import Prediction
 from vig.scene import Latents, ObjectClass
@@ -95,14 +95,6 @@ def test_a_divided_photo_has_the_density_of_the_photo(studio, teapot: ObjectClas
     assert one.of_one(point, 0.03).value == objective.of_one(point, 0.03).value
 
 
-def test_where_nothing_is_visible_all_stays(studio, teapot: ObjectClass) -> None:
-    photo, truth, prediction = shaded(studio)
-    objective = objective_of(0.01 * photo, prediction, teapot, SETTINGS)
-    begun = selected(objective.point(truth))
-    divided, refined = with_shading_gain(objective, begun, SETTINGS)
-    assert divided is objective and np.array_equal(refined.point, begun.point)
-
-
 @dataclass(frozen=True)
 class WithoutCurvature:
     """The default optimiser, which says nothing of the curvature and the path, as searches of first order."""
@@ -145,20 +137,8 @@ def test_the_gain_keeps_its_bounds(factor: float, studio, teapot: ObjectClass) -
     assert _divided(objective, gain.factor).likelihood.observed.max() <= BRIGHTEST
 
 
-def test_bumps_cover_the_box_evenly() -> None:
-    silhouette = np.zeros((40, 60), bool)
-    silhouette[10:30, 20:50] = True
-    bumps = _bumps(silhouette)
-    assert bumps.shape == (40, 60, 16) and bumps.dtype == np.float64
-    # The highest pixels of a row of bumps are a third of the longer side apart, about the middle of the box.
-    peaks = bumps[20].max(0).reshape(4, 4)
-    places = [bumps[20, :, 4 + column].argmax() for column in range(4)]
-    assert places == pytest.approx([19.5, 29.5, 39.5, 49.5], abs=1)
-    assert peaks[1, 0] == pytest.approx(peaks[1, 3], rel=0.01)
-
-
 def test_photographs_frames_and_the_gaussian_model_are_without(studio, teapot: ObjectClass) -> None:
-    assert PHOTO["gain_deviation"] == 0.0 and followed(SETTINGS).gain_deviation == 0.0
+    assert PHOTO["gain_deviation"] == 0.0 and for_tracking(SETTINGS).gain_deviation == 0.0
     photo, _, prediction = shaded(studio, falling())
     paper = replace(SETTINGS, likelihood=GAUSSIAN)
     found = explain_one(photo, prediction, teapot, paper)

@@ -12,7 +12,6 @@ from tests.support import assert_close
 from tests.toys import toy
 from tests.vig.recognition.predictions import prediction_of_peaks
 from vig.inference import ExplainSettings, Fit, Verdict, explain_one, starts
-from vig.inference.refinement import survivors
 from vig.recognition import Prediction
 from vig.renderer import render_latents
 from vig.scene import EXPOSURE_L00, Latents, ObjectClass, Symmetry, rotate_z
@@ -59,13 +58,6 @@ def test_starts_do_not_repeat_views_that_look_the_same() -> None:
     found = starts(prediction(given, Symmetry.ANY_TURN), 8)
     assert not found.azimuth.any() and found.elevation.std() > 0.02
     assert_close(found.light, found.light[:1].repeat(8, 0))
-
-
-def test_a_view_that_looks_the_same_is_no_other_view() -> None:
-    azimuth, scores = np.radians([10.0, 190.0, 100.0, 12.0]), np.array([9.0, 8, 1, 7])
-    assert survivors(azimuth, scores, 2).tolist() == [0, 1]
-    assert survivors(azimuth, scores, 2, Symmetry.HALF_TURN).tolist() == [0, 2]
-    assert survivors(azimuth, scores, 2, Symmetry.ANY_TURN).tolist() == [0, 1]
 
 
 def photographed(one: ObjectClass, azimuth: float) -> tuple[np.ndarray, Latents]:

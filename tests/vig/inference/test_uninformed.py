@@ -13,8 +13,8 @@ import pytest
 import vig
 from tests.toys import toy
 from vig.io.errors import UserError
-from vig.output.json import camera_from_mesh
 from vig.recognition import WEIGHTS_FILE, Recognizer, UninformedRecognizer
+from vig.record import camera_from_mesh
 from vig.renderer import render_latents
 from vig.scene import EXPOSURE_L00, Latents, ObjectClass, Symmetry
 from vig.scene.object_class import PACKAGED

@@ -72,6 +72,8 @@ def test_what_goes_wrong_is_one_line(raised: Exception, came: str) -> None:
 
 
 def test_an_error_for_the_user_and_an_interruption_pass() -> None:
+    assert str(UserError("expected a photo;\n  got\ta folder.")) == "expected a photo; got a folder."
+    assert issubclass(UserError, ValueError)
     for raised in (UserError("as it is"), KeyboardInterrupt("as it is")):
         with pytest.raises(type(raised), match="^as it is$"), reading("m", "a map", "Draw it."):
             raise raised

@@ -34,45 +34,40 @@ def test_an_interrupted_block_leaves_the_old_file_and_no_rubbish(
     assert os.listdir(tmp_path) == ["result.json"]
 
 
-def test_a_full_disk_is_one_line_for_the_user(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match=r"^cannot write .*result\.png: the disk is full; free .*\.$"):
-        with atomic_write(tmp_path / "result.png") as temporary:
-            temporary.write_bytes(b"half")
-            raise OSError(errno.ENOSPC, "No space left on device")
+FULL = OSError(errno.ENOSPC, "No space left on device")
+FULL_OF_TENSORS = SafetensorError("I/O error: No space left on device (os error 28)")
+OTHER = SafetensorError("of another kind")
+
+
+@pytest.mark.parametrize(
+    ("error", "raised"),
+    [(FULL, UserError), (FULL_OF_TENSORS, UserError), (OTHER, SafetensorError), (KeyError("a"), KeyError)],
+)
+def test_a_full_disk_is_one_line_for_the_user_and_other_errors_pass_unchanged(
+    error: Exception, raised: type[Exception], tmp_path: Path
+) -> None:
+    words = r"^cannot write .*result\.png: the disk is full; free .*\.$" if raised is UserError else None
+    with pytest.raises(raised, match=words), atomic_write(tmp_path / "result.png") as temporary:
+        temporary.write_bytes(b"half")
+        raise error
     assert os.listdir(tmp_path) == []
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs the always-full device of Linux")
-def test_the_operating_systems_own_full_disk_is_recognised(tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="the disk is full"), atomic_write(tmp_path / "result.png"):
-        Path("/dev/full").write_bytes(b"anything")
-    with pytest.raises(UserError, match="the disk is full"), atomic_write(tmp_path / "result.safetensors"):
-        raise SafetensorError("I/O error: No space left on device (os error 28)")
-    with pytest.raises(SafetensorError), atomic_write(tmp_path / "result.safetensors"):
-        raise SafetensorError("of another kind")
-
-
-def test_a_parent_that_is_a_file_is_the_users_error(tmp_path: Path) -> None:
+def test_a_file_or_folder_in_the_way_is_the_users_error(tmp_path: Path) -> None:
     (tmp_path / "plain").write_text("")
-    with (
-        pytest.raises(UserError, match="a file, not a folder"),
-        atomic_write(tmp_path / "plain" / "out.json"),
-    ):
-        pytest.fail("the block must not run")
-    with pytest.raises(UserError, match="a file, not a folder"):
-        with atomic_write(tmp_path / "plain" / "deep" / "out.json"):
-            pytest.fail("the block must not run")
-
-
-def test_a_folder_in_the_way_is_the_users_error(tmp_path: Path) -> None:
     (tmp_path / "out.json").mkdir()
-    with pytest.raises(UserError, match="a folder of that name"), atomic_write(tmp_path / "out.json"):
+    for path, why in (
+        ("plain/out.json", "a file, not a folder"),
+        ("plain/deep/out.json", "a file, not a folder"),
+        ("out.json", "a folder of that name"),
+    ):
+        with pytest.raises(UserError, match=why), atomic_write(tmp_path / path):
+            pytest.fail("the block must not run")
+    with pytest.raises(UserError, match="a file, not a folder"), atomic_folder(tmp_path / "plain" / "folder"):
         pytest.fail("the block must not run")
-
-
-def test_other_errors_of_the_block_pass_unchanged(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError), atomic_write(tmp_path / "out.json"):
-        (tmp_path / "missing.txt").read_text()
+    with pytest.raises(UserError, match="cannot write"), atomic_folder(tmp_path / "plain"):
+        pass
+    assert sorted(os.listdir(tmp_path)) == ["out.json", "plain"]
 
 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
@@ -95,15 +90,6 @@ def test_a_folder_that_another_process_made_meanwhile_stays(tmp_path: Path) -> N
         path.mkdir()
         (path / "theirs").write_text("")
     assert os.listdir(tmp_path) == ["folder"] and os.listdir(path) == ["theirs"]
-
-
-def test_a_folder_where_a_file_is_in_the_way_is_the_users_error(tmp_path: Path) -> None:
-    (tmp_path / "plain").write_text("")
-    with pytest.raises(UserError, match="a file, not a folder"), atomic_folder(tmp_path / "plain" / "folder"):
-        pytest.fail("the block must not run")
-    with pytest.raises(UserError, match="cannot write"), atomic_folder(tmp_path / "plain"):
-        pass
-    assert os.listdir(tmp_path) == ["plain"]
 
 
 def test_arrays_are_read_as_they_are_indexed_however_they_lie_in_memory(tmp_path: Path) -> None:

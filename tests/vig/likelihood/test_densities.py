@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ import pytest
 import scipy.integrate
 
 from tests.support import assert_close, points_of
-from vig.likelihood import Likelihood, Photos, PixelModel, mixture
+from vig.likelihood import Likelihood, Photos, mixture
 from vig.likelihood.densities import NAMES, density_of
 
 SIGMA = 0.1
@@ -49,8 +48,3 @@ def test_kernels_compute_the_reference_and_its_gradient(name: str, studio: Any) 
         step[0, column] = 1e-6
         ends = [likelihood.at(point + sign * step, *whose, derivatives=False).value for sign in (1, -1)]
         assert gradient[column] == pytest.approx((ends[0][0] - ends[1][0]) / 2e-6, rel=1e-4, abs=1e-2)
-
-
-def test_an_unknown_one_is_refused() -> None:
-    with pytest.raises(ValueError, match=f"density must be one of {', '.join(NAMES)}; got 'cauchy'"):
-        dataclasses.replace(PixelModel(0.03, 0.9), density="cauchy")

@@ -1,12 +1,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from tests.support import assert_close, points_of
-from vig.likelihood import GAUSSIAN, Geometry, Likelihood, Photos, mixture
+from vig.likelihood import Geometry, Likelihood, Photos, mixture
 from vig.recognition.network import latents_of, mirrored
 from vig.scene import EXPOSURE_L00, Latents
 from vig_train.training.targets import numbers_of
@@ -14,10 +15,6 @@ from vig_world.raster.rasterize import rasterize
 
 STILL = np.zeros((1, 4))
 """Framing that leaves the image as it is."""
-
-
-def random_prior(studio, rng: np.random.Generator) -> np.ndarray:
-    return np.log(rng.dirichlet((5, 2, 3), (1, studio.camera.height, studio.camera.width)))
 
 
 def covered_centres(studio, latents: Latents, factor: int = 1) -> np.ndarray:
@@ -31,46 +28,25 @@ def covered_centres(studio, latents: Latents, factor: int = 1) -> np.ndarray:
 
 def test_with_the_papers_silhouette_the_value_is_eq_4_summed_plainly(studio) -> None:
     rng = np.random.default_rng(0)
-    for _ in range(3):
-        latents = studio.latents(rng)
-        photo = studio.photo(rng, studio.near(rng, latents))
-        log_prior = random_prior(studio, rng)
-        likelihood = Likelihood(studio.geometry, studio.camera, Photos(photo, log_prior), "paper")
-        found = likelihood(latents, STILL, *studio.whose(1))
-        inside = covered_centres(studio, latents)
-        rendered = latents.albedo * found.irradiance[0, inside][:, None]
-        value, posterior = mixture(photo[0, inside], rendered, log_prior[0, inside], studio.pixels.sigma)
-        expected = value.sum() + log_prior[0, ~inside][:, 2].sum()
-        assert found.value == pytest.approx(expected, rel=1e-10)
-        assert_close(found.posterior[0, inside], posterior)
-        assert not found.posterior[0, ~inside].any() and not found.irradiance[0, ~inside].any()
-        assert_close(found.coverage[0], inside.astype(np.float64))
-
-
-def test_where_all_colours_are_flat_the_value_is_affine_in_the_covered_area(studio) -> None:
-    # Light from everywhere makes one colour of the object, so edges inside it change nothing and Eq. 4 is
-    # area x log p(c | fg) + the rest x log U, whatever the silhouette.
-    rng = np.random.default_rng(1)
-    sphere = np.zeros((1, 9))
-    sphere[0, 0] = EXPOSURE_L00
-    height, width = studio.camera.height, studio.camera.width
-    photo = np.full((1, height, width, 3), 0.3)
-    likelihood = studio.likelihood(photo)
-    for _ in range(5):
-        latents = studio.latents(rng)
-        latents = Latents(latents.shape, latents.azimuth, latents.elevation, latents.albedo, sphere)
-        found = likelihood(latents, STILL, *studio.whose(1))
-        rendered = latents.albedo[0] * EXPOSURE_L00 * 0.5 / math.sqrt(math.pi)
-        log_prior = studio.pixels.log_prior(1, 1)[0, 0]
-        gain, _ = mixture(photo[0, 0, 0], rendered, log_prior, studio.pixels.sigma)
-        # Coverage is clamped to [0, 1], which costs a little area where a thin part lies in one pixel.
-        assert found.value == pytest.approx(gain * found.coverage.sum(), rel=1e-3)
+    latents = studio.latents(rng)
+    photo = studio.photo(rng, studio.near(rng, latents))
+    log_prior = np.log(rng.dirichlet((5, 2, 3), (1, studio.camera.height, studio.camera.width)))
+    likelihood = Likelihood(studio.geometry, studio.camera, Photos(photo, log_prior), "paper")
+    found = likelihood(latents, STILL, *studio.whose(1))
+    inside = covered_centres(studio, latents)
+    rendered = latents.albedo * found.irradiance[0, inside][:, None]
+    value, posterior = mixture(photo[0, inside], rendered, log_prior[0, inside], studio.pixels.sigma)
+    expected = value.sum() + log_prior[0, ~inside][:, 2].sum()
+    assert found.value == pytest.approx(expected, rel=1e-10)
+    assert_close(found.posterior[0, inside], posterior)
+    assert not found.posterior[0, ~inside].any() and not found.irradiance[0, ~inside].any()
+    assert_close(found.coverage[0], inside.astype(np.float64))
 
 
 def test_coverage_is_the_area_of_the_silhouette(studio) -> None:
     rng = np.random.default_rng(2)
     relative, largest, typical, one_sample = [], [], [], []
-    for _ in range(10):
+    for _ in range(4):
         latents = studio.latents(rng)
         _, coverage, _ = studio.render(latents)
         fine = covered_centres(studio, latents, 8)
@@ -90,48 +66,25 @@ def test_coverage_is_the_area_of_the_silhouette(studio) -> None:
     assert np.mean(typical) < 0.045 < 0.19 < np.mean(one_sample)
 
 
-def jumps_along_azimuth(studio, photo: np.ndarray, guess: Latents, silhouette: str) -> np.ndarray:
-    """How far the objective's steps along 0.2 degrees of azimuth, 0.002 each, are off their median: nats."""
-    path = np.tile(guess.to_vector(), (101, 1))
-    path[:, studio.geometry.model.modes] += np.arange(101) * math.radians(0.002)
-    likelihood = studio.likelihood(photo, silhouette)
-    points = points_of(Latents.from_vector(path))
-    steps = np.diff(likelihood.at(points, *studio.whose(len(path)), derivatives=False).value)
-    return np.abs(steps - np.median(steps))
-
-
 def test_the_silhouettes_motion_makes_no_jumps(studio) -> None:
     """In flat light only the silhouette's motion counts: the paper's mask jumps as each pixel comes or goes.
 
-    Over these five scenes the paper's jumps by more than 0.5 nats 62 times, 275 nats in all; ours 3 and 5.
+    Steps along .2 degrees of azimuth, .002 each, are off their median by more than .5 nats: over five scenes
+    62 of the paper's, 3 of ours.
     """
     rng = np.random.default_rng(3)
-    total = {"exact": 0.0, "paper": 0.0}
     count = {"exact": 0, "paper": 0}
-    for _ in range(5):
-        latents = studio.latents(rng)
-        flat = np.zeros_like(latents.light)
-        flat[:, 0] = EXPOSURE_L00
-        latents = Latents(latents.shape, latents.azimuth, latents.elevation, latents.albedo, flat)
+    for _ in range(2):
+        latents = replace(studio.latents(rng), light=EXPOSURE_L00 * np.eye(1, 9))
         photo = studio.photo(rng, latents)
-        for silhouette in total:
-            jumps = jumps_along_azimuth(studio, photo, latents, silhouette)
-            total[silhouette] += jumps[jumps > 0.5].sum()
-            count[silhouette] += np.count_nonzero(jumps > 0.5)
-    assert total["exact"] * 20 < total["paper"]
-    assert count["exact"] * 10 < count["paper"]
-
-
-def test_under_any_light_the_objective_jumps_less_than_the_papers(studio) -> None:
-    """What remains, 17 jumps against 62: where parts pierce each other no edge of the mesh is crossed."""
-    rng = np.random.default_rng(3)
-    count = {"exact": 0, "paper": 0}
-    for _ in range(5):
-        latents = studio.latents(rng)
-        photo, guess = studio.photo(rng, latents), studio.near(rng, latents)
+        path = np.tile(latents.to_vector(), (101, 1))
+        path[:, studio.geometry.model.modes] += np.arange(101) * math.radians(0.002)
+        points = points_of(Latents.from_vector(path))
         for silhouette in count:
-            count[silhouette] += np.count_nonzero(jumps_along_azimuth(studio, photo, guess, silhouette) > 0.5)
-    assert count["exact"] * 2 < count["paper"]
+            likelihood = studio.likelihood(photo, silhouette)
+            steps = np.diff(likelihood.at(points, *studio.whose(len(path)), derivatives=False).value)
+            count[silhouette] += np.count_nonzero(np.abs(steps - np.median(steps)) > 0.5)
+    assert count["exact"] * 10 < count["paper"]
 
 
 def test_the_mirrored_explanation_renders_the_mirrored_photo(studio) -> None:
@@ -149,14 +102,6 @@ def test_the_mirrored_explanation_renders_the_mirrored_photo(studio) -> None:
     assert_close(targets.light, flipped.light)
     assert_close(targets.azimuth, flipped.azimuth % (2 * math.pi))
     assert_close(targets.to_vector()[:, :10], flipped.to_vector()[:, :10])
-
-
-def test_a_shift_by_whole_pixels_shifts_the_image(studio) -> None:
-    latents = studio.latents(np.random.default_rng(5))
-    irradiance, coverage, _ = studio.render(latents)
-    shifted, covered, _ = studio.render(latents, np.array([[4 / 150, -3 / 150, 0.0, 0.0]]))
-    assert_close(shifted[0, :-3, 4:], irradiance[0, 3:, :-4], atol=1e-9, rtol=0)
-    assert_close(covered[0, :-3, 4:], coverage[0, 3:, :-4], atol=1e-9, rtol=0)
 
 
 def test_a_batch_is_its_members_and_scratch_is_not_seen(studio) -> None:
@@ -179,22 +124,10 @@ def test_a_batch_is_its_members_and_scratch_is_not_seen(studio) -> None:
     assert_close(plain.value, together.value)
 
 
-def test_the_gaussian_model_explains_every_covered_pixel(studio) -> None:
-    rng = np.random.default_rng(7)
-    latents = studio.latents(rng)
-    photo = studio.photo(rng, latents)
-    log_prior = GAUSSIAN.log_prior(studio.camera.height, studio.camera.width)[None]
-    likelihood = Likelihood(studio.geometry, studio.camera, Photos(photo, log_prior))
-    found = likelihood(latents, STILL, *studio.whose(1, GAUSSIAN.sigma))
-    inside = covered_centres(studio, latents)
-    assert (found.posterior[0, inside] == 1).all()
-    assert np.isfinite(found.value).all() and np.isfinite(found.gradient).all()
-
-
 def test_single_precision_agrees(studio) -> None:
     rng = np.random.default_rng(8)
     single = Geometry(studio.geometry.model, np.float32)
-    for _ in range(6):
+    for _ in range(2):
         latents = studio.latents(rng)
         photo = studio.photo(rng, latents)
         guess = studio.near(rng, latents)
@@ -214,26 +147,3 @@ def test_an_object_out_of_the_frame_leaves_the_background(studio) -> None:
     found = studio.likelihood(photo)(studio.latents(rng), away, *studio.whose(1))
     assert found.value == 0
     assert not found.coverage.any() and not found.gradient.any() and not found.normal.any()
-
-
-def test_what_does_not_fit_is_refused(studio) -> None:
-    with pytest.raises(ValueError, match='"exact" or "paper"; got "soft"'):
-        studio.likelihood(np.zeros((1, 150, 150, 3)), "soft")
-    with pytest.raises(ValueError, match=r"photos of \(100, 150\) do not fit a camera of \(150, 150\)"):
-        Likelihood(
-            studio.geometry, studio.camera, Photos(np.zeros((1, 100, 150, 3)), np.zeros((1, 100, 150, 3)))
-        )
-
-
-@pytest.mark.parametrize(
-    ("linear", "log_prior", "message"),
-    [
-        (np.zeros((150, 150, 3)), np.zeros((150, 150, 3)), r"photos must be \(N, H, W, 3\)"),
-        (np.zeros((1, 4, 4, 3)), np.zeros((1, 4, 5, 3)), "log_prior must be"),
-        (np.full((1, 4, 4, 3), math.nan), np.zeros((1, 4, 4, 3)), "NaN or infinity"),
-        (np.full((1, 4, 4, 3), 214.0), np.zeros((1, 4, 4, 3)), "maximum of 214. Are these 8-bit"),
-    ],
-)
-def test_photos_that_are_none_are_refused(linear: np.ndarray, log_prior: np.ndarray, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        Photos(linear, log_prior)

@@ -16,6 +16,7 @@ from vig.scene import EXPOSURE_L00, Camera, ObjectClass, ShapeModel
 MODES = 10
 """Components of every mesh here: those of the teapot, so that all share its compiled kernels."""
 
+SCENES = 20
 SIZES = ((48, 40), (64, 64), (40, 56))
 
 
@@ -143,18 +144,19 @@ def random_scene(seed: int, teapots: list[Geometry], target_height: float) -> Ra
 
 
 @pytest.fixture(scope="module")
-def teapots(teapot: ObjectClass) -> list[Geometry]:
-    """Without and with self-shadow."""
+def scenes(teapot: ObjectClass) -> list[RandomScene]:
+    """Of teapots without and with self-shadow and of other meshes."""
     assert teapot.transfer is not None and teapot.shape_model.modes == MODES
-    return [
+    teapots = [
         Geometry(teapot.shape_model, np.float64),
         Geometry(teapot.shape_model, np.float64, transfer=teapot.transfer.astype(np.float64)),
     ]
+    return [random_scene(seed, teapots, teapot.target_height) for seed in range(SCENES)]
 
 
-@pytest.mark.parametrize("seed", range(50))
-def test_value_and_gradient_are_the_references(seed: int, teapots: list[Geometry], teapot) -> None:
-    scene = random_scene(seed, teapots, teapot.target_height)
+@pytest.mark.parametrize("seed", range(SCENES))
+def test_value_and_gradient_are_the_references(seed: int, scenes: list[RandomScene]) -> None:
+    scene = scenes[seed]
     found = scene.likelihood().at(scene.point[None], np.zeros(1, np.int32), np.array([scene.sigma]))
     value, gradient = value_and_gradient(
         scene.geometry, scene.camera, scene.point, scene.photo, scene.log_prior, scene.sigma
@@ -165,11 +167,10 @@ def test_value_and_gradient_are_the_references(seed: int, teapots: list[Geometry
     assert error[known].max() <= 1e-6, dict(zip(scene.geometry.layout.labels, error.tolist(), strict=True))
 
 
-def test_the_random_scenes_have_every_kind_of_edge(teapots: list[Geometry], teapot) -> None:
+def test_the_random_scenes_have_every_kind_of_edge(scenes: list[RandomScene]) -> None:
     """Silhouettes, folds, edges in front of the object itself and of open surfaces, cut by the border."""
     folds, borders, cut = 0, 0, 0
-    for seed in range(50):
-        scene = random_scene(seed, teapots, teapot.target_height)
+    for scene in scenes:
         shaded = shade(scene.geometry, scene.camera, torch.from_numpy(scene.point))
         ends, fold = occlusion_edges(scene.geometry, shaded.screen)
         seen = faces_seen(scene.geometry, shaded.screen, scene.camera) >= 0
@@ -177,4 +178,4 @@ def test_the_random_scenes_have_every_kind_of_edge(teapots: list[Geometry], teap
         folds += int((fold < 0).any())
         borders += int((scene.geometry.edges[:, 3] < 0).any())
         cut += int(seen[[0, -1]].any() or seen[:, [0, -1]].any())
-    assert folds >= 15 and borders >= 10 and cut >= 8, (folds, borders, cut)
+    assert folds >= 6 and borders >= 4 and cut >= 3, (folds, borders, cut)

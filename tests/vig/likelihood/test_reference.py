@@ -70,7 +70,7 @@ def irradiance_jacobian(geometry: Geometry, camera: Camera, given: Case, vertice
     ).numpy()
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_vertices_are_placed_and_shaded_as_by_torch(studio, seed: int) -> None:
     given = case(studio, seed)
     run = Stages(studio.geometry, studio.camera, given)
@@ -107,18 +107,15 @@ def test_rows_of_vertices_are_their_irradiances_derivatives(studio) -> None:
     assert_close(run.rest_rows[used][:, run.IRRADIANCE], run.irradiances[used])
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_with_the_mask_held_value_and_gradient_are_autograds(studio, seed: int) -> None:
     given = case(studio, 10 + seed)
     run = Stages(studio.geometry, studio.camera, given)
     assert_derivatives_are_autograds(studio.geometry, studio.camera, given, run)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_the_faces_seen_are_those_of_the_rasteriser_and_their_irradiance_is_interpolated(
-    studio, seed: int
-) -> None:
-    given = case(studio, 20 + seed)
+def test_the_faces_seen_are_those_of_the_rasteriser_and_their_irradiance_is_interpolated(studio) -> None:
+    given = case(studio, 20)
     run = Stages(studio.geometry, studio.camera, given)
     seen = run.face
     y, x = np.nonzero(seen >= 0)
@@ -158,7 +155,7 @@ def test_several_threads_say_the_same(studio, teapot) -> None:
 def test_a_sparse_normal_matrix_is_near_the_full_one(studio) -> None:
     """Every second pixel of every second line: what the curvature is steered by, not what is maximised."""
     ratios = []
-    for seed in range(6):
+    for seed in range(3):
         given = case(studio, 40 + seed)
         full, sparse = (
             Likelihood(
@@ -185,20 +182,11 @@ def test_without_curvature_value_and_gradient_are_the_same(studio) -> None:
     assert_close(first.gradient, full.gradient)
 
 
-def test_points_that_are_not_finite_are_refused(studio) -> None:
-    given = case(studio, 0)
-    likelihood = Likelihood(studio.geometry, studio.camera, Photos(given.photo, given.log_prior))
-    point = given.point.copy()
-    point[0, 3] = float("nan")
-    with pytest.raises(ValueError, match="points must be finite; got nan in column 3 of point 0"):
-        likelihood.at(point, *studio.whose(1))
-
-
 def test_self_shadow_enters_value_and_gradient_as_in_torch(studio, teapot) -> None:
     """A transfer table adds D_0 + sum c_k D_k to the nine lobes of each vertex."""
     table = teapot.transfer.astype(np.float64)
     shadowed = Geometry(teapot.shape_model, np.float64, transfer=table)
-    for seed in range(3):
+    for seed in range(2):
         given = case(studio, 50 + seed)
         run = Stages(shadowed, studio.camera, given)
         assert_derivatives_are_autograds(shadowed, studio.camera, given, run)
@@ -208,33 +196,6 @@ def test_self_shadow_enters_value_and_gradient_as_in_torch(studio, teapot) -> No
         assert_close(run.shape_rows[used][:, :modes], jacobian[:, :modes], rtol=1e-7, atol=1e-9)
         plain = Stages(studio.geometry, studio.camera, given)
         assert np.abs((run.irradiances - plain.irradiances)[used]).max() > 0.02
-
-
-def test_a_transfer_table_of_another_model_is_refused(teapot) -> None:
-    with pytest.raises(ValueError, match=r"transfer must be \(11, 2636, 9\) like the shape model"):
-        Geometry(teapot.shape_model, transfer=np.zeros((11, 5, 9), np.float32))
-
-
-@pytest.mark.parametrize(
-    ("photo", "sigma", "message"),
-    [
-        ([1], [0.03], "photo must be indices of the 1 photos; got 1 to 1"),
-        ([-1], [0.03], "got -1 to -1"),
-        ([0.5], [0.03], "whole numbers, indices of photos; got float64"),
-        ([0, 0], [0.03], r"must be \(1,\) like the points; got \(2,\) and \(1,\)"),
-        ([0], [0.0], "sigma must be positive"),
-        ([0], [float("nan")], "sigma must be positive"),
-    ],
-)
-def test_photos_and_noise_that_are_none_are_refused(studio, photo: list, sigma: list, message: str) -> None:
-    given = case(studio, 0)
-    likelihood = Likelihood(studio.geometry, studio.camera, Photos(given.photo, given.log_prior))
-    with pytest.raises(ValueError, match=message):
-        likelihood.at(given.point, np.array(photo), np.array(sigma))
-    with pytest.raises(ValueError, match=rf"points must be \(B, {POINT.size}\)"):
-        likelihood.at(given.point[:, :1], *studio.whose(1))
-    with pytest.raises(ValueError, match="log_prior must be finite"):
-        Photos(given.photo, given.log_prior * float("nan"))
 
 
 def test_no_points_have_no_values(studio) -> None:

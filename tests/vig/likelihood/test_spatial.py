@@ -47,7 +47,7 @@ def every_mask(covered: np.ndarray) -> list[np.ndarray]:
     return masks
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_the_cut_is_the_most_probable_of_all_masks(seed: int) -> None:
     photo, log_odds, covered = scene(seed, 3, 4)
     weights = tied(photo, covered, SpatialMask(coupling=1.5, rim=0.7, contrast=0.2))
@@ -83,7 +83,7 @@ def scipys_cut(log_odds: np.ndarray, covered: np.ndarray, weights: np.ndarray) -
     return visible[:source].reshape(height, width)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_cut_of_a_larger_image_is_that_of_scipys_maximum_flow(seed: int) -> None:
     photo, log_odds, covered = scene(seed, 40, 30)
     weights = tied(photo, covered, SpatialMask(coupling=1.0, rim=0.2, contrast=0.1))
@@ -92,7 +92,7 @@ def test_the_cut_of_a_larger_image_is_that_of_scipys_maximum_flow(seed: int) -> 
     assert 0.1 < cut.mean() < 0.9
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_mean_field_solves_its_equation_and_nears_the_marginals(seed: int) -> None:
     photo, log_odds, covered = scene(seed, 3, 4)
     weights = tied(photo, covered, SpatialMask(coupling=0.4, rim=0.3, contrast=0.2))
@@ -139,7 +139,7 @@ def test_the_rim_ties_pixels_to_what_is_beyond_and_unknown_ones_tie_nothing() ->
 
 def test_log_odds_are_a_ratio_of_densities_of_linear_colour() -> None:
     """Its visible part integrates to 1 over linear colours, so that it compares with the hidden density."""
-    grid = (np.indices((120, 120, 120)).reshape(3, -1).T + 0.5) / 120
+    grid = (np.indices((60, 60, 60)).reshape(3, -1).T + 0.5) / 60
     # The narrow Gaussians fall between the grid's colours, the widest reaches beyond sRGB's cube.
     scales = (0.03, 0.1)
     with pytest.MonkeyPatch.context() as patch:
@@ -209,11 +209,3 @@ def test_nothing_covered_and_nothing_known() -> None:
     other = photo.copy()
     other[:, :, 30:] = 0.9
     assert np.array_equal(spatial_posterior(other, fit, unknown, disc, SPATIAL.mask), visible)
-
-
-@pytest.mark.parametrize(
-    "settings", [{"coupling": -1.0}, {"rim": -0.1}, {"contrast": 0.0}, {"sweeps": 0}, {"coupling": math.nan}]
-)
-def test_settings_out_of_range_are_refused(settings: dict[str, float]) -> None:
-    with pytest.raises(ValueError, match="must be"):
-        SpatialMask(**settings)

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
+
+from vig.io.errors import UserError
+from vig.photo.images import read_photo
 
 SIZE = (24, 20)  # width, height
 
@@ -14,6 +19,21 @@ SIZE = (24, 20)  # width, height
 def flat(*channels: float, dtype: type = np.uint8) -> np.ndarray:
     """A picture (20, 24, C) of one colour."""
     return np.full((SIZE[1], SIZE[0], len(channels)), channels, dtype)
+
+
+def refused(path: Path, match: str, read: Callable[[Path], object] = read_photo) -> None:
+    """Reading raises one line for the user."""
+    with pytest.raises(UserError, match=match) as caught:
+        read(path)
+    assert "\n" not in str(caught.value)
+
+
+def is_light(
+    photo: np.ndarray, light: float | tuple[float, ...] | np.ndarray, tolerance: float = 2e-3
+) -> None:
+    """A photo (H, W, 3) of linear light."""
+    assert photo.dtype == np.float32 and photo.shape[2] == 3
+    np.testing.assert_allclose(photo, np.broadcast_to(light, photo.shape), atol=tolerance)
 
 
 def chunk(kind: bytes, data: bytes) -> bytes:

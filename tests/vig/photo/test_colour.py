@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image, ImageCms
 
-from tests.vig.photo.pictures import SIZE, chrm, cicp, flat, gama, png, profile, tiff
-from vig.io.errors import UserError
+from tests.vig.photo.pictures import SIZE, chrm, cicp, flat, gama, is_light, png, profile, refused, tiff
 from vig.photo.colour import HLG, PQ, REC709, SRGB, coded_encoding, rec709_from, tone_mapped
 from vig.photo.decoding import MID_GREY
 from vig.photo.formats import stated_colour
@@ -28,24 +27,11 @@ PQ_OF_HALF_WHITE = 0.5096
 ((.8359375 + 18.8515625 y) / (1 + 18.6875 y)) ^ 78.84375."""
 
 
-def is_light(
-    photo: np.ndarray, light: float | tuple[float, ...] | np.ndarray, tolerance: float = 2e-3
-) -> None:
-    assert photo.dtype == np.float32 and photo.shape[2] == 3
-    np.testing.assert_allclose(photo, np.broadcast_to(light, photo.shape), atol=tolerance)
-
-
 def srgb(byte: float) -> float:
     return float(linear_from_srgb(np.array(byte / 255)))
 
 
-def refused(path: Path, match: str) -> None:
-    with pytest.raises(UserError, match=match) as caught:
-        read_photo(path)
-    assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize("name", ["RGB", "L", "RGB.jpg", "L.jpg", "P"])
+@pytest.mark.parametrize("name", ["RGB", "RGBA", "L", "RGB.jpg", "L.jpg", "P"])
 def test_common_photos_keep_their_bytes(name: str, tmp_path: Path) -> None:
     mode, _, ending = name.partition(".")
     noise = Image.fromarray(np.random.default_rng(0).integers(0, 256, (40, 50, 3), dtype=np.uint8)).convert(
@@ -58,11 +44,6 @@ def test_common_photos_keep_their_bytes(name: str, tmp_path: Path) -> None:
         found = coded_photo(photo)
         assert found.dtype == np.uint8
         np.testing.assert_array_equal(found, bytes_of_pillow)
-
-
-def test_opaque_pictures_with_alpha_keep_their_bytes(tmp_path: Path) -> None:
-    Image.new("RGBA", SIZE, (9, 8, 7, 255)).save(tmp_path / "a.png")
-    np.testing.assert_array_equal(coded_photo(tmp_path / "a.png"), flat(9, 8, 7))
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.vig.photo.pictures import SIZE, flat, png, tiff
-from vig.io.errors import UserError
+from tests.vig.photo.pictures import SIZE, flat, png, refused, tiff
 from vig.photo import focal_of, formats
 from vig.photo.formats import why_no_photo
 from vig.photo.images import read_photo
@@ -18,12 +17,6 @@ from vig.photo.images import read_photo
 THUMBNAIL, PICTURE = np.full((20, 24, 3), 30, np.uint8), np.full((60, 80, 3), 128, np.uint8)
 LINEAR_128 = 0.21586
 FTYP = b"\0\0\0\x18ftyp"
-
-
-def refused(path: Path, match: str) -> None:
-    with pytest.raises(UserError, match=match) as caught:
-        read_photo(path)
-    assert "\n" not in str(caught.value)
 
 
 def is_picture(path: Path) -> None:
@@ -70,7 +63,7 @@ def test_of_a_jpeg_of_several_pictures_the_largest_is_taken(tmp_path: Path) -> N
         is_picture(path)
 
 
-@pytest.mark.parametrize("ending", ["png", "webp", "avif"])
+@pytest.mark.parametrize("ending", ["gif", "png", "webp", "avif"])
 def test_of_an_animation_the_first_frame_is_taken(ending: str, tmp_path: Path) -> None:
     frames = [Image.fromarray(PICTURE), Image.fromarray(PICTURE // 4)]
     frames[0].save(tmp_path / f"a.{ending}", save_all=True, append_images=frames[1:])
@@ -119,6 +112,8 @@ def test_tiff_of_every_orientation(orientation: int, kind: str, tmp_path: Path) 
         ("a.mrw", b"\0MRM\0\0", "a camera's raw file \\(MRW\\)"),
         ("a.x3f", b"FOVb\0\0", "a camera's raw file \\(X3F\\)"),
         ("a.kdc", b"nobody knows", "a camera's raw file \\(KDC\\)"),
+        ("a.exr", b"v/1\1", "an HDR image"),
+        ("a.eps", b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 50 50\nshowpage\n", "a PostScript drawing"),
         ("a.txt", b"this is not a picture", "something else. Convert it to JPEG or PNG"),
     ],
 )

@@ -6,7 +6,7 @@ import builtins
 import json
 import re
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from pathlib import Path
 from types import SimpleNamespace
@@ -236,32 +236,6 @@ def test_a_damaged_video_keeps_its_frames_and_says_where_they_are(tmp_path: Path
     assert list((tmp_path / "frames").glob("*.png")) and not (tmp_path / "frames" / WHOLE).exists()
 
 
-@pytest.mark.parametrize(
-    ("data", "words"),
-    [
-        (b"", "an empty file"),
-        (b"no video at all" * 100, "cannot be read. Save or copy it again"),
-        (None, "nothing of that name"),
-    ],
-)
-def test_what_is_no_video_is_refused_in_one_line(data: bytes | None, words: str, tmp_path: Path) -> None:
-    if data is not None:
-        (tmp_path / "a.mp4").write_bytes(data)
-    with pytest.raises(UserError, match=words) as error:
-        frames_of(tmp_path / "a.mp4", tmp_path / "frames")
-    assert "\n" not in str(error.value)
-
-
-def test_sound_alone_is_refused(tmp_path: Path) -> None:
-    with av.open(str(tmp_path / "sound.mkv"), "w") as file:
-        stream = file.add_stream("pcm_s16le", rate=8000)
-        frame = av.AudioFrame.from_ndarray(np.zeros((1, 800), np.int16), format="s16", layout="mono")
-        frame.sample_rate = 8000
-        file.mux(stream.encode(frame))
-    with pytest.raises(UserError, match="in which there are no pictures"):
-        frames_of(tmp_path / "sound.mkv", tmp_path / "frames")
-
-
 def write_with_cover(path: Path, flagged: bool, count: int = COUNT, times: Sequence[int] = ()) -> Path:
     """A film of 64 x 48 pixels after a cover of 32 x 16; `times`: of its frames, milliseconds."""
     with av.open(str(path), "w") as file:
@@ -286,27 +260,49 @@ def test_a_cover_is_not_the_film(name: str, tmp_path: Path) -> None:
     assert len(paths) == COUNT and pixels(paths[0]).shape == (48, 64, 3)
 
 
-def test_a_cover_alone_is_refused(tmp_path: Path) -> None:
-    with av.open(str(tmp_path / "song.m4a"), "w", format="mp4") as file:
-        sound, cover = file.add_stream("aac", rate=8000), file.add_stream("mjpeg")
-        cover.width, cover.height, cover.pix_fmt = 32, 16, "yuvj420p"
-        cover.disposition = av.stream.Disposition.attached_pic.value
-        file.mux(cover.encode(av.VideoFrame(32, 16, "yuvj420p")))
+def write_song(path: Path, cover: bool) -> Path:
+    """Sound, beside it a picture of the cover."""
+    with av.open(str(path), "w", format="mp4") as file:
+        sound = file.add_stream("aac", rate=8000)
+        if cover:
+            picture = file.add_stream("mjpeg")
+            picture.width, picture.height, picture.pix_fmt = 32, 16, "yuvj420p"
+            picture.disposition = av.stream.Disposition.attached_pic.value
+            file.mux(picture.encode(av.VideoFrame(32, 16, "yuvj420p")))
         noise = av.AudioFrame.from_ndarray(np.zeros((1, 1024), np.float32), format="fltp", layout="mono")
         noise.sample_rate = 8000
         file.mux([*sound.encode(noise), *sound.encode()])
-    with pytest.raises(UserError, match="in which there are no pictures"):
-        frames_of(tmp_path / "song.m4a", tmp_path / "frames")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("write", "words"),
+    [
+        (lambda path: path.write_bytes(b""), "an empty file"),
+        (lambda path: path.write_bytes(b"no video at all" * 100), "cannot be read. Save or copy it again"),
+        (lambda path: None, "nothing of that name"),
+        (lambda path: write_song(path, cover=False), "in which there are no pictures"),
+        (lambda path: write_song(path, cover=True), "in which there are no pictures"),
+        (lambda path: write_video(path, count=0, codec="mpeg4"), "expected a video; got .*a.mp4"),
+    ],
+)
+def test_what_is_no_video_is_refused_in_one_line(
+    write: Callable[[Path], object], words: str, tmp_path: Path
+) -> None:
+    write(tmp_path / "a.mp4")
+    with pytest.raises(UserError, match=words) as error:
+        frames_of(tmp_path / "a.mp4", tmp_path / "frames")
+    assert "\n" not in str(error.value)
 
 
 def test_a_film_that_was_cut_off_is_said_to_be(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Where ffmpeg reads it to any end."""
-    whole = write_video(tmp_path / "a.mkv", count=20 * COUNT).read_bytes()
-    assert len(frames_of(tmp_path / "a.mkv", tmp_path / "whole")) == 20 * COUNT
+    whole = write_video(tmp_path / "a.mkv", count=6 * COUNT).read_bytes()
+    assert len(frames_of(tmp_path / "a.mkv", tmp_path / "whole")) == 6 * COUNT
     assert capsys.readouterr().err == ""
     (tmp_path / "a.mkv").write_bytes(whole[: len(whole) // 2])
-    assert COUNT < len(frames_of(tmp_path / "a.mkv", tmp_path / "cut")) < 12 * COUNT
-    assert re.search(r"a.mkv' ends after \d\.\d s of the 10\.0 s that it states", capsys.readouterr().err)
+    assert COUNT < len(frames_of(tmp_path / "a.mkv", tmp_path / "cut")) < 4 * COUNT
+    assert re.search(r"a.mkv' ends after \d\.\d s of the 3\.0 s that it states", capsys.readouterr().err)
 
 
 def test_transparent_pixels_are_laid_over_grey(tmp_path: Path) -> None:
@@ -319,12 +315,6 @@ def test_transparent_pixels_are_laid_over_grey(tmp_path: Path) -> None:
         file.mux(stream.encode())
     found = pixels(frames_of(tmp_path / "a.mov", tmp_path / "frames")[0])
     assert (found[:, :32] == 255).all() and 100 < found[:, 32:].min() <= found[:, 32:].max() < 200
-
-
-def test_a_video_without_frames_is_refused(tmp_path: Path) -> None:
-    write_video(tmp_path / "none.avi", count=0)
-    with pytest.raises(UserError, match="expected a video; got .*none.avi"):
-        frames_of(tmp_path / "none.avi", tmp_path / "frames")
 
 
 def test_without_pyav_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

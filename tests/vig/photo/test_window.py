@@ -133,19 +133,26 @@ def test_a_window_of_less_than_eight_times_its_pixels_is_cut_from_the_photo_itse
         np.testing.assert_array_equal(mine, plain)
 
 
+@pytest.fixture(scope="module")
+def large() -> tuple[np.ndarray, np.ndarray]:
+    """A photo, coded and linear."""
+    coded = smooth_photo(1601, 2215)
+    return coded, linear_photo(coded)
+
+
 @pytest.mark.parametrize("roll", [0.0, 0.4])
 @pytest.mark.parametrize("box", [(300, 200, 1501, 900), (0, 0, 900, 600), (1313, 801, 900, 700)])
-def test_a_large_window_is_cut_from_a_half_and_looks_the_same(box, roll: float) -> None:
-    coded = smooth_photo(1601, 2215)
+def test_a_large_window_is_cut_from_a_half_and_looks_the_same(box, roll: float, large) -> None:
+    coded, linear = large
     halved, window = ImagePyramid(coded), replace(Window.of(2215, 1601, box), roll=roll)
     cut, known = window.crop(halved)
-    plain, all_known = window.crop(linear_photo(coded))
+    plain, all_known = window.crop(linear)
     assert halved.level(window.side / 150)[1] > 1
     assert np.abs(cut - plain).mean() < 0.01
     assert (known != all_known).mean() < 0.01
     photo, scale = halved.level(33.0)
     assert (scale, photo.shape) == (8, (201, 277, 3))
-    np.testing.assert_allclose(photo[3, 5], linear_photo(coded[24:32, 40:48]).mean((0, 1)), atol=1e-5)
+    np.testing.assert_allclose(photo[3, 5], linear[24:32, 40:48].mean((0, 1)), atol=1e-5)
 
 
 def test_map_is_carried_to_where_another_window_shows_it():

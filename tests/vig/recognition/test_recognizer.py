@@ -18,7 +18,7 @@ from safetensors.numpy import save_file
 from tests.support import assert_close
 from vig.io.errors import UserError
 from vig.recognition import Recognizer
-from vig.recognition.network import Heads, mirrored
+from vig.recognition.network import mirrored
 from vig.recognition.recognizer import AT_ONCE, BOTH_SIDES, WEIGHTS_FILE
 from vig.scene import ObjectClass, Symmetry
 from vig.scene.object_class import PACKAGED
@@ -83,13 +83,6 @@ def test_the_same_photo_is_computed_once_and_another_anew(monkeypatch: pytest.Mo
     assert computed == [BOTH_SIDES, (False,), (False,), (False,)]
 
 
-def test_a_class_that_is_not_its_mirror_image_is_asked_once() -> None:
-    recognizer = Recognizer(WEIGHTS)
-    once = recognizer(PHOTO, sides=(False,))
-    recognizer.mirror = False
-    assert np.array_equal(recognizer(PHOTO).numbers, once.numbers)
-
-
 def test_a_class_gives_its_recognizer_its_symmetries() -> None:
     teapot = ObjectClass.load("teapot")
     one = replace(teapot, symmetry=Symmetry.HALF_TURN, mirror=False)
@@ -124,16 +117,6 @@ def test_recognizers_of_a_class_share_a_session_and_copies_make_their_own() -> N
     assert np.array_equal(copied(PHOTO).mask, recognizer(PHOTO).mask)
 
 
-def test_heads_of_a_mirror_image_mirrored_again_are_those_of_the_photo() -> None:
-    rng = np.random.default_rng(0)
-    shapes = (2, 8), (2, 15), (2, 15), (2,), (2,), (2, 3, 4, 4)
-    heads = Heads(*(rng.normal(size=shape) for shape in shapes))
-    centre = rng.normal(size=15)
-    twice = heads.of_mirrored(centre).of_mirrored(centre)
-    for name, value in vars(heads).items():
-        np.testing.assert_allclose(getattr(twice, name), value, rtol=1e-12)
-
-
 @pytest.fixture
 def pack(tmp_path: Path) -> Path:
     """A copy of the mug's pack."""
@@ -160,11 +143,8 @@ def test_weights_of_another_network_are_refused(
         Recognizer(path)
 
 
-def test_no_photos_give_no_predictions() -> None:
-    predicted = Recognizer.of_class(ObjectClass.load("teapot"))(np.zeros((0, 150, 150, 3), np.float32))
-    assert len(predicted.numbers) == 0
-
-
-def test_pixels_that_are_no_numbers_are_named() -> None:
+def test_no_photos_give_no_predictions_and_pixels_that_are_no_numbers_are_named() -> None:
+    recognizer = Recognizer(WEIGHTS)
+    assert len(recognizer(np.zeros((0, 150, 150, 3), np.float32)).numbers) == 0
     with pytest.raises(UserError, match="expected a photo of finite numbers"):
-        Recognizer.of_class(ObjectClass.load("teapot"))(np.full((1, 150, 150, 3), np.nan, np.float32))
+        recognizer(np.full((1, 150, 150, 3), np.nan, np.float32))

@@ -33,9 +33,3 @@ def test_indexing_keeps_whole_explanations() -> None:
     latents = Latents.from_vector(vector)
     assert np.array_equal(latents[1:3].to_vector(), vector[1:3])
     assert np.array_equal(latents[np.array([4, 0])].to_vector(), vector[[4, 0]])
-
-
-@pytest.mark.parametrize("shape", [(2, 13), (24,), (1, 1, 24)])
-def test_a_wrong_shape_is_refused_and_named(shape: tuple[int, ...]) -> None:
-    with pytest.raises(ValueError, match=r"latents must be \(B, K \+ 14\); got \("):
-        Latents.from_vector(np.zeros(shape))

@@ -3,7 +3,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import pytest
 
 from vig.scene import Block, LatentLayout, latent_layout, point_layout
 from vig.scene.latents import FRAMING
@@ -52,21 +51,3 @@ def test_bounds_are_those_of_the_blocks() -> None:
     lower, upper = latent_layout(1).with_blocks(FRAMING).bounds()
     assert lower == (-3.0, -math.inf, 0.0, *[0.0] * 3, *[-math.inf] * 9, -0.4, -0.4, -1.0, -0.4)
     assert upper == (3.0, math.inf, math.pi / 2, *[1.0] * 3, *[math.inf] * 9, 0.4, 0.4, 1.0, 0.4)
-
-
-def test_misuse_is_named() -> None:
-    layout = latent_layout(2)
-    with pytest.raises(KeyError, match="expected one of the blocks shape, azimuth, .*; got 'roll'"):
-        layout["roll"]
-    with pytest.raises(KeyError, match="got 'roll'"):
-        layout.without("roll")
-    with pytest.raises(ValueError, match=r"must be \(\.\.\., 16\) for 2 shape \+ 1 azimuth .* got \(4, 15\)"):
-        layout.split(np.zeros((4, 15)))
-    with pytest.raises(ValueError, match="expected blocks of sizes .* got {'shape': 3}"):
-        layout.join({"shape": np.zeros((1, 3))})
-    with pytest.raises(ValueError, match="different names; got roll, roll"):
-        LatentLayout((ROLL, ROLL))
-    with pytest.raises(ValueError, match="upper of block 'x' must be 2; got 3"):
-        Block("x", 2, 0.0, (1.0, 2.0, 3.0))
-    with pytest.raises(ValueError, match="0 or more numbers; got -1"):
-        Block("x", -1)

@@ -52,16 +52,6 @@ def test_the_order_is_that_of_degree_and_order() -> None:
     assert_close(basis, np.array(expected), atol=1e-14, rtol=0)
 
 
-def test_a_constant_light_is_reflected_as_it_is() -> None:
-    # Radiance 1 from everywhere: L00 = sqrt(4 pi), irradiance pi, reflected 1 (Lambert).
-    light = project_panorama(np.ones((32, 64, 3)))
-    np.testing.assert_allclose(light[0], math.sqrt(4 * math.pi), rtol=1e-12)
-    assert np.abs(light[1:]).max() < 1e-3 * light[0, 0]  # a row's centre is not quite the row's mean
-    normals = unit(np.random.default_rng(0), 50)
-    constant = math.sqrt(4 * math.pi) * np.eye(9)[0]
-    assert_close(irradiance(constant, normals), np.ones(50))
-
-
 @pytest.mark.parametrize(("row", "column"), [(0, 0), (5, 20), (16, 40), (31, 63)])
 def test_a_delta_light_has_the_known_band_norms(row: int, column: int) -> None:
     panorama = np.zeros((32, 64, 3))
@@ -78,7 +68,7 @@ def test_a_delta_light_has_the_known_band_norms(row: int, column: int) -> None:
 
 def test_projection_recovers_a_light_of_degree_two() -> None:
     light = np.random.default_rng(1).normal(size=9)
-    height, width = 128, 256
+    height, width = 64, 128
     grid = [[pixel_direction(row, column, height, width) for column in range(width)] for row in range(height)]
     radiance = (sh_basis(np.array(grid)) @ light)[..., None].repeat(3, axis=2)
     np.testing.assert_allclose(project_panorama(radiance), light[:, None].repeat(3, 1), atol=1e-3)
@@ -110,7 +100,7 @@ def test_irradiance_of_a_light_of_degree_two_is_exact() -> None:
     rng = np.random.default_rng(4)
     light = rng.normal(0, 0.3, 9)
     light[0] = 4.0  # radiance positive everywhere
-    directions, weights = sphere(400, 800)
+    directions, weights = sphere(200, 400)
     radiance = sh_basis(directions) @ light
     assert radiance.min() > 0
     normals = unit(rng, 12)

@@ -134,26 +134,22 @@ def test_a_pot_that_turns_behind_a_globe(video: Video, explainer: vig.Explainer)
         assert frame.camera.focal == frames[0].camera.focal
 
 
-@pytest.mark.parametrize("side", ["left", "right"])
-def test_the_track_does_not_jump_to_another_pot(video: Video, explainer: vig.Explainer, side: str) -> None:
+def test_the_track_does_not_jump_to_another_pot(video: Video, explainer: vig.Explainer) -> None:
     """Two pots move apart slowly; a board hides the tracked one wholly, and the other is in plain sight."""
     other = np.flip(video.frames[0][:, :120], axis=1)
     frames = []
     for number in range(8):
         wide = np.full((150, 330, 3), 128, np.uint8)
-        left, right = 20 - 2 * number, 190 + 2 * number
-        tracked_at, other_at = (left, right) if side == "left" else (right, left)
-        wide[:, max(0, other_at) : other_at + 120] = other[:, max(0, -other_at) :]
-        at = max(0, tracked_at)
-        wide[:, at : tracked_at + 120] = video.frames[number % 3][:, at - tracked_at : 120]
+        at, other_at = 20 - 2 * number, 190 + 2 * number
+        wide[:, other_at : other_at + 120] = other
+        wide[:, at : at + 120] = video.frames[number % 3][:, :120]
         if number in (3, 4, 5):
-            wide[:, at : tracked_at + 130] = (40, 90, 60)
+            wide[:, at : at + 130] = (40, 90, 60)
         frames.append(wide)
-    start = 20 if side == "left" else 190
     x, y, w, h = video.box
-    found = vig.track(frames, explainer, (x + start, y, w, h)).frames
+    found = vig.track(frames, explainer, (x + 20, y, w, h)).frames
     middle = np.array([frame.camera.cx for frame in found])
-    expected = x + w / 2 + start + (-2 if side == "left" else 2) * np.arange(8)
+    expected = x + w / 2 + 20 - 2 * np.arange(8)
     assert np.abs(middle - expected).max() < 0.25 * w
     assert [frame.lost for frame in found][3:6] == [True] * 3
     assert not any(frame.lost for frame in found[:3] + found[6:])
@@ -177,12 +173,10 @@ def test_an_object_that_is_hidden_at_first_is_awaited_in_its_box(
     ("frames", "words"),
     [
         ([], "two or more frames of a video; got none"),
-        ([np.zeros((50, 50, 3), np.uint8)], "got one"),
-        (np.zeros((50, 50, 3), np.uint8), "got one"),
-        ("video.mp4", "got one"),
-        (np.zeros((1, 50, 50, 3), np.uint8), "got one"),
         (iter([]), "got none"),
-        (None, "expected the frames of a video; got None"),
+        (np.zeros((50, 50, 3), np.uint8), "got one"),
+        (np.zeros((1, 50, 50, 3), np.uint8), "got one"),
+        ("video.mp4", "got one"),
         (12, "expected the frames of a video; got 12"),
     ],
 )
@@ -194,18 +188,10 @@ def test_too_few_frames_are_refused(frames: Any, words: str, explainer: vig.Expl
 def test_frames_are_taken_from_an_iterator_or_an_array_as_from_a_list(
     video: Video, explainer: vig.Explainer
 ) -> None:
-    several = video.frames[:3]
-    tracks = [
-        vig.track(frames, explainer, video.box)
-        for frames in (several, iter(several), (frame for frame in several), np.stack(several))
-    ]
+    several = video.frames[:2]
+    tracks = [vig.track(given, explainer, video.box) for given in (several, iter(several), np.stack(several))]
     azimuths = [[frame.azimuth_deg for frame in track.frames] for track in tracks]
-    assert len(azimuths[0]) == 3 and azimuths.count(azimuths[0]) == len(tracks)
-
-
-def test_frames_of_two_sizes_are_refused(video: Video, explainer: vig.Explainer) -> None:
-    with pytest.raises(UserError, match="frames of one size, 150 x 150; got 140 x 150 in frame 1"):
-        vig.track([video.frames[0], video.frames[0][:, :140]], explainer, video.box)
+    assert len(azimuths[0]) == 2 and azimuths.count(azimuths[0]) == len(tracks)
 
 
 @pytest.mark.parametrize(
@@ -215,8 +201,11 @@ def test_frames_of_two_sizes_are_refused(video: Video, explainer: vig.Explainer)
 def test_frames_without_the_object_are_refused(
     box: Box | None, remedy: str, explainer: vig.Explainer
 ) -> None:
+    grey = np.full((60, 60, 3), 120, np.uint8)
     with pytest.raises(UserError, match=f"a teapot in the frames; found none. {remedy}"):
-        vig.track([np.full((60, 60, 3), 120, np.uint8)] * 2, explainer, box)
+        vig.track([grey, grey], explainer, box)
+    with pytest.raises(UserError, match="frames of one size, 60 x 60; got 50 x 60 in frame 1"):
+        vig.track([grey, grey[:, :50]], explainer, box)
 
 
 def test_a_camera_that_is_given_is_that_of_the_poses(video: Video, explainer: vig.Explainer) -> None:

@@ -165,15 +165,13 @@ def test_an_object_that_went_away_is_sought_everywhere(video: Video, explainer: 
     assert pose.camera_from_object[0, 3] > away[-1].camera_from_object[0, 3] + 0.1
 
 
-def test_it_is_sought_until_it_is_found(video: Video, explainer: vig.Explainer) -> None:
+def test_it_is_sought_until_it_is_found_and_a_mask_starts_it_anew(
+    poses: list[TrackedPose], quick_video: Video, explainer: vig.Explainer
+) -> None:
     tracker = vig.Tracker(explainer)
     assert tracker(np.full((150, 150, 3), 120, np.uint8)) is None
-    pose = tracker(video.frames[0])
+    pose = tracker(quick_video.frames[0])
     assert pose is not None and pose.number == 1 and not pose.lost
-
-
-def test_a_mask_starts_it(poses: list[TrackedPose], quick_video: Video, explainer: vig.Explainer) -> None:
-    tracker = vig.Tracker(explainer)
     pose = tracker.start(quick_video.frames[0], mask=poses[0].mask)
     assert pose is not None and off(pose.azimuth_deg, poses[0].azimuth_deg) < 10
 

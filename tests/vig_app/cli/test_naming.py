@@ -13,10 +13,10 @@ from PIL import Image
 from vig.io.errors import UserError
 from vig.photo import read_photo
 from vig_app.cli.cameras import cameras_of
-from vig_app.cli.common import FitCommand
-from vig_app.cli.fit import photos_of, result_folders
 from vig_app.cli.hints import mask_of
 from vig_app.cli.naming import by_photo, in_order, note_order
+from vig_app.cli.options import CameraOptions
+from vig_app.cli.photos import photos_of, result_folders
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_names_that_differ_by_unicode_composition_are_the_same(tmp_path: Path) -
     masks = tmp_path / "masks"
     masks.mkdir()
     (masks / decomposed).write_bytes(b"")
-    assert mask_of(FitCommand((photos[0],), mask=masks), photos[:1])(photos[0]) == masks / decomposed
+    assert mask_of(masks, photos[:1])(photos[0]) == masks / decomposed
     Image.new("RGB", (20, 20)).save(photos[1])
     assert photos_of(tuple(photos[:1]), tmp_path / "out") == photos[1:], "as it is stored"
     assert read_photo(photos[0]).shape == (20, 20, 3)
@@ -112,7 +112,7 @@ def test_a_lookup_takes_no_longer_among_many_photos(tmp_path: Path) -> None:
     photos = [tmp_path / f"{number:06}.png" for number in range(count)]
     file = tmp_path / "scene_camera.json"
     file.write_text(json.dumps({str(number): [number] for number in range(count)}))
-    assert cameras_of(FitCommand(cameras=file), photos) == [[number] for number in range(count)]
+    assert cameras_of(CameraOptions(cameras=file), photos) == [[number] for number in range(count)]
     assert time.process_time() - began < 10
 
 
@@ -122,11 +122,11 @@ def test_one_mask_is_not_that_of_two_photos(tmp_path: Path) -> None:
     masks.mkdir()
     (masks / "0.png").write_bytes(b"")
     with pytest.raises(UserError, match="expected a mask for each photo; got '.*0.png' for .*s1.* and .*s2"):
-        mask_of(FitCommand(tuple(photos), mask=masks), photos)
+        mask_of(masks, photos)
     for scene in ("s1", "s2"):
         (masks / scene).mkdir()
         (masks / scene / "0.png").write_bytes(b"")
-    of = mask_of(FitCommand(tuple(photos), mask=masks), photos)
+    of = mask_of(masks, photos)
     assert [of(photo) for photo in photos] == [masks / "s1" / "0.png", masks / "s2" / "0.png"]
 
 

@@ -60,7 +60,7 @@ def test_a_folder_of_frames_is_tracked(
     )
     with open(out / "track.csv", newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    assert tuple(rows[0]) == TRACK_COLUMNS and [row["frame"] for row in rows] == ["0", "1", "2"]
+    assert tuple(rows[0]) == tuple(TRACK_COLUMNS) and [row["frame"] for row in rows] == ["0", "1", "2"]
     table = parquet.read_table(out / "track.parquet")
     assert table.column_names == list(TRACK_COLUMNS) and table.num_rows == 3
     assert str(table.schema.field("lost").type) == "bool"

@@ -19,8 +19,8 @@ import vig
 from vig.likelihood import LIKELIHOODS
 from vig_app.cli.boxes import check_place
 from vig_app.cli.cameras import cameras_of
-from vig_app.cli.common import FitCommand
 from vig_app.cli.main import main
+from vig_app.cli.options import CameraOptions, HintOptions, ModelOptions, PlaceOptions
 from vig_app.corrections import State
 from vig_app.examples import example_photos
 from vig_app.exports import export_run
@@ -64,7 +64,7 @@ def test_no_photo_at_all(capsys, tmp_path):
 
 
 def test_help_offers_what_there_is():
-    assert get_args(get_type_hints(FitCommand)["likelihood"]) == tuple(LIKELIHOODS)
+    assert get_args(get_type_hints(ModelOptions)["likelihood"]) == tuple(LIKELIHOODS)
 
 
 def test_an_unknown_file_is_refused(capsys, photo, tmp_path):
@@ -131,12 +131,12 @@ def test_an_axis_may_begin_with_minus(capsys, photo):
 
 
 def test_a_mesh_is_placed_by_what_was_corrected(tmp_path):
-    settings = FitCommand((tmp_path / "photo.png",), mesh=tmp_path / "cup.glb")
+    place = PlaceOptions(mesh=tmp_path / "cup.glb")
     teapot, state = vig.ObjectClass.load("teapot"), State(box=(1.0, 2.0, 3.0, 4.0))
     for corrected in (False, True):
         state.write(tmp_path, tmp_path / "photo.png", teapot, corrected)
         with nullcontext() if corrected else pytest.raises(vig.UserError, match="expected --box or --mask"):
-            check_place(settings, [tmp_path])
+            check_place(place, HintOptions(), folders=[tmp_path])
 
 
 def test_a_fit_ends_with_what_to_do_next(capsys, tmp_path):
@@ -316,8 +316,8 @@ def test_a_quiet_fit_prints_its_folder_alone(tmp_path: Path, capsys: pytest.Capt
     assert capsys.readouterr().out == f"{tmp_path / 'out'}\n"
 
 
-def cameras_given(folder: Path, photos: list[Path], **settings: Any) -> list[Any]:
-    return cameras_of(FitCommand(tuple(photos), out=folder, **settings), photos)
+def cameras_given(photos: list[Path], **options: Any) -> list[Any]:
+    return cameras_of(CameraOptions(**options), photos)
 
 
 def test_cameras_are_those_of_a_file_by_path_by_name_or_by_number(tmp_path: Path) -> None:
@@ -326,23 +326,23 @@ def test_cameras_are_those_of_a_file_by_path_by_name_or_by_number(tmp_path: Path
     file = tmp_path / "cameras.json"
     file.write_text(json.dumps({"1/rgb/000003.png": [1], "2/rgb/000003.png": [2], "000012.png": [3]}))
     with pytest.raises(vig.UserError, match="got '000012.png', which is the name of 2.* '1/rgb/000012.png'"):
-        cameras_given(tmp_path, photos, cameras=file)
-    assert cameras_given(tmp_path, photos[:2], cameras=file) == [[1], [3]]
+        cameras_given(photos, cameras=file)
+    assert cameras_given(photos[:2], cameras=file) == [[1], [3]]
     file.write_text(json.dumps({"3": {"cam_K": [4]}, "12": {"cam_K": [5]}, "7": {}}))
-    assert cameras_given(tmp_path, photos[:2], cameras=file) == [{"cam_K": [4]}, {"cam_K": [5]}]
+    assert cameras_given(photos[:2], cameras=file) == [{"cam_K": [4]}, {"cam_K": [5]}]
     with pytest.raises(vig.UserError, match="one scene .* got 2 scenes"):
-        cameras_given(tmp_path, photos, cameras=file)
+        cameras_given(photos, cameras=file)
     with pytest.raises(vig.UserError, match="expected a camera of .*000004.png"):
-        cameras_given(tmp_path, [tmp_path / "000004.png"], cameras=file)
+        cameras_given([tmp_path / "000004.png"], cameras=file)
     for camera in (
         [9.0, 9, 1, 1],
         {"fx": 9, "fy": 9, "cx": 1, "cy": 1},
         {"K": [[9, 0, 1]]},
     ):
         file.write_text(json.dumps(camera))
-        assert cameras_given(tmp_path, photos, cameras=file) == [camera] * 4
-    assert cameras_given(tmp_path, photos, intrinsics="9, 8,1,2.5") == [(9.0, 8.0, 1.0, 2.5)] * 4
-    assert cameras_given(tmp_path, photos) == [None] * 4
+        assert cameras_given(photos, cameras=file) == [camera] * 4
+    assert cameras_given(photos, intrinsics="9, 8,1,2.5") == [(9.0, 8.0, 1.0, 2.5)] * 4
+    assert cameras_given(photos) == [None] * 4
 
 
 @pytest.mark.parametrize(

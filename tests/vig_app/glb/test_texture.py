@@ -22,6 +22,7 @@ from vig_app.glb import Texture
 from vig_app.glb import bake as bake_any
 from vig_app.glb.atlas import GAP, SIDE, atlas_of
 from vig_app.glb.bake import INVENTED, MIRRORED, SEEN
+from vig_app.pictures import part_albedo
 from vig_renderer.edges import smooth_normals
 
 MAGENTA = np.array([1.0, 0.0, 1.0], np.float32)
@@ -169,7 +170,7 @@ def test_what_neither_side_shows_has_its_parts_colour(teapot: ObjectClass) -> No
     below = points[:, 2] < 0.002  # the foot's underside
     assert (texture.origin[below] == INVENTED).all() and below.sum() > 1000
     part = model.parts[model.faces[texture.atlas.face[below], 0]]
-    np.testing.assert_array_equal(texture.colours[below], explanation.part_albedo[part])
+    np.testing.assert_array_equal(texture.colours[below], part_albedo(explanation)[part])
 
 
 def test_nothing_of_what_covers_the_object_is_on_it(teapot: ObjectClass) -> None:

@@ -12,7 +12,7 @@ import trimesh
 
 from tests.support import latents
 from vig import Camera
-from vig.output import glb_from_object
+from vig.record import glb_from_object
 from vig.scene import ObjectClass
 from vig_app.glb import GlbObject, write_glb
 from vig_app.glb.files import MOST_SCALED, on_one_ground

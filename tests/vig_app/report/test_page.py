@@ -24,6 +24,7 @@ from vig.scene import Latents
 from vig.scene.light import srgb_from_linear
 from vig_app.cli.main import main
 from vig_app.examples import example_photos
+from vig_app.pictures import part_albedo
 from vig_app.report import words
 from vig_app.report.folder_page import Entry, folder_html, reduced
 from vig_app.report.gallery import card_of, gallery_html
@@ -283,7 +284,7 @@ def test_the_hidden_part_and_the_outline_lie_where_the_overlay_has_them(
     model, albedo = explanation.object_class.shape_model, explanation.latents.albedo[0]
     rendered = draw_latents(explanation.latents, explanation.object_class, explanation.camera)
     part = model.parts[model.faces[rendered.triangle_id, 0]]
-    colours = srgb_from_linear(rendered.rgb / albedo * explanation.part_albedo[part])
+    colours = srgb_from_linear(rendered.rgb / albedo * part_albedo(explanation)[part])
     surely = hidden & (drawn[..., 3] > 0.99) & (rendered.coverage > 0.99)
     off = np.abs(drawn[..., :3] - 255 * colours)[surely]
     assert surely.sum() > 500 and off.mean() < 1  # measured: .32 of 255

@@ -26,8 +26,8 @@ import vig
 from tests.nodes import needs_ray, two_nodes
 from vig.io.errors import UserError
 from vig_app.cli import fit as fit_verb
-from vig_app.cli.fit import photos_of, result_folders
 from vig_app.cli.main import main
+from vig_app.cli.photos import photos_of, result_folders
 from vig_app.examples import example_photos
 from vig_app.exports import export_run
 from vig_app.results import COLUMNS, write_table
@@ -334,7 +334,7 @@ def test_bad_files_of_all_kinds_are_rows_with_a_reason(
     *errors, last = capsys.readouterr().err.splitlines()
     assert [line[:5] for line in errors] == 7 * ["vig: "] and "explained 10 of 17 photos" in last
     table = parquet.read_table(tmp_path / "out" / "results.parquet")
-    assert tuple(table.column_names) == COLUMNS and table.num_rows == 17
+    assert tuple(table.column_names) == tuple(COLUMNS) and table.num_rows == 17
     assert table.column("verdict").null_count == 7
     assert not list((tmp_path / "out").glob(f".*{PARTIAL}"))
 
@@ -345,7 +345,7 @@ def test_the_table_has_the_pose_and_types_whatever_is_in_it(photos: Path, tmp_pa
     pose = [[row[f"camera_from_object_{i}{j}"] for j in range(4)] for i in range(3)]
     assert pose == described["pinhole"]["camera_from_object"][:3]
     assert (row["focal_px"], row["verdict"]) == (described["pinhole"]["K"][0][0], described["verdict"])
-    assert tuple(row) == COLUMNS
+    assert tuple(row) == tuple(COLUMNS)
     full, empty = tmp_path / "full", tmp_path / "empty"
     for folder, rows in ((full, [row]), (empty, [])):
         folder.mkdir()
@@ -442,3 +442,13 @@ def test_exports_of_earlier_results_go_when_a_photo_is_fitted_again(photos: Path
     written = (out / "bop.csv").read_text()
     assert len(written.splitlines()) == 3 and export_run(out, ["bop"])[0].read_text() == written
     assert (out / "1" / "pose.yaml").exists() and (out / "1" / "bop").is_dir()
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_what_is_refused_before_anything_is_done_leaves_no_folder(there: bool, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    if there:
+        out.mkdir()
+    with pytest.raises(UserError, match="no cluster"), ledger_of(out):
+        raise UserError("no cluster")
+    assert out.exists() == there

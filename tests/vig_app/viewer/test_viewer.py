@@ -19,14 +19,16 @@ import pytest
 from PIL import Image
 
 import vig
+from vig.hints import Stroke
 from vig.inference import PixelLabel
 from vig.io.errors import UserError
 from vig_app.cli.main import main
-from vig_app.corrections import Found, Mark, State
+from vig_app.corrections import Found, State
 from vig_app.examples import example_photos
 from vig_app.results import write_table
 from vig_app.viewer import Session
 from vig_app.viewer.server import Viewer
+from vig_app.viewer.session import changed, cleared, marked, placed
 from vig_app.viewer.walk import Walk
 
 
@@ -61,45 +63,45 @@ def test_a_result_of_vig_fit_can_be_resumed(session: Session, tmp_path: Path) ->
     assert not (tmp_path / "outAgain" / "photo" / "corrections.json").exists()
     photo, object_class, state = State.read(tmp_path / "outTrue" / "photo")
     assert photo.samefile(session.path) and object_class == "teapot"
-    assert state == State((100, 60, 190, 180), {"spout": (150, 140)}, roll_deg=3.0, focal=900.0)
+    assert state == State(box=(100, 60, 190, 180), points={"spout": (150, 140)}, roll_deg=3.0, focal=900.0)
     again = Session(session.explainer, photo, state).explanation.to_dict()
     assert again == json.loads((tmp_path / "outTrue" / "photo" / "explanation.json").read_text())
 
 
 def test_every_correction_is_a_state_that_can_be_taken_back(session: Session) -> None:
     first = session.explanation
-    session.place("spout", 150.0, 140.0)
-    session.mark(PixelLabel.IN_FRONT, 200.0, 150.0, 12.0)
-    held = session.hold(25.0, None)
+    session.correct(placed("spout", 150.0, 140.0))
+    session.correct(marked(PixelLabel.IN_FRONT, 200.0, 150.0, 12.0))
+    held = session.correct(changed(elevation_deg=25.0, roll_deg=None))
     assert held.elevation_deg == pytest.approx(25.0, abs=1e-3)
     assert held.to_dict()["hints"]["points"] == {"spout": [150.0, 140.0]}
     assert held.to_dict()["hints"]["marks"] == pytest.approx(math.pi * 144, rel=0.05)
-    assert session.undo().to_dict()["hints"].keys() == {"points", "marks"}
-    assert session.clear().to_dict()["hints"] == {}
+    assert session.correct(None).to_dict()["hints"].keys() == {"points", "marks"}
+    assert session.correct(cleared).to_dict()["hints"] == {}
     assert session.explanation.azimuth_deg == first.azimuth_deg
     for _ in range(9):
-        session.undo()
+        session.correct(None)
     assert session.explanation.to_dict() == first.to_dict() and len(session.states) == 1
 
 
 def test_a_box_is_cut_at_the_photos_edges_and_a_bad_one_loses_nothing(session: Session) -> None:
-    session.draw_box(90.0, -20.0, 200.0, 900.0)
+    session.correct(session.boxed(90.0, -20.0, 200.0, 900.0))
     assert session.state.box == (90.0, 0.0, 200.0, 300.0)
     previous = session.explanation
     with pytest.raises(UserError, match="at least 8 pixels a side"):
-        session.draw_box(10.0, 10.0, 2.0, 2.0)
+        session.correct(session.boxed(10.0, 10.0, 2.0, 2.0))
     with pytest.raises(UserError, match="names"):
-        session.place("nose", 1.0, 1.0)
+        session.correct(placed("nose", 1.0, 1.0))
     assert session.explanation is previous and len(session.states) == 2
 
 
 def test_what_is_saved_is_what_vig_fit_saves_and_can_be_resumed(
     session: Session, explainer: vig.Explainer, tmp_path: Path
 ) -> None:
-    session.say_visible(True)
-    session.draw_box(100.0, 60.0, 190.0, 180.0)
-    session.place("spout", 150.0, 140.0)
-    session.mark(PixelLabel.IN_FRONT, 200.0, 150.0, 12.0)
+    session.correct(changed(visible=True))
+    session.correct(session.boxed(100.0, 60.0, 190.0, 180.0))
+    session.correct(placed("spout", 150.0, 140.0))
+    session.correct(marked(PixelLabel.IN_FRONT, 200.0, 150.0, 12.0))
     folder = session.save(tmp_path / "out")
     assert {path.name for path in folder.iterdir()} >= {"explanation.json", "object.glb", "report.html"}
     assert json.loads((folder / "explanation.json").read_text())["hints"].keys() == {
@@ -149,10 +151,10 @@ def test_corrections_of_other_types_are_refused(tmp_path: Path, content: Any) ->
         (State(box=(10, 10, 2, 2)), "at least 8 pixels a side"),
         (State(points={"spout": (1e300, 1)}), "on the photo or near it"),
         (State(points={"nose": (1, 1)}), "names"),
-        (State(marks=(Mark(900.0, 10.0, 3.0, 1),)), "expected marks on the photo"),
-        (State(marks=(Mark(10.0, 10.0, math.inf, 1),)), "expected marks on the photo"),
-        (State(marks=(Mark(10.0, 10.0, -1.0, 1),)), "expected marks on the photo"),
-        (State(marks=(Mark(10.0, 10.0, 3.0, 9),)), "expected marks on the photo"),
+        (State(strokes=(Stroke(900.0, 10.0, 3.0, 1),)), "expected marks on the photo"),
+        (State(strokes=(Stroke(10.0, 10.0, math.inf, 1),)), "expected marks on the photo"),
+        (State(strokes=(Stroke(10.0, 10.0, -1.0, 1),)), "expected marks on the photo"),
+        (State(strokes=(Stroke(10.0, 10.0, 3.0, 9),)), "expected marks on the photo"),
         (State(focal=-1.0), "focal length"),
         (State(elevation_deg=100.0), "within 90 degrees"),
         (State(roll_deg=math.nan), "roll_deg"),
@@ -169,7 +171,7 @@ def test_what_does_not_suit_the_photo_is_refused_before_it_is_a_state(
 
 def test_what_changes_nothing_is_no_step_back(session: Session) -> None:
     for _ in range(3):
-        session.hold(None, None)
+        session.correct(changed(elevation_deg=None, roll_deg=None))
     assert len(session.states) == 1
 
 
@@ -285,15 +287,15 @@ def test_the_next_free_port_is_taken_and_none_is_reported(viewer: Viewer, tmp_pa
 
 def test_a_stroke_is_continuous_and_as_wide_as_its_brush(session: Session) -> None:
     marks = np.zeros((300, 400), np.uint8)
-    Mark(50.0, 50.0, 5.0, PixelLabel.SEEN, ((150.0, 50.0), (150.0, 120.0))).paint(marks)
+    Stroke(50.0, 50.0, 5.0, PixelLabel.SEEN, ((150.0, 50.0), (150.0, 120.0))).paint(marks)
     rows, columns = np.mgrid[:300, :400] + 0.5
     across = np.hypot(columns - columns.clip(50, 150), rows - 50)
     down = np.hypot(columns - 150, rows - rows.clip(50, 120))
     assert np.array_equal(marks == PixelLabel.SEEN, np.minimum(across, down) <= 5)
-    session.mark(PixelLabel.IN_FRONT, 200.0, 150.0, 4.0, [(240.0, 150.0)])
+    session.correct(marked(PixelLabel.IN_FRONT, 200.0, 150.0, 4.0, [(240.0, 150.0)]))
     assert session.explanation.to_dict()["hints"]["marks"] == pytest.approx(40 * 8 + math.pi * 16, rel=0.05)
     with pytest.raises(UserError, match="expected marks on the photo"):
-        session.mark(PixelLabel.IN_FRONT, 200.0, 150.0, 4.0, [(240.0, 1e9)])
+        session.correct(marked(PixelLabel.IN_FRONT, 200.0, 150.0, 4.0, [(240.0, 1e9)]))
 
 
 def test_vig_view_serves_until_it_is_interrupted(session: Session, tmp_path: Path) -> None:
@@ -367,7 +369,7 @@ def test_a_box_that_vig_found_is_no_users(explainer: vig.Explainer, tmp_path: Pa
     """A fit within it is no more certain than the run that found it, until a user says where it is."""
     photo = example_photos()[0].photo
     box = Session(explainer, photo).explanation.box
-    found = State(box, found=Found(0.7, 0.01))
+    found = State(box=box, found=Found(0.7, 0.01))
     found.write(tmp_path / "1-teapot", photo, explainer.object_class)
     _, _, state = State.read(tmp_path / "1-teapot")
     assert state == found
@@ -375,6 +377,6 @@ def test_a_box_that_vig_found_is_no_users(explainer: vig.Explainer, tmp_path: Pa
     explained = ghost.explanation
     assert explained.confidence == pytest.approx(0.01) and explained.present == 0.7
     assert explained.verdict is vig.Verdict.AMBIGUOUS and "may be no teapot" in explained.reason
-    assert ghost.choose(explained.azimuth_deg).confidence < 0.02
-    assert ghost.draw_box(*box).verdict is vig.Verdict.TRUSTED
+    assert ghost.correct(changed(azimuth_deg=explained.azimuth_deg)).confidence < 0.02
+    assert ghost.correct(ghost.boxed(*box)).verdict is vig.Verdict.TRUSTED
     assert ghost.state.found is None

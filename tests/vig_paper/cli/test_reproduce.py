@@ -8,13 +8,15 @@ import pytest
 
 from vig_app.cli.main import main
 from vig_paper.cli.reproduce import SAME_NUMBERS
-from vig_paper.cli.settings import Reproduce
+from vig_paper.settings import Reproduce
 from vig_train.cli.common import command_line
 
 
 def test_the_command_tells_all_that_changes_numbers() -> None:
-    chosen = Reproduce("tiny", Path("my run"), epochs=3, methods=("rm", "robust"), no_cycles=True, workers=2)
-    expected = "vig reproduce --scale tiny --out 'my run' --epochs 3 --methods rm robust --no-cycles"
+    chosen = Reproduce(
+        "tiny", epochs=3, methods=("rm", "robust"), out=Path("my run"), no_cycles=True, workers=2
+    )
+    expected = "vig reproduce --scale tiny --epochs 3 --methods rm robust --out 'my run' --no-cycles"
     assert command_line("vig reproduce", chosen, skipped=SAME_NUMBERS) == expected
 
 

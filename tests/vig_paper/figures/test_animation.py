@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 from PIL import Image
 
 from vig.inference import ExplainSettings, ObjectiveValue, Stage, explain_one
@@ -13,9 +14,9 @@ from vig.recognition import Recognizer
 from vig.scene import ObjectClass, linear_from_srgb
 from vig.search.levenberg_marquardt import LevenbergMarquardt
 from vig.search.optimizer import Budget
-from vig_paper.figures import animation, fit_animation
-from vig_paper.optimizers.conjugate_gradient import ConjugateGradient
-from vig_paper.optimizers.quasi_newton import BFGS
+from vig_paper.figures import animation
+from vig_paper.figures.animation import fit_animation
+from vig_paper.optimizers import BFGS
 from vig_world.dataset import Dataset
 
 
@@ -30,25 +31,16 @@ class Bowl:
         return ObjectiveValue(-(points**2).sum(1).astype(np.float64), -2 * points, normal, None)
 
 
-def test_the_recorder_changes_nothing_and_keeps_the_best_so_far() -> None:
+@pytest.mark.parametrize(("optimizer", "least"), [(LevenbergMarquardt(), 3), (BFGS(), 1)])
+def test_the_recorder_changes_nothing_and_keeps_the_best_searchs_way(optimizer, least: int) -> None:
     starts, photo = np.linspace(-3, 3, 36, dtype=np.float32).reshape(2, 18), np.zeros(2, np.int32)
-    for optimizer in (LevenbergMarquardt(), BFGS(), ConjugateGradient()):
-        alone = optimizer(Bowl(), starts, photo, 1.0, Budget(10, 1e-3))
-        recorder = animation.Recorder(optimizer)
-        watched = recorder(Bowl(), starts, photo, 1.0, Budget(10, 1e-3))
-        np.testing.assert_allclose(watched.points, alone.points)
-        values = [-float((point**2).sum()) for point in recorder.best]
-        assert values == sorted(values) and len(values) >= 3
-        assert abs(values[-1] - float(watched.value.max())) < 1e-4
-
-
-def test_a_stage_begins_with_its_own_best() -> None:
-    recorder = animation.Recorder(LevenbergMarquardt())
-    photo = np.zeros(1, np.int32)
-    recorder(Bowl(), np.ones((1, 18), np.float32), photo, 1.0, Budget(5, 1e-3))
-    ended = len(recorder.best)
-    recorder(Bowl(), np.full((1, 18), 3.0, np.float32), photo, 1.0, Budget(0, 1e-3))
-    np.testing.assert_allclose(recorder.best[ended], 3.0)
+    alone = optimizer(Bowl(), starts, photo, 1.0, Budget(10, 1e-3))
+    recorder = animation.Recorder(optimizer)
+    watched = recorder(Bowl(), starts, photo, 1.0, Budget(10, 1e-3))
+    np.testing.assert_array_equal(watched.points, alone.points)
+    values = [-float((point**2).sum()) for point in recorder.points]
+    assert values == sorted(values) and len(values) >= least
+    assert abs(values[-1] - float(watched.value.max())) < 1e-4
 
 
 def test_the_animation_ends_with_the_answer(
@@ -70,11 +62,10 @@ def test_the_animation_ends_with_the_answer(
     path = fit_animation(photo, prediction, teapot, settings, tmp_path / "fit.webp")
     answer = explain_one(photo, prediction, teapot, replace(settings))
     assert words[0] == "recognition model" and words[-1] == answer.verdict.name.lower()
-    assert words[1].startswith("evaluation 1 of ")
+    assert words[1].startswith("step 1 of ")
     assert (drawn[-1] == answer.amodal).mean() > 0.999
     with Image.open(path) as image:
         assert image.format == "WEBP" and 10 < image.n_frames <= len(words) <= animation.MAX_FRAMES
-        assert image.size == (2 * animation.PICTURE_PIXELS + 4, animation.PICTURE_PIXELS + 22)
     assert path.stat().st_size < animation.MAX_BYTES
 
 

@@ -9,7 +9,8 @@ import pytest
 from PIL import Image
 
 from vig.scene import Latents
-from vig_paper.figures import curves, figure3, reliability_figure
+from vig_paper.figures import curves
+from vig_paper.figures.curves import figure3, reliability_figure
 from vig_train.evaluation import MethodResult
 from vig_train.evaluation.paper import paper_median
 

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from vig_paper.figures import choose, worst
+from vig_paper.figures.drawing import choose, worst
 from vig_train.evaluation import MethodResult
 
 # Five images in the first bin, one in the third.

@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 from vig.scene import EXPOSURE_L00, Latents, ObjectClass, rotate_z
-from vig_paper.figures import choose, figure4, figure5, photos
+from vig_paper.figures import photos
+from vig_paper.figures.drawing import choose
+from vig_paper.figures.photos import figure4, figure5
 from vig_world.assets.panoramas.light import grey, project_panorama
 from vig_world.dataset import Dataset
 from vig_world.library import Library

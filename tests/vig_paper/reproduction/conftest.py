@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from vig_paper.reproduction import ReproductionSettings, Run, RunFolder, work
+from vig_paper.reproduction import Run, RunFolder, work
+from vig_paper.settings import ReproductionSettings
 
 
 @pytest.fixture

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import base64
 import json
+import re
+from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +13,30 @@ import pytest
 
 from vig.io.errors import UserError
 from vig.photo.images import write_png
-from vig_paper.reproduction import Record, ReproductionSettings, RunFolder
+from vig_paper.reproduction import RunFolder
 from vig_paper.reproduction.page import write_page
 from vig_paper.reproduction.reached import RUNS
+from vig_paper.settings import ReproductionSettings
 from vig_train.evaluation import build_table, save_table
+from vig_train.record import Record
 
-from .test_html import counted
+
+class Balance(HTMLParser):
+    """Fails when an element is closed that is not the last one opened; counts the elements."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.opened: list[str] = []
+        self.counts: dict[str, int] = {}
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.counts[tag] = self.counts.get(tag, 0) + 1
+        if tag not in {"meta", "img", "br"}:
+            self.opened.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.opened.pop() == tag
+
 
 METRICS = ("azimuth_deg", "elevation_deg", "appearance", "illumination", "shape_mm")
 
@@ -47,7 +68,14 @@ def folder(tmp_path: Path) -> RunFolder:
 def test_the_page_has_what_the_run_has_and_nothing_else(folder: RunFolder) -> None:
     assert write_page(folder.root) == folder.page
     text = folder.page.read_text()
-    assert counted(text)["img"] == 1
+    page = Balance()
+    page.feed(text)
+    assert page.opened == [] and page.counts["img"] == page.counts["h1"] == 1
+    assert page.counts["section"] == page.counts["a"] == 2
+    assert not {"script", "link"} & set(page.counts) and "http" not in text
+    picture = re.search(r'src="data:image/png;base64,([^"]+)"', text)
+    drawn = folder.figures("raster") / "figure3.png"
+    assert picture and base64.b64decode(picture[1]) == drawn.read_bytes()
     assert "Rasterised photos" in text and "This run has no path-traced photos." in text
     assert "75% to 90% hidden" in text
     for absent in ("Ablations", "Training", "worst first"):
@@ -81,7 +109,7 @@ def test_a_tiny_run_is_judged_by_runs_of_its_size(folder: RunFolder) -> None:
     assert f"Rasterised photos: 7 of 10 medians are as those of {RUNS}, or better." in text
     assert "5 of 10 are better than these." in text and "Not passed" not in text
     assert text.count("<b>ok</b>") == 7 and text.count("<b>worse</b>") == 3
-    assert "such runs 53.2 to 96.7" in text and "<b>fail</b>" not in text
+    assert "<small>53.2 to 96.7 · <b>ok</b></small>" in text and "<b>fail</b>" not in text
 
 
 def test_a_folder_without_a_run_is_told(tmp_path: Path) -> None:

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from vig_paper.reproduction import ReproductionSettings
 from vig_paper.reproduction.reached import REACHED, reached, reached_block, reached_line, training_line
+from vig_paper.settings import ReproductionSettings
 
 TINY = ReproductionSettings.of("tiny").to_json()
 

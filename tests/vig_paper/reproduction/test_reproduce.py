@@ -14,6 +14,7 @@ from tests.support import contents, differing
 from vig_app.cli.main import main
 from vig_paper import ablation
 from vig_paper.reproduction import work
+from vig_paper.settings import ReproductionSettings
 from vig_train.evaluation import fits
 
 SETTINGS = (
@@ -79,7 +80,7 @@ def test_a_run_leaves_data_weights_tables_figures_and_a_page(finished: tuple[Pat
     }
     record = json.loads((out / "run.json").read_text())
     assert all(step["complete"] for step in record["steps"].values())
-    assert record["command"].startswith("vig reproduce --scale tiny --out ")
+    assert record["command"].startswith("vig reproduce --scale tiny --train-images 24 ")
     assert record["machine"]["packages"]["torch"] and record["settings"]["seed"] == 999
 
 
@@ -152,7 +153,7 @@ def test_given_weights_and_photos_are_used(finished: tuple[Path, str], tmp_path:
 def test_photos_of_the_wrong_renderer_are_refused(finished: tuple[Path, str], tmp_path: Path) -> None:
     run = work.Run(
         work.RunFolder(tmp_path),
-        work.ReproductionSettings.of("tiny", test_cycles=finished[0] / "data/test_raster"),
+        ReproductionSettings.of("tiny", test_cycles=finished[0] / "data/test_raster"),
     )
     with pytest.raises(Exception, match="expected cycles photos in .*; got raster"):
         work.make_data(run, "test_cycles")
@@ -163,6 +164,6 @@ def test_without_blender_path_traced_photos_are_left_out(
 ) -> None:
     monkeypatch.setenv("VIG_BLENDER_PYTHON", str(tmp_path / "nothing"))
     said: list[str] = []
-    run = work.Run(work.RunFolder(tmp_path / "r"), work.ReproductionSettings.of("tiny"), report=said.append)
+    run = work.Run(work.RunFolder(tmp_path / "r"), ReproductionSettings.of("tiny"), report=said.append)
     assert run.renderers() == ("raster",)
     assert len(said) == 1 and "left out" in said[0] and "VIG_BLENDER_PYTHON" in said[0]

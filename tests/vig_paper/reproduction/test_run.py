@@ -9,8 +9,10 @@ from pathlib import Path
 import pytest
 
 from vig.io.errors import UserError
-from vig_paper import STEP_KINDS
-from vig_paper.reproduction import Record, Run, duration, reproduce, work
+from vig_paper.reproduction import Run, reproduce, work
+from vig_paper.reproduction.run import duration
+from vig_paper.settings import STEP_KINDS
+from vig_train.record import Record
 
 ALL = [
     "data train",

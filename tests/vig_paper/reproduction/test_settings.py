@@ -8,21 +8,15 @@ from pathlib import Path
 import pytest
 
 from vig.io.errors import UserError
-from vig_paper.reproduction import SCALES, ReproductionSettings
-from vig_train import METHODS
-
-
-def test_the_papers_counts() -> None:
-    """PAPER: 10,000 for training, 1,000 for test, in both tiers the same scenes."""
-    paper = SCALES["paper"]
-    assert (paper.train_images, paper.test_images, paper.cycles_images) == (10000, 1000, 1000)
-    assert paper.methods == METHODS and paper.net == "vig"
+from vig_paper.settings import ReproductionSettings
 
 
 def test_what_is_not_chosen_is_the_scales() -> None:
-    settings = ReproductionSettings.of("small", epochs=3, seed=None)
-    assert settings.epochs == 3 and settings.seed == 0
-    assert settings.train_images == SCALES["small"].train_images and settings.scale == "small"
+    """PAPER: 10,000 for training, 1,000 for test, by both renderers the same scenes."""
+    paper = ReproductionSettings.of("paper", epochs=3)
+    counts = paper.train_images, paper.test_images, paper.cycles_images, paper.epochs, paper.seed
+    assert counts == (10000, 1000, 1000, 3, 0)
+    assert ReproductionSettings.of("small").epochs == 12
 
 
 def test_settings_are_json() -> None:

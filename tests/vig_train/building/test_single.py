@@ -19,7 +19,7 @@ from vig.io.files import atomic_write
 from vig.recognition import UninformedRecognizer
 from vig.scene import ObjectClass
 from vig_app.cli.boxes import classes_of
-from vig_app.cli.common import FitCommand
+from vig_app.cli.options import PlaceOptions
 from vig_train.building import BuildSettings, build_class, single
 from vig_train.building.pose import up_axis
 from vig_train.building.reading import Scan
@@ -79,12 +79,12 @@ def test_what_is_no_mesh_is_refused(
 
 
 def test_a_mesh_goes_in_place_of_a_class(tmp_path: Path) -> None:
-    given = FitCommand((tmp_path / "photo.jpg",), mesh=tmp_path / "cup.glb", object_class="mug")
+    given = PlaceOptions(mesh=tmp_path / "cup.glb", object_class="mug")
     with pytest.raises(UserError, match="--mesh, --class or --objects"):
-        classes_of(given)
+        classes_of(given, print)
     for option in ({"length": 0.4}, {"up": "z"}):
         with pytest.raises(UserError, match=f"expected --{next(iter(option))} with --mesh"):
-            classes_of(FitCommand((tmp_path / "photo.jpg",), **option))  # type: ignore[arg-type]
+            classes_of(PlaceOptions(**option), print)  # type: ignore[arg-type]
 
 
 def fake_build(mesh: Path, out: Path, settings: BuildSettings, say: Callable[[str], None]) -> None:

@@ -12,9 +12,9 @@ from tests.vig.likelihood.reference import shade
 from vig.likelihood.geometry import Geometry
 from vig.scene import EXPOSURE_L00, Camera, ObjectClass, irradiance, srgb8_from_linear
 from vig.scene.light import Y00, linear_from_srgb
-from vig_world.assets.props import FAMILIES
-from vig_world.assets.props.material import Material
+from vig_world.assets.models import packaged_props
 from vig_world.assets.target import NO_DESIGN, shape_vertices
+from vig_world.assets.things import Material
 from vig_world.mesh import Mesh, vertex_normals
 from vig_world.raster import Item, PackedAsset, Target, TextureLevels, depth, draw
 from vig_world.raster.draw import SurfaceSamples
@@ -128,13 +128,12 @@ def test_a_plane_under_and_behind_the_eye_is_cut_off_in_front_of_it(teapot: Obje
 
 
 def test_depth_and_owner_agree_with_the_fits_rasteriser(teapot: ObjectClass) -> None:
-    rng = np.random.default_rng(3)
     view = View.of(teapot, 1.0, 0.6, 75)
     things, meshes = [], []
     for number, (family, at) in enumerate(
         {"mug": (0.05, 0.02), "book": (-0.06, -0.05), "bowl": (0, 0.1)}.items()
     ):
-        parts = FAMILIES[family](rng).parts
+        parts = packaged_props("train")[family][0].read()
         place = np.array([*at, 0.0])
         things.append(Item(PackedAsset.of(parts), np.eye(3), place, owner=number + 4))
         meshes.append([(mesh.vertices + place, mesh.faces) for mesh, _ in parts])
@@ -331,7 +330,7 @@ def test_the_same_bytes_on_any_thread(teapot: ObjectClass) -> None:
     rng = np.random.default_rng(1)
     items = [floor(stuff(rng.uniform(0, 1, (8, 8, 3)).astype(np.float32)))]
     for number in range(3):
-        parts = FAMILIES["mug"](rng).parts
+        parts = packaged_props("train")["mug"][0].read()
         items.append(
             Item(PackedAsset.of(parts), np.eye(3), np.array([0.1 * number - 0.1, 0.15, 0]), number + 1)
         )

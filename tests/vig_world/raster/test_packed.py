@@ -5,7 +5,7 @@ import pytest
 
 from vig.scene import srgb8_from_linear
 from vig_native import engine
-from vig_world.assets.props.material import Material
+from vig_world.assets.things import Material
 from vig_world.mesh import Mesh
 from vig_world.raster import PackedAsset, TextureLevels
 from vig_world.raster.packed import pack

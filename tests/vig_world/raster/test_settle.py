@@ -5,7 +5,7 @@ import pytest
 
 from tests.support import TEAPOT
 from vig.scene import ObjectClass
-from vig_world.assets.props import FAMILIES
+from vig_world.assets.models import packaged_props
 from vig_world.raster import Item, ObjectPixels, PackedAsset, depth, settle
 from vig_world.raster.view import View
 
@@ -26,7 +26,7 @@ def pixels_of(view: View) -> ObjectPixels:
 
 
 def mugs(view: View, behind: float = 0.0) -> list[Item]:
-    packed = PackedAsset.of(FAMILIES["mug"](np.random.default_rng(3)).parts)
+    packed = PackedAsset.of(packaged_props("train")["mug"][0].read())
     ahead = np.array([view.forward[0], view.forward[1], 0.0])
     places = (behind - 0.12) * ahead, (behind - 0.12) * ahead + [0.0, 0.0, 0.1]
     return [Item(packed, np.eye(3), place) for place in places]

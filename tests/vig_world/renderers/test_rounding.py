@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vig_world.assets.props.shapes import box, revolve
+from vig_world.assets.models.unwrapping import unwrap
+from vig_world.assets.shapes import box
 from vig_world.mesh import Mesh, vertex_normals
 from vig_world.renderers.cycles.rounding import CUTS, rounded
 
@@ -14,7 +15,13 @@ SIDES = 12
 
 def cylinder() -> Mesh:
     """Of radius and height 1, closed, with creases at top and foot: two rings there, one for each face."""
-    return revolve(np.array([[0.0, 0.0], [1, 0], [1, 0], [1, 1], [1, 1], [0, 1]]), SIDES)
+    k, angle = np.arange(SIDES), 2 * np.pi * np.arange(SIDES) / SIDES
+    rings = [np.stack([np.cos(angle), np.sin(angle), np.full(SIDES, z)], 1) for z in (0.0, 1.0)]
+    after, foot, top = (k + 1) % SIDES, np.full(SIDES, 2 * SIDES), np.full(SIDES, 2 * SIDES + 1)
+    sides = [(k, after, k + SIDES), (after, after + SIDES, k + SIDES)]
+    faces = [*sides, (after, k, foot), (k + SIDES, after + SIDES, top)]
+    points = np.concatenate([*rings, [[0, 0, 0], [0, 0, 1]]])
+    return unwrap(points, np.concatenate([np.stack(corners, 1) for corners in faces]))
 
 
 def rounded_mesh(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]:

@@ -7,21 +7,74 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from tests.vig_world.assets.test_furniture import ZONES, bytes_of, check_support, gap, joined, spread
-from vig_world.assets.furniture import FAMILIES, Furniture
-from vig_world.assets.props.material import Material
-from vig_world.assets.props.shapes import box
+from vig_world.assets.shapes import box
+from vig_world.assets.things import ZONE_NAMES, Furniture, Material, Support
+from vig_world.library import Library
 from vig_world.mesh import Mesh, face_normals
 from vig_world.rooms import Layout, draw_layout
 from vig_world.rooms.shell import inside, walls_of
 
 COUNT = 64
+LEVEL = 0.02
+"""Metres by which seats and covers may differ from the height of a support on them."""
 SHELL = ("wall", "floor", "ceiling")
+
+
+packaged = Library("train")._furniture
+"""Draws a piece of a family from the packaged catalogue."""
 
 
 @lru_cache(maxsize=COUNT)
 def drawn(seed: int) -> Layout:
-    return draw_layout(np.random.default_rng(seed))
+    return draw_layout(np.random.default_rng(seed), packaged)
+
+
+def joined(parts) -> tuple[np.ndarray, np.ndarray]:
+    starts = np.cumsum([0] + [len(mesh.vertices) for mesh, _ in parts])
+    faces = [mesh.faces + start for (mesh, _), start in zip(parts, starts, strict=False)]
+    return np.concatenate([mesh.vertices for mesh, _ in parts]).astype(float), np.concatenate(faces)
+
+
+def crossings(parts, points: np.ndarray) -> list[np.ndarray]:
+    """Heights at which the upright line through each point (x, y) meets the parts' faces."""
+    vertices, faces = joined(parts)
+    low, high = points.min(0), points.max(0)
+    xy = vertices[faces][:, :, :2]
+    near = (xy.max(1) >= low).all(1) & (xy.min(1) <= high).all(1)
+    triangles = vertices[faces[near]]
+    a, b, c = triangles[:, 0], triangles[:, 1], triangles[:, 2]
+    area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    level = np.abs(area) > 1e-10
+    a, b, c, area = a[level], b[level], c[level], area[level]
+    result = []
+    for x, y in points:
+        wb = ((x - a[:, 0]) * (c[:, 1] - a[:, 1]) - (y - a[:, 1]) * (c[:, 0] - a[:, 0])) / area
+        wc = ((b[:, 0] - a[:, 0]) * (y - a[:, 1]) - (b[:, 1] - a[:, 1]) * (x - a[:, 0])) / area
+        hit = (wb >= -1e-9) & (wc >= -1e-9) & (wb + wc <= 1 + 1e-9)
+        result.append((a[:, 2] + wb * (b[:, 2] - a[:, 2]) + wc * (c[:, 2] - a[:, 2]))[hit])
+    return result
+
+
+def spread(support: Support) -> np.ndarray:
+    """Points (M, 2) all over a support, its corners included."""
+    x, y = support.half
+    c, s = np.cos(support.turn), np.sin(support.turn)
+    shares = np.array([-0.999, -0.613, -0.217, 0.211, 0.607, 0.999])  # off the edges between triangles
+    u, v = (grid.ravel() for grid in np.meshgrid(x * shares, y * shares))
+    return np.stack([c * u - s * v, s * u + c * v], -1) + support.centre[:2]
+
+
+def check_support(parts, support: Support, ceiling: float = float("inf")) -> None:
+    z = support.centre[2]
+    for heights in crossings(parts, spread(support)):
+        assert np.abs(heights - z).min(initial=np.inf) < LEVEL, "the support lies on a surface"
+        above = heights[heights > z + LEVEL]
+        free = min(support.clearance, ceiling - z)
+        assert above.min(initial=np.inf) >= z + free - LEVEL, "it is free above"
+
+
+def bytes_of(parts) -> bytes:
+    return b"".join(a.tobytes() for mesh, m in parts for a in (mesh.vertices, mesh.faces, mesh.uv, m.texture))
 
 
 def overlap(a: np.ndarray, b: np.ndarray) -> float:
@@ -43,7 +96,7 @@ def test_rooms_are_of_many_kinds_and_shapes_and_all_different():
     assert set(shapes) == {4, 6} and shapes[6] >= COUNT / 10
     assert len({layout.outline.tobytes() + layout.solids.tobytes() for layout in layouts}) == COUNT
     zones = Counter(s.zone for layout in layouts for s in layout.supports)
-    assert set(zones) == ZONES
+    assert set(zones) == set(ZONE_NAMES)
 
 
 def test_furniture_stays_apart_and_indoors():
@@ -137,7 +190,7 @@ def first_hit(vertices: np.ndarray, faces: np.ndarray, start: np.ndarray, ahead:
     return float(hits.min(initial=np.inf))
 
 
-def test_the_shell_is_seen_from_inside_and_the_rest_is_closed():
+def test_the_shell_is_seen_from_inside():
     for seed in range(16):
         layout = drawn(seed)
         slots = {stuff.slot for _, stuff in layout.parts}
@@ -159,8 +212,6 @@ def test_the_shell_is_seen_from_inside_and_the_rest_is_closed():
                     facing = normals[:, :2] @ inward / np.linalg.norm(normals, axis=1)
                     assert (facing[np.abs(facing) > 0.9] > 0).sum() >= 2
                     assert not (facing < -0.9).any()
-            elif stuff.slot in ("top", "fabric"):
-                assert gap(mesh) < 1e-5
 
 
 def test_rooms_are_lean():
@@ -187,7 +238,7 @@ def test_one_can_walk_from_the_door():
 
 
 def test_same_seed_same_layout():
-    a, b = drawn(5), draw_layout(np.random.default_rng(5))
+    a, b = drawn(5), draw_layout(np.random.default_rng(5), packaged)
     assert bytes_of(a.parts) == bytes_of(b.parts)
     assert a.supports == b.supports and a.solids.tobytes() == b.solids.tobytes()
 
@@ -198,7 +249,7 @@ def test_users_furniture_takes_a_familys_place():
     def crate(family: str, rng: np.random.Generator) -> Furniture:
         asked[family] += 1
         if family != "chair":
-            return FAMILIES[family](rng)
+            return packaged(family, rng)
         stuff = Material(np.full((1, 1, 3), 0.123, np.float32), "wood", 0.5)
         return Furniture("crate", ((box((0.4, 0.4, 0.4)), stuff),), ())
 
@@ -207,7 +258,6 @@ def test_users_furniture_takes_a_familys_place():
         layout = draw_layout(np.random.default_rng(seed), crate)
         seen += sum(bool((stuff.texture == np.float32(0.123)).all()) for _, stuff in layout.parts)
     assert asked["chair"] > 0 and seen > 0
-    assert set(asked) <= set(FAMILIES)
 
 
 def test_a_mesh_without_a_place_is_left_out():

@@ -1,4 +1,10 @@
-"""BOP: camera, pose and boxes as its datasets have them, and the model, all in millimetres."""
+"""BOP: camera, pose and boxes as its datasets have them, and the model, all in millimetres.
+
+A run is one file, bop.csv, its poses as BOP's evaluation reads them: scene_id,im_id,obj_id,score,R,t,time.
+Scene and image are numbered by the photos' paths, `.../000001/rgb/000003.png`, where all have such; else by
+files' names that are numbers; else the scene is 0 and the image the photo's place among the photos. Poses are
+those before the camera that took the photo (see `Explanation.pinhole_pose`).
+"""
 
 from __future__ import annotations
 
@@ -8,9 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from vig.explanation import Explanation
-from vig.io.files import atomic_write
-from vig.output import write_json
+from vig.io.files import atomic_write, write_json
 from vig.photo.masks import box_of
+from vig.record import read_explanation
+from vig_app.exports.run import SCENE_NUMBERS, ExportedRun
 
 MILLIMETRES = 1000.0
 """In a metre."""
@@ -18,6 +25,7 @@ OBJECT_ID = 1
 """BOP and COCO count classes from 1; an explanation has one."""
 MODEL = f"bop/models/obj_{OBJECT_ID:06}.ply"
 FILES = ("bop/scene_camera.json", "bop/scene_gt.json", "bop/scene_gt_info.json", MODEL)
+RUN_FILE = "bop.csv"
 
 
 def write(folder: Path, explanation: Explanation, photo: str) -> None:
@@ -38,7 +46,7 @@ def write(folder: Path, explanation: Explanation, photo: str) -> None:
     }
     camera = {"cam_K": explanation.camera.K.ravel().tolist(), "depth_scale": 1.0}
     for path, content in zip(FILES, (camera, [truth], [info]), strict=False):
-        write_json(folder, {"0": content}, path)
+        write_json(folder / path, {"0": content})
     vertices, faces = explanation.vertices, explanation.object_class.shape_model.faces
     rows = ["ply", "format ascii 1.0", f"element vertex {len(vertices)}"]
     rows += [f"property float {axis}" for axis in "xyz"]
@@ -57,3 +65,18 @@ def bop_box(mask: np.ndarray) -> list[int]:
 def score(explanation: Explanation) -> float | None:
     """The confidence that the view is right, None for a class without calibration."""
     return None if math.isnan(explanation.confidence) else round(explanation.confidence, 5)
+
+
+def write_run(path: Path, run: ExportedRun) -> None:
+    """A line for each object."""
+    numbers = run.image_numbers(SCENE_NUMBERS)
+    with atomic_write(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
+        print("scene_id,im_id,obj_id,score,R,t,time", file=file)
+        for row in run.objects:
+            explanation = read_explanation(run.folder / row["folder"])
+            pose = np.array(explanation["pinhole"]["camera_from_object"], float)
+            rotation = " ".join(f"{number:.8g}" for number in pose[:3, :3].ravel())
+            translation = " ".join(f"{MILLIMETRES * number:.8g}" for number in pose[:3, 3])
+            scene, image = numbers[row["photo"]]
+            fields = scene, image, run.class_ids[row["class"]], row["score"], rotation, translation
+            print(*fields, row["seconds"], sep=",", file=file)

@@ -1,19 +1,28 @@
-"""COCO: an image and an annotation with its amodal and its visible mask as run lengths."""
+"""COCO: images and annotations, whole masks as `segmentation`, visible ones as `visible_segmentation`.
+
+Masks are run lengths. A run is one file, in which images are numbered by files' names that are numbers, as
+COCO's are; else by their place. Photos that could not be read are left out.
+"""
 
 from __future__ import annotations
 
+import json
 import re
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
 
 from vig import __version__
 from vig.explanation import Explanation
-from vig.output import write_json
+from vig.io.checks import reading
+from vig.io.files import atomic_write, write_json
+from vig.photo.decoding import opened
 from vig_app.exports.formats.bop import OBJECT_ID, bop_box, score
+from vig_app.exports.run import FILE_NUMBERS, ExportedRun
 
 FILES = ("coco.json",)
+RUN_FILE = "coco.json"
 
 
 def write(folder: Path, explanation: Explanation, photo: str) -> None:
@@ -28,7 +37,35 @@ def write(folder: Path, explanation: Explanation, photo: str) -> None:
         "categories": [{"id": OBJECT_ID, "name": explanation.object_class.name}],
         "annotations": [annotation],
     }
-    write_json(folder, described, FILES[0])
+    write_json(folder / FILES[0], described)
+
+
+def write_run(path: Path, run: ExportedRun) -> None:
+    """A line for each object, as there may be many."""
+    numbers = run.image_numbers(FILE_NUMBERS)
+    names = [PurePath(photo).name for photo in run.sizes]
+    names = names if len(set(names)) == len(names) else [PurePath(photo).as_posix() for photo in run.sizes]
+    head = {
+        "info": {"description": f"vig {__version__}"},
+        "images": [
+            {"id": numbers[photo][1], "file_name": name, "width": width, "height": height}
+            for name, (photo, (width, height)) in zip(names, run.sizes.items(), strict=True)
+        ],
+        "categories": [{"id": number, "name": name} for name, number in run.class_ids.items()],
+    }
+    with atomic_write(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
+        print(json.dumps(head)[:-1], end=', "annotations": [', file=file)
+        count = 0
+        for row in run.objects:
+            picture = run.folder / row["folder"] / "mask.png"
+            with reading(picture, "a mask of `vig fit`", "Fit the photo again."), opened(picture) as mask:
+                levels = np.asarray(mask)
+            if levels.any():
+                count += 1
+                image, category = numbers[row["photo"]][1], run.class_ids[row["class"]]
+                annotation = annotation_of(count, image, category, levels > 0, levels == 255, row["score"])
+                print("," * (count > 1), json.dumps(annotation), sep="\n", end="", file=file)
+        print("]}", file=file)
 
 
 def annotation_of(

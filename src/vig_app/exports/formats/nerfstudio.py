@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from vig.explanation import Explanation
-from vig.output import write_json
+from vig.io.files import write_json
 from vig.photo.images import coded, write_png
 from vig_app.glb import LOOKS_BACK
 
@@ -40,4 +40,4 @@ def write(folder: Path, explanation: Explanation, photo: str) -> None:
         "cy": camera.cy,
         "frames": [frame],
     }
-    write_json(folder, described, TRANSFORMS)
+    write_json(folder / TRANSFORMS, described)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from vig.explanation import Explanation
-from vig.output import write_json
+from vig.io.files import write_json
 
 POSE = "pose.yaml"
 CAMERA = "camera_info.yaml"
@@ -26,7 +26,7 @@ def write(folder: Path, explanation: Explanation, photo: str) -> None:
     orientation = dict(zip("xyzw", quaternion, strict=True))
     placed = {"position": position, "orientation": orientation}
     estimate = {"pose": placed, "covariance": covariance.ravel().tolist()}
-    write_json(folder, stamp | {"pose": estimate}, POSE)
+    write_json(folder / POSE, stamp | {"pose": estimate})
     info = {
         "width": explanation.camera.width,
         "height": explanation.camera.height,
@@ -36,7 +36,7 @@ def write(folder: Path, explanation: Explanation, photo: str) -> None:
         "r": np.eye(3).ravel().tolist(),
         "p": np.c_[intrinsics, np.zeros(3)].ravel().tolist(),
     }
-    write_json(folder, stamp | info, CAMERA)
+    write_json(folder / CAMERA, stamp | info)
 
 
 def quaternion_of(rotation: np.ndarray) -> np.ndarray:

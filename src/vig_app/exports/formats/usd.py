@@ -10,6 +10,7 @@ from vig.explanation import Explanation
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
 from vig_app.glb import LOOKS_BACK
+from vig_app.pictures import part_albedo
 from vig_renderer.edges import smooth_normals
 
 FILES = ("object.usdc",)
@@ -27,7 +28,7 @@ def write(folder: Path, explanation: Explanation, photo: str) -> None:
     root = UsdGeom.Xform.Define(stage, f"/{_identifier(explanation.object_class.name)}")
     stage.SetDefaultPrim(root.GetPrim())
     model = explanation.object_class.shape_model
-    vertices, colours = explanation.vertices, explanation.part_albedo
+    vertices, colours = explanation.vertices, part_albedo(explanation)
     part_of_face = model.parts[model.faces[:, 0]]
     normals = smooth_normals(vertices, model.faces)
     normals[~normals.any(1)] = 0, 0, 1  # of vertices without area

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from vig.io.errors import UserError
-from vig_world.assets.furniture import Furniture, Support
 from vig_world.assets.own.furniture_families import family_of_file
-from vig_world.assets.own.props import Parts, read_each
+from vig_world.assets.own.props import read_each
 from vig_world.assets.own.settings import FileSettings
 from vig_world.assets.own.standing import SizedKind
 from vig_world.assets.own.supports import Area, level_areas
-from vig_world.assets.props.material import prop
+from vig_world.assets.things import Furniture, FurnitureModel, Parts, Support, prop
 
 _FURNITURE = SizedKind("piece of furniture", 0.3, 4.0, furniture=True)
 _LOWEST = 0.25
@@ -25,16 +23,7 @@ _ZONES = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
-class OwnFurniture:
-    """A piece of furniture from a file; see `OwnProp`."""
-
-    name: str
-    fingerprint: str
-    furniture: Furniture
-
-
-def read_furniture(folder: str | Path) -> tuple[list[OwnFurniture], list[str]]:
+def read_furniture(folder: str | Path) -> tuple[list[FurnitureModel], list[str]]:
     """Read every mesh file below a folder, or of furniture catalogues, as furniture, in the order of names.
 
     Args:
@@ -50,7 +39,7 @@ def read_furniture(folder: str | Path) -> tuple[list[OwnFurniture], list[str]]:
     return read_each(folder, _FURNITURE, _made)
 
 
-def _made(name: str, mark: str, parts: Parts, settings: FileSettings) -> tuple[OwnFurniture, list[str]]:
+def _made(name: str, mark: str, parts: Parts, settings: FileSettings) -> tuple[FurnitureModel, list[str]]:
     standing = prop("", *parts).parts
     vertices = np.concatenate([mesh.vertices for mesh, _ in standing]).astype(np.float64)
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh, _ in standing[:-1]])
@@ -62,7 +51,8 @@ def _made(name: str, mark: str, parts: Parts, settings: FileSettings) -> tuple[O
         raise UserError(f"{name}: expected furniture; got {height:.2f} m high without a support.")
     supports = tuple(_support(area, family, settings.zones, i) for i, area in enumerate(areas))
     notes = [] if supports else ["found no level area of 15 x 15 cm with 20 cm of free space above it"]
-    return OwnFurniture(name, mark, Furniture(family, standing, supports)), notes
+    piece = Furniture(family, standing, supports)
+    return FurnitureModel(name, family, mark, lambda: piece), notes
 
 
 def _support(area: Area, family: str, zones: tuple[str, ...], number: int) -> Support:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -16,33 +16,15 @@ from vig_world.assets.own.load import SUFFIXES, MeshPiece, load, mesh_files
 from vig_world.assets.own.settings import FileSettings, settings_of
 from vig_world.assets.own.simplify import outward
 from vig_world.assets.own.standing import SizedKind, stand
-from vig_world.assets.props.material import Material, Prop, prop
+from vig_world.assets.things import Material, Parts, PropModel, prop
 from vig_world.mesh import Mesh
 
 MOST_FACES = 20_000
 _GENERIC = ("textured", "model", "mesh", "object", "scene", "untitled", "nontextured")
 _PROP = SizedKind("prop", 0.01, 0.6, furniture=False)
 
-Parts = tuple[tuple[Mesh, Material], ...]
 
-
-@dataclass(frozen=True)
-class OwnProp:
-    """A prop from a file.
-
-    Attributes:
-        name: Name of the file, relative to its folder.
-        fingerprint: sha256 of all files it was read from and of its settings in `vig.toml`.
-        zones: Zones to which it belongs; empty: any.
-    """
-
-    name: str
-    fingerprint: str
-    prop: Prop
-    zones: tuple[str, ...]
-
-
-def read_props(folder: str | Path) -> tuple[list[OwnProp], list[str]]:
+def read_props(folder: str | Path) -> tuple[list[PropModel], list[str]]:
     """Read every mesh file below a folder, or of furniture catalogues, as a prop, in the order of names.
 
     Args:
@@ -55,8 +37,9 @@ def read_props(folder: str | Path) -> tuple[list[OwnProp], list[str]]:
         UserError: When there is no such folder, not one usable file in it, or its `vig.toml` is wrong.
     """
 
-    def made(name: str, mark: str, parts: Parts, settings: FileSettings) -> tuple[OwnProp, list[str]]:
-        return OwnProp(name, mark, prop(settings.family or _called(name), *parts), settings.zones), []
+    def made(name: str, mark: str, parts: Parts, settings: FileSettings) -> tuple[PropModel, list[str]]:
+        standing = prop("", *parts).parts
+        return PropModel(name, settings.family or _called(name), mark, settings.zones, lambda: standing), []
 
     return read_each(folder, _PROP, made)
 

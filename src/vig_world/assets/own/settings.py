@@ -21,7 +21,7 @@ from unicodedata import normalize
 from vig.io.checks import read_bytes
 from vig.io.errors import UserError
 from vig.io.files import compose_name
-from vig_world.assets.props.families import ZONE_NAMES
+from vig_world.assets.things import ZONE_NAMES
 
 FILE = "vig.toml"
 MOST_BYTES, MOST_LINE = 1 << 18, 1 << 13

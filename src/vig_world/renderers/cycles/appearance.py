@@ -66,7 +66,7 @@ _KINDS: dict[str, _Look] = {
     **dict.fromkeys(("cloth", "weave"), _TEXTILE),
     **dict.fromkeys(("paper", "page", "print", "picture", "wallpaper", "floral", "stripes"), _PRINTED),
 }
-"""By kind of material (`vig_world.assets.props.Material`) or of texture, for finishes; others are plain."""
+"""By kind of material (`vig_world.assets.things.Material`) or of texture, for finishes; others are plain."""
 
 
 def appearance(
@@ -77,7 +77,7 @@ def appearance(
     texture: str | None,
     rng: np.random.Generator,
 ) -> dict[str, Any]:
-    """A thing's material as plain data: kind, roughness and emission of `vig_world.assets.props.Material`.
+    """A thing's material as plain data: kind, roughness and emission of `vig_world.assets.things.Material`.
 
     Args:
         texture: Name of the array that holds its albedo; None for a single `colour` (3,), linear.

@@ -18,7 +18,7 @@ from vig_world.assets.own.catalogue.choice import split_words
 from vig_world.assets.own.catalogue.reading import PROPERTIES, parse_properties
 from vig_world.assets.own.catalogue.zones import zones_of
 from vig_world.assets.own.furniture_families import family_of_thing
-from vig_world.assets.props import ZONE_NAMES
+from vig_world.assets.things import ZONE_NAMES
 
 Z_UP = "1 0 0 0 0 1 0 -1 0"
 """The modelRotation of a file whose Z points up: its +Z becomes the catalogue's +Y, its -Y the front +Z."""
@@ -100,19 +100,19 @@ def test_props_have_the_catalogues_size_front_and_picture(tmp_path: Path) -> Non
     props, problems = read_props(catalogue(tmp_path / "tiny.sh3f"))
     assert problems == []
     cup, car = props
-    assert (car.name, car.prop.family, car.zones) == ("red-car/red-car.obj", "red_car", ("floor",))
-    assert (cup.name, cup.prop.family, cup.zones) == (
+    assert (car.name, car.family, car.zones) == ("red-car/red-car.obj", "red_car", ("floor",))
+    assert (cup.name, cup.family, cup.zones) == (
         "cafe-cup/cafe-cup.obj",
         "cafe_cup",
         ("dining", "drinks"),
     )
-    vertices = points(car.prop.parts)  # width along X, depth along Y, height along Z
+    vertices = points(car.read())  # width along X, depth along Y, height along Z
     np.testing.assert_allclose(np.ptp(vertices, axis=0), [0.2, 0.4, 0.1], atol=1e-6)
     np.testing.assert_allclose(vertices.min(0), [-0.1, -0.2, 0], atol=1e-6)
     assert peak_side(vertices) == -2, "the front is -Y"
-    texture = car.prop.parts[0][1].texture
+    texture = car.read()[0][1].texture
     assert texture[..., 0].min() > 10 * texture[..., 1].max()
-    vertices = points(cup.prop.parts)
+    vertices = points(cup.read())
     np.testing.assert_allclose(np.ptp(vertices, axis=0), [0.08, 0.06, 0.09], atol=1e-6)
     assert peak_side(vertices) == 3, "its modelRotation puts it upright"
 
@@ -128,7 +128,7 @@ def test_scans_have_the_same_size_and_names(tmp_path: Path) -> None:
 def test_a_model_that_is_turned_a_quarter_has_its_width_along_what_was_its_depth(tmp_path: Path) -> None:
     turned = CAR | {"modelRotation": "0 0 -1 0 1 0 1 0 0", "width": "40", "depth": "20"}
     ((car,), _) = read_props(catalogue(tmp_path / "tiny.sh3f", [turned]))
-    vertices = points(car.prop.parts)
+    vertices = points(car.read())
     np.testing.assert_allclose(np.ptp(vertices, axis=0), [0.4, 0.2, 0.1], atol=1e-6)
     assert peak_side(vertices) == -1  # that rotation takes the file's +Z to -X
 
@@ -240,7 +240,7 @@ def test_names_authors_and_licences_are_kept(tmp_path: Path) -> None:
 def test_what_hangs_on_a_wall_is_no_prop_but_a_mesh(tmp_path: Path) -> None:
     models = [CAR, CUP | {"elevation": "150"}, CUP | {"doorOrWindow": "true", "name": "Pane"}]
     path = catalogue(tmp_path / "tiny.sh3f", models)
-    assert [prop.prop.family for prop in read_props(path)[0]] == ["red_car"]
+    assert [prop.family for prop in read_props(path)[0]] == ["red_car"]
     assert len(list(mesh_folder(path).rglob("*.obj"))) == 3
     with pytest.raises(UserError, match="not one usable prop. 1 with skip = true"):
         read_props(f"{path}:pane")
@@ -252,8 +252,8 @@ def test_furniture_has_its_family_and_size(tmp_path: Path) -> None:
     flat = box((2, 1, 4)).rsplit("v ", 1)[0].encode()  # without the peak
     path = catalogue(tmp_path / "tiny.sh3f", [table], {"a/table.obj": flat})
     ((own,), _) = read_furniture(path)
-    assert own.furniture.family == "coffee_table"
-    (support,) = own.furniture.supports
+    assert own.family == "coffee_table"
+    (support,) = own.read().supports
     assert support.zone == "reading" and support.centre[2] == pytest.approx(0.45, abs=1e-5)
     assert 2 * support.half[0] == pytest.approx(1.2, abs=0.1)
     assert 2 * support.half[1] == pytest.approx(0.6, abs=0.1)

@@ -42,8 +42,8 @@ def save(path: Path, parts: list[trimesh.Trimesh], y_up: bool = False) -> None:
 def test_on_a_table_things_stand_on_its_top(tmp_path: Path, name: str, y_up: bool) -> None:
     save(tmp_path / name, table(), y_up)
     ((own,), problems) = read_furniture(tmp_path)
-    assert problems == [] and own.furniture.family == "table"
-    (support,) = own.furniture.supports
+    assert problems == [] and own.family == "table"
+    (support,) = own.read().supports
     assert support.zone == "dining" and support.clearance == support.behind == float("inf")
     np.testing.assert_allclose(support.centre, [0, 0, 0.75], atol=0.02)
     np.testing.assert_allclose(support.half, [0.6, 0.4], atol=0.03)
@@ -53,7 +53,7 @@ def test_on_a_table_things_stand_on_its_top(tmp_path: Path, name: str, y_up: boo
 def test_a_bookcase_has_its_boards_with_their_clearance_and_back(tmp_path: Path) -> None:
     save(tmp_path / "old_bookcase.glb", bookcase(), y_up=True)
     ((own,), _) = read_furniture(tmp_path)
-    boards = sorted(own.furniture.supports, key=lambda support: support.centre[2])
+    boards = sorted(own.read().supports, key=lambda support: support.centre[2])
     np.testing.assert_allclose([s.centre[2] for s in boards], [0.1, 0.5, 0.9, 1.3], atol=1e-3)
     np.testing.assert_allclose([s.clearance for s in boards[:3]], 0.38, atol=1e-3)
     assert boards[3].clearance == float("inf") and {s.turn for s in boards} == {0.0}
@@ -67,34 +67,34 @@ def test_a_support_faces_the_open_side(tmp_path: Path) -> None:
         part.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 0, 1]))
     save(tmp_path / "shelf.glb", parts, y_up=True)
     ((own,), _) = read_furniture(tmp_path)
-    lower = [s for s in own.furniture.supports if s.centre[2] < 1.2]
+    lower = [s for s in own.read().supports if s.centre[2] < 1.2]
     assert len(lower) == 3
     for support in lower:
         assert abs(support.turn - np.pi / 2) < 1e-9 and support.behind < 0.03
         np.testing.assert_allclose(support.half, [0.5, 0.15], atol=0.02)  # along its own axes
     (tmp_path / "vig.toml").write_text("[defaults]\nturn = -90\n")
-    assert {s.turn for s in read_furniture(tmp_path)[0][0].furniture.supports} == {0.0}
+    assert {s.turn for s in read_furniture(tmp_path)[0][0].read().supports} == {0.0}
 
 
 def test_behind_shut_doors_nothing_stands(tmp_path: Path) -> None:
     save(tmp_path / "cabinet.glb", bookcase(doors=True), y_up=True)
     ((own,), _) = read_furniture(tmp_path)
-    assert [round(s.centre[2], 2) for s in own.furniture.supports] == [1.3]
+    assert [round(s.centre[2], 2) for s in own.read().supports] == [1.3]
 
 
 def test_zones_and_family_can_be_told(tmp_path: Path) -> None:
     save(tmp_path / "thing.glb", bookcase(), y_up=True)
     (tmp_path / "vig.toml").write_text('[defaults]\nzones = ["desk", "display"]\nfamily = "shelf"\n')
     ((own,), _) = read_furniture(tmp_path)
-    assert own.furniture.family == "shelf"
-    assert {s.zone for s in own.furniture.supports} == {"desk", "display"}
+    assert own.family == "shelf"
+    assert {s.zone for s in own.read().supports} == {"desk", "display"}
 
 
 def test_what_holds_nothing_is_kept_if_tall_and_said(tmp_path: Path) -> None:
     trimesh.creation.cone(0.3, 1.5).export(tmp_path / "cone.stl")
     save(tmp_path / "low.stl", [board((0.1, 0.8, 0.1), (0, 0, 0.05))])
     ((own,), problems) = read_furniture(tmp_path)
-    assert own.name == "cone.stl" and own.furniture.supports == ()
+    assert own.name == "cone.stl" and own.read().supports == ()
     assert len(problems) == 2 and any("cone.stl: found no level area" in problem for problem in problems)
     assert any("low.stl: expected furniture" in problem for problem in problems)
 

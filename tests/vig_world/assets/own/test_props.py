@@ -44,14 +44,14 @@ def linear(colour: tuple[int, int, int]) -> np.ndarray:
 
 
 def size(prop) -> np.ndarray:
-    return np.ptp(np.concatenate([mesh.vertices for mesh, _ in prop.prop.parts]), axis=0)
+    return np.ptp(np.concatenate([mesh.vertices for mesh, _ in prop.read()]), axis=0)
 
 
 def test_an_obj_keeps_its_texture_and_stands_centred(tmp_path: Path) -> None:
     textured(tmp_path)
     ((own,), problems) = read_props(tmp_path)
-    assert problems == [] and own.name == "a.obj" and own.prop.family == "a" and own.zones == ()
-    ((mesh, material),) = own.prop.parts
+    assert problems == [] and own.name == "a.obj" and own.family == "a" and own.zones == ()
+    ((mesh, material),) = own.read()
     assert material.texture.shape == (256, 256, 3) and material.kind == "plastic"
     np.testing.assert_allclose(material.texture[0, 0], linear(RED), atol=1e-5)
     np.testing.assert_allclose(material.texture[-1, 0], linear(BLUE), atol=1e-5)
@@ -67,7 +67,7 @@ def test_a_missing_picture_is_grey_and_named(tmp_path: Path) -> None:
     assert len(problems) == 1 and "skin.png is missing or unreadable" in problems[0]
     (tmp_path / "skin.png").write_bytes(b"\x89PNG\r\n\x1a\n half a picture")
     assert "skin.png" in read_props(tmp_path)[1][0]
-    assert np.ptp(own.prop.parts[0][1].texture) == 0
+    assert np.ptp(own.read()[0][1].texture) == 0
 
 
 def test_the_fingerprint_follows_every_file_that_was_read_and_the_settings(tmp_path: Path) -> None:
@@ -91,7 +91,7 @@ def test_gltf_is_y_up_and_its_nested_transforms_are_applied(tmp_path: Path) -> N
     scene.export(tmp_path / "a.glb")
     ((own,), _) = read_props(tmp_path)
     np.testing.assert_allclose(size(own), [0.2, 0.1, 0.4], atol=1e-6)
-    texture = own.prop.parts[0][1].texture
+    texture = own.read()[0][1].texture
     np.testing.assert_allclose(texture.reshape(3), [0.5, 0.25, 0.125], atol=0.003)
 
 
@@ -120,8 +120,8 @@ def test_several_materials_become_several_parts_and_colours_of_faces_a_palette(t
     scene.export(tmp_path / "parts.glb")
     mesh.export(tmp_path / "coloured.ply")
     (coloured, parts), _ = read_props(tmp_path)
-    assert len(parts.prop.parts) == 2
-    ((mesh, material),) = coloured.prop.parts
+    assert len(parts.read()) == 2
+    ((mesh, material),) = coloured.read()
     column = (mesh.uv[mesh.faces].mean(1)[:, 0] * material.texture.shape[1]).astype(int)
     seen = material.texture[0, column]
     expected = [linear(RED), linear(BLUE)]
@@ -138,7 +138,7 @@ def test_what_can_stand_on_one_side_only_stands_on_it(tmp_path: Path) -> None:
     assert problems == []
     np.testing.assert_allclose(size(y), size(z), atol=1e-6)
     for own in (y, z):
-        vertices = own.prop.parts[0][0].vertices
+        vertices = own.read()[0][0].vertices
         assert np.hypot(*vertices[vertices[:, 2].argmax(), :2]) < 1e-6  # the tip is up
 
 
@@ -160,7 +160,7 @@ def test_the_toml_goes_before_every_guess(tmp_path: Path) -> None:
     (tmp_path / "vig.toml").write_text('[defaults]\nup = "x"\nscale = 0.01\nzones = ["desk"]\n')
     (tmp_path / "deep" / "vig.toml").write_text('[files."a.obj"]\nscale = 0.001\nturn = 90\nfamily = "box"\n')
     ((own,), problems) = read_props(tmp_path)
-    assert problems == [] and own.zones == ("desk",) and own.prop.family == "box"
+    assert problems == [] and own.zones == ("desk",) and own.family == "box"
     np.testing.assert_allclose(size(own), [0.03, 0.04, 0.02], atol=1e-6)
     box(tmp_path / "b.obj", (0.5, 0.5, 0.5))
     (tmp_path / "vig.toml").write_text('[files."b.obj"]\nskip = true\n')
@@ -241,7 +241,7 @@ def test_dense_meshes_are_thinned_without_losing_shape_or_closedness(tmp_path: P
     assert len(sphere.faces) > 4 * MOST_FACES
     sphere.export(tmp_path / "a.ply")
     ((own,), _) = read_props(tmp_path)
-    ((mesh, _),) = own.prop.parts
+    ((mesh, _),) = own.read()
     assert 0.3 * MOST_FACES < len(mesh.faces) <= MOST_FACES
     radius = np.linalg.norm(mesh.vertices - [0, 0, mesh.vertices[:, 2].max() / 2], axis=1)
     assert np.abs(radius - 0.1).max() < 0.002
@@ -255,9 +255,9 @@ def test_open_meshes_get_a_back_and_inverted_ones_are_turned(tmp_path: Path) -> 
     brick.invert()
     brick.export(tmp_path / "inverted.obj")
     (inverted, sheet), _ = read_props(tmp_path)
-    normals = face_normals(sheet.prop.parts[0][0].vertices, sheet.prop.parts[0][0].faces)
+    normals = face_normals(sheet.read()[0][0].vertices, sheet.read()[0][0].faces)
     assert len(normals) == 4 and np.abs(normals.sum(0)).max() < 1e-9
-    mesh = inverted.prop.parts[0][0]
+    mesh = inverted.read()[0][0]
     centres = mesh.vertices[mesh.faces].mean(1) - [0, 0, 0.05]
     assert ((face_normals(mesh.vertices, mesh.faces) * centres).sum(1) > 0).all()
 

@@ -1,0 +1,12 @@
+from vig.renderer.explained import render_latents as render_latents
+from vig.renderer.explained import scene_of as scene_of
+from vig_renderer import DirectionalLight as DirectionalLight
+from vig_renderer import MeshObject as MeshObject
+from vig_renderer import Pinhole as Pinhole
+from vig_renderer import Pyramid as Pyramid
+from vig_renderer import Rendering as Rendering
+from vig_renderer import Scene as Scene
+from vig_renderer import Topology as Topology
+from vig_renderer import jacobian as jacobian
+from vig_renderer import pyramid as pyramid
+from vig_renderer import render as render

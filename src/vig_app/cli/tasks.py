@@ -1,0 +1,155 @@
+"""The options of `vig fit` resolved, once: a task for each photo, and what is the same for all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+
+from safetensors import SafetensorError, safe_open
+
+from vig.inference import ExplainSettings
+from vig.io.errors import UserError
+from vig.io.printing import note
+from vig.likelihood import LIKELIHOODS
+from vig.photo.video import is_video
+from vig.recognition import WEIGHTS_FILE
+from vig_app.cli.boxes import boxes_of, check_place, classes_of
+from vig_app.cli.cameras import cameras_of
+from vig_app.cli.hints import hints_of, mask_of
+from vig_app.cli.naming import listed, note_order
+from vig_app.cli.options import FitCommand, ModelOptions, RunOptions, given
+from vig_app.cli.photos import photos_of, result_folders
+from vig_app.corrections import CORRECTIONS, Correction, corrected_in
+from vig_app.report.folder import FILES, check_files
+from vig_app.runs import RunSettings, Task, ledger_of
+
+WITHOUT_TRACK = {"boxes", "objects", "cluster", "mask", "marks", "points", "azimuth", "pose"}
+"""Options that do not go with `--track`."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a command is to do: a task for each photo, in their order, and the settings of all."""
+
+    tasks: tuple[Task, ...]
+    settings: RunSettings
+
+
+def plan_of(command: FitCommand) -> Plan:
+    """Resolve a command's options; UserError where they do not go together, or a file cannot be used."""
+    run, place = command.run, command.place
+    say: Callable[[str], None] = (lambda line: None) if run.quiet else note
+    if command.video.timeout != 10.0:
+        raise UserError("expected --timeout with --live; got it without. Leave it out.")
+    track = command.video.track
+    if track:
+        _check_track(command)
+    with ledger_of(run.out) if any(map(is_video, command.images)) else nullcontext():
+        photos = photos_of(command.images, run.out)
+    if track:
+        note_order(photos)
+    folders = result_folders(photos, run.out)
+    boxes = boxes_of(place, photos, command.hints)
+    check_place(place, command.hints, track, folders)
+    object_class, *others = classes_of(place, say)
+    for name in (object_class, *others):
+        if is_quick(Path(name)):
+            say(f"'{name}' has a quick recognizer; `vig class train {name}` makes a better one")
+        if place.mesh is None and is_untrained(Path(name)):
+            say(
+                f"no network was trained for '{name}': each photo needs --box or --mask, and views are tried"
+                f" all round; `vig class train {name}` trains one"
+            )
+    hints, mask = hints_of(command.hints, photos), mask_of(command.hints.mask, photos)
+    cameras = cameras_of(command.camera, photos)
+    if track and any(repr(camera) != repr(cameras[0]) for camera in cameras):
+        file = command.camera.cameras
+        raise UserError(f"expected one camera for all frames; got several in '{file}'. Name one.")
+    hinted = given(command.hints, command.camera) or place.box is not None or place.boxes is not None
+    by_hand: dict[Path, tuple[Correction, ...]] = dict.fromkeys(folders, ())
+    if not (len(folders) == 1 and hinted):
+        by_hand = {folder: corrected_in(folder, object_class) for folder in folders}
+        _note_corrected(by_hand, track, run.out, say)
+    tasks = tuple(
+        Task(
+            photo, folder, box, command.camera.focal, hints, mask(photo), objects, place.objects or 0, camera,
+            by_hand[folder],
+        )
+        for photo, folder, (box, objects), camera in zip(photos, folders, boxes, cameras, strict=True)
+    )  # fmt: skip
+    explain, files = explain_settings(command.model), files_of(run)
+    return Plan(tasks, RunSettings(object_class, explain, run.export, tuple(others), files, run.full_size))
+
+
+def explain_settings(model: ModelOptions) -> ExplainSettings:
+    """Return how to fit."""
+    return ExplainSettings(
+        LIKELIHOODS[model.likelihood],
+        self_shadow=not model.no_self_shadow,
+        free_framing={"auto": None, "fixed": False, "free": True}[model.framing],  # type: ignore[arg-type]
+    )
+
+
+def files_of(run: RunOptions) -> tuple[str, ...] | None:
+    """Return the chosen files, with the mask where exports name it, or None for all; UserError for others."""
+    if run.files == ():
+        raise UserError(
+            f"expected --files with the names of files, such as --files mask.png, of {' '.join(FILES)}; got"
+            " none. Leave it out for all."
+        )
+    check_files(run.files or ())
+    return (*run.files, *("mask.png",) * bool(run.export)) if run.files else None
+
+
+def _check_track(command: FitCommand) -> None:
+    """UserError where what was given does not go with `--track`."""
+    images = command.images
+    if len(images) != 1 or not (images[0].is_dir() or is_video(images[0])):
+        names = f"{len(images)} names" if len(images) != 1 else f"'{images[0]}'"
+        raise UserError(
+            f"expected one folder of frames or one video with --track; got {names}. Track one by one."
+        )
+    for name in given(*command.groups):
+        if name in WITHOUT_TRACK:
+            raise UserError(f"expected --track without --{name}; got both. Leave one out.")
+    if command.run.workers > 1:
+        raise UserError(
+            "expected --track with one worker, as frames follow from each other. Leave out --workers."
+        )
+
+
+def _note_corrected(
+    by_hand: dict[Path, tuple[Correction, ...]], track: bool, out: Path, say: Callable[[str], None]
+) -> None:
+    """Say what was corrected by hand of photos of an earlier run; UserError where frames are tracked, which
+    would lose it.
+    """
+    edited = [folder.name for folder, corrections in by_hand.items() if corrections]
+    if track and edited:
+        raise UserError(
+            f"expected frames that were not corrected by hand with --track, which takes no hints on single"
+            f" frames; got {CORRECTIONS} of {listed(edited)} in '{out}'. Choose another --out."
+        )
+    taken = [
+        folder.name
+        for folder, corrections in by_hand.items()
+        if corrections and not any(correction.problem for correction in corrections)
+    ]
+    if taken:
+        say(f"corrected in vig view, taken as it is there (or remove {CORRECTIONS}): {listed(taken)}")
+
+
+def is_quick(pack: Path) -> bool:
+    """Return whether the weights of a class pack are those that `vig class build` made within two minutes."""
+    try:
+        with safe_open(pack / WEIGHTS_FILE, "np") as weights:
+            return (weights.metadata() or {}).get("quick") == "yes"
+    except (OSError, SafetensorError):  # missing or damaged, which is said where they are read
+        return False
+
+
+def is_untrained(pack: Path) -> bool:
+    """Return whether a folder is a class pack for which no network was trained."""
+    return (pack / "class.json").is_file() and not (pack / WEIGHTS_FILE).exists()
