@@ -20,8 +20,6 @@ from vig_world.raster.rasterize import rasterize
 
 CUTOUTS_PER_SPLIT = 1600
 """Cut-outs of each kind, any and lookalike, that a split has."""
-CUTOUT_PIXELS = 112
-"""Side of the picture in which a cut-out is rendered, pixels."""
 SUPERSAMPLING = 2
 """Rendered points across each pixel."""
 FREQUENT = {"animal": 0.2, "model_car": 0.1}
@@ -34,27 +32,27 @@ LOOKALIKES = (
 
 
 def draw_cutout(rng: np.random.Generator, split: Split) -> Image.Image:
-    """One of a split's things: RGBA, sRGB, as large as its outline."""
+    """Draw one of a split's things: RGBA, sRGB, as large as its outline."""
     return _numbered_cutout(_first(split) + int(rng.integers(CUTOUTS_PER_SPLIT)), False)
 
 
 def draw_other(rng: np.random.Generator, split: Split, name: str) -> Image.Image:
-    """One of a split's things that are not of the class of this name; see `draw_cutout`."""
+    """Draw one of a split's things that are not of the class of this name; see `draw_cutout`."""
     return _numbered_cutout(_unlike(rng, split, name, False), False)
 
 
 def draw_vessel(rng: np.random.Generator, split: Split, name: str) -> Image.Image:
-    """One of a split's vessels that are not of the class of this name; see `draw_cutout`."""
+    """Draw one of a split's vessels that are not of the class of this name; see `draw_cutout`."""
     return _numbered_cutout(_unlike(rng, split, name, True), True)
 
 
 def _first(split: Split) -> int:
-    """The number of a split's first cut-out."""
+    """Return the number of a split's first cut-out."""
     return CUTOUTS_PER_SPLIT * SPLITS.index(split)
 
 
 def _unlike(rng: np.random.Generator, split: Split, name: str, lookalike: bool) -> int:
-    """A random number of a split's cut-outs whose family is not like a class."""
+    """Draw a random number of a split's cut-outs whose family is not like a class."""
     number = int(rng.integers(CUTOUTS_PER_SPLIT))
     while is_of_class(_family_of(_first(split) + number, lookalike), name):
         number = (number + 1) % CUTOUTS_PER_SPLIT
@@ -63,7 +61,7 @@ def _unlike(rng: np.random.Generator, split: Split, name: str, lookalike: bool) 
 
 @functools.lru_cache(maxsize=2 * CUTOUTS_PER_SPLIT)
 def _numbered_cutout(number: int, lookalike: bool) -> Image.Image:
-    """The cut-out of a number, made at most once on a machine: it takes a hundredth of a second."""
+    """Return the cut-out of a number, made at most once on a machine: it takes a hundredth of a second."""
     name = f"{_code()}/{'lookalike' if lookalike else 'any'}/{number}"
     made = asset_cache().arrays(name, lambda: {"rgba": np.asarray(_make_cutout(number, lookalike))})
     return Image.fromarray(made["rgba"])
@@ -71,12 +69,12 @@ def _numbered_cutout(number: int, lookalike: bool) -> Image.Image:
 
 @functools.cache
 def _code() -> str:
-    """Under what name this file's cut-outs are kept."""
+    """Return the name under which this file's cut-outs are kept."""
     return f"cutouts-{hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:8]}"
 
 
 def _make_cutout(number: int, lookalike: bool) -> Image.Image:
-    """A prop in random proportions, colours, pose and light."""
+    """Make a prop in random proportions, colours, pose and light."""
     rng, family = _stream(number, lookalike), _family_of(number, lookalike)
     models = packaged_props(SPLITS[number // CUTOUTS_PER_SPLIT])[family]
     model = models[int(rng.integers(len(models)))]
@@ -90,7 +88,7 @@ def _stream(number: int, lookalike: bool, purpose: int = 0) -> np.random.Generat
 
 
 def _family_of(number: int, lookalike: bool = False) -> str:
-    """The family of the thing of a number."""
+    """Return the family of the thing of a number."""
     families = tuple(packaged_props(SPLITS[number // CUTOUTS_PER_SPLIT]))
     if lookalike:
         families = tuple(family for family in LOOKALIKES if family in families)
@@ -106,7 +104,7 @@ def _family_of(number: int, lookalike: bool = False) -> str:
 def place_cutout(
     cutout: Image.Image, middle: tuple[float, float], size: float, angle: float, side: int
 ) -> np.ndarray:
-    """A cut-out in an otherwise empty picture: (side, side, 4) linear RGB, not multiplied, and coverage.
+    """Put a cut-out into an empty picture: (side, side, 4) linear RGB, not multiplied, and coverage.
 
     Args:
         cutout: RGBA.
@@ -132,7 +130,7 @@ _LINEAR = linear_from_srgb(np.arange(256) / 255).astype(np.float32)
 
 
 def render_cutout(rng: np.random.Generator, shown_prop: Prop, roll: float) -> Image.Image:
-    """A picture of a thing, turned at random about the vertical: RGBA, sRGB, as large as its outline.
+    """Draw a thing, turned at random about the vertical: RGBA, sRGB, as large as its outline.
 
     roll: of the camera, radians.
     """
@@ -143,7 +141,8 @@ def render_cutout(rng: np.random.Generator, shown_prop: Prop, roll: float) -> Im
     owner = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
     points = points - (points.min(0) + points.max(0)) / 2
     reach = float(np.linalg.norm(points, axis=1).max())
-    size = CUTOUT_PIXELS * SUPERSAMPLING
+    # A cut-out is drawn in a picture of 112 pixels.
+    size = 112 * SUPERSAMPLING
     camera = Camera(size, size, 1.9 * size, size / 2, size / 2, 4.0 * reach, roll=roll)
     from_above = rng.random() < 0.25
     matrix = camera.camera_from_world(

@@ -26,8 +26,6 @@ from vig_world.assets.things import is_of_class, prop
 
 VIEWS = 8
 """Cut-outs of each model, each in another pose and light."""
-FALLEN_SHARE = 0.15
-"""Share of cut-outs that lie, at any angle."""
 SPLIT_SHARES: dict[Split, float] = {"train": 0.7, "validation": 0.1, "test": 0.2}
 """Of the models, by a hash of their names."""
 _ANY_SIZE = SizedKind("thing", 1e-3, 100.0, furniture=False)
@@ -54,7 +52,7 @@ class ModelCutouts:
         return hashlib.sha256("\n".join(sizes).encode()).hexdigest()[:16]
 
     def draw(self, rng: np.random.Generator) -> Image.Image:
-        """One of the models in one of its poses: RGBA, sRGB, as large as its outline."""
+        """Draw one of the models in one of its poses: RGBA, sRGB, as large as its outline."""
         for _ in range(_MOST_FAILURES):
             name, number = self.files[int(rng.integers(len(self.files)))], int(rng.integers(VIEWS))
             if cutouts := _cutouts(self.root, name):
@@ -64,7 +62,7 @@ class ModelCutouts:
 
 @functools.cache
 def model_cutouts(source: str, split: Split, class_name: str) -> ModelCutouts:
-    """The models of a folder, or of furniture catalogues, that fall into a split and are not of a class.
+    """Return the models of a folder or of catalogues that fall into a split and are not of a class.
 
     Args:
         source: What `mesh_folder` takes.
@@ -95,7 +93,7 @@ def _split_of(name: str) -> Split:
 
 @functools.lru_cache(maxsize=2048)
 def _cutouts(root: Path, name: str) -> tuple[Image.Image, ...]:
-    """All cut-outs of a model; none where it cannot be read."""
+    """Return all cut-outs of a model; none where it cannot be read."""
     seed = hashlib.sha256(name.encode() + (root / name).read_bytes()).digest()
 
     def make() -> Arrays:
@@ -106,7 +104,8 @@ def _cutouts(root: Path, name: str) -> tuple[Image.Image, ...]:
         except UserError:
             return {}
         shown, rng = prop("model", *parts), np.random.default_rng(list(seed[:16]))
-        rolls = [rng.uniform(0, 2 * math.pi) * (rng.random() < FALLEN_SHARE) for _ in range(VIEWS)]
+        # Some lie, at any angle.
+        rolls = [rng.uniform(0, 2 * math.pi) * (rng.random() < 0.15) for _ in range(VIEWS)]
         return {str(n): np.asarray(render_cutout(rng, shown, roll)) for n, roll in enumerate(rolls)}
 
     made = asset_cache().arrays(f"{_code()}/{seed.hex()[:24]}", make)
@@ -115,7 +114,7 @@ def _cutouts(root: Path, name: str) -> tuple[Image.Image, ...]:
 
 @functools.cache
 def _code() -> str:
-    """Under what name the cut-outs of this code are kept."""
+    """Return the name under which the cut-outs of this code are kept."""
     reader = sorted(Path(own.__file__).parent.rglob("*.py"))
     files = [Path(__file__), Path(__file__).with_name("cutouts.py"), *reader]
     code = b"".join(file.read_bytes() for file in files)

@@ -22,12 +22,8 @@ CUTOUT_SHARE = 0.5
 """Share of things that are cut-outs of solid objects."""
 REVOLVED_SHARE = 0.2
 """Share of things that are bodies of revolution."""
-FIGURE_SHARE = 0.1
-"""Share of things of several round parts. All others are flat shapes, shaded as if they were round."""
 MODEL_SHARE = 0.6
 """Share of cut-outs that are of models in files, where there are such."""
-LIKE_SHARE = 0.3
-"""Share of these in a colour of the object, as fruit is before a pot."""
 MOTTLED_SHARE, MOTTLED_MODEL_SHARE = 0.4, 0.1
 """Shares of cut-outs with an uneven surface: of things by code, and of models, which have textures."""
 NOISE_SIDE = 512
@@ -42,7 +38,7 @@ def draw_thing(
     in_front: bool,
     models: ModelCutouts | None = None,
 ) -> Layer:
-    """Something of a split near a place, in one of the given colours, in another, or textured.
+    """Draw something of a split near a place, in one of the given colours, in another, or textured.
 
     models: in files, to be drawn as well.
     """
@@ -50,11 +46,13 @@ def draw_thing(
     if kind < CUTOUT_SHARE:
         if models is not None and rng.random() < MODEL_SHARE:
             layer = _cutout(rng, partial(models.draw, rng), place, in_front, MOTTLED_MODEL_SHARE)
-            return _tinted(rng, layer, colours) if rng.random() < LIKE_SHARE else layer
+            # Some are in a colour of the object, as fruit is before a pot.
+            return _tinted(rng, layer, colours) if rng.random() < 0.3 else layer
         return _cutout(rng, partial(draw_cutout, rng, split), place, in_front)
     if kind < CUTOUT_SHARE + REVOLVED_SHARE:
         return _revolved(rng, colours, place, in_front)
-    if kind < CUTOUT_SHARE + REVOLVED_SHARE + FIGURE_SHARE:
+    # A tenth has several round parts; all others are flat shapes, shaded as if they were round.
+    if kind < CUTOUT_SHARE + REVOLVED_SHARE + 0.1:
         return _figure(rng, colours, place, in_front)
     x, y = pixels()
     angle = rng.uniform(0, math.pi)
@@ -95,7 +93,7 @@ def draw_thing(
 def draw_instead(
     rng: np.random.Generator, split: Split, name: str, vessel: bool, models: ModelCutouts | None = None
 ) -> Layer:
-    """A vessel, or any thing, that is not of the class of this name, in the middle of the picture.
+    """Draw a vessel, or any thing, that is not of the class of this name, in the middle of the picture.
 
     models: in files, to be drawn as well; they have none of the class.
     """
@@ -114,7 +112,7 @@ def _cutout(
     in_front: bool,
     mottled: float = MOTTLED_SHARE,
 ) -> Layer:
-    """A cut-out that `draw` gives, near a place."""
+    """Place a cut-out that `draw` gives, near a place."""
     size = max(place[2], 0.3)
     middle = np.array(place[:2]) + rng.uniform(-1, 1, 2) * (0.6 if in_front else 1.0) * size
     reach = size * np.exp(rng.uniform(np.log(0.2), np.log(0.85 if in_front else 1.2)))
@@ -122,7 +120,7 @@ def _cutout(
 
 
 def _tinted(rng: np.random.Generator, layer: Layer, colours: list[np.ndarray]) -> Layer:
-    """The same thing, its mean colour moved towards one of the given colours."""
+    """Return the same thing, its mean colour moved towards one of the given colours."""
     if not layer.cover.any():
         return layer
     mean = np.average(layer.colour.reshape(-1, 3), axis=0, weights=layer.cover.ravel())
@@ -137,7 +135,7 @@ def _place_cutout(
     size: float,
     mottled: float = MOTTLED_SHARE,
 ) -> Layer:
-    """A cut-out of a size, either way round, in some light, sometimes turned."""
+    """Place a cut-out of a size, either way round, in some light, sometimes turned."""
     angle = rng.normal(0, 8) if rng.random() < 0.9 else rng.uniform(0, 360)
     if rng.random() < 0.5:
         cutout = cutout.transpose(Image.Transpose.FLIP_LEFT_RIGHT)
@@ -150,7 +148,7 @@ def _place_cutout(
 
 
 def _mottle(rng: np.random.Generator) -> np.ndarray:
-    """Uneven wear, cloth, fur, reflections: a gain (H, W, 3), patchy at any of several scales."""
+    """Draw uneven wear, cloth, fur, reflections: a gain (H, W, 3), patchy at any of several scales."""
     strength, tint = rng.uniform(0.1, 0.7), rng.normal(0, 0.35, 3)
     offset = rng.integers(NOISE_SIDE - IMAGE_SIZE, size=2)
     patches = _patches(int(rng.integers(4)))[offset[0] :, offset[1] :][:IMAGE_SIZE, :IMAGE_SIZE, None]
@@ -159,7 +157,7 @@ def _mottle(rng: np.random.Generator) -> np.ndarray:
 
 @functools.cache
 def _patches(scale: int) -> np.ndarray:
-    """Smooth noise (PATCHES, PATCHES) of unit variance, of waves from a few pixels on to twenty."""
+    """Return smooth noise (S, S) of unit variance, of waves from a few pixels on to twenty."""
     rng = np.random.default_rng(scale)
     noise = sum(
         blur * ndimage.gaussian_filter(rng.normal(size=(NOISE_SIDE, NOISE_SIDE)), blur, mode="wrap")
@@ -171,7 +169,7 @@ def _patches(scale: int) -> np.ndarray:
 def _revolved(
     rng: np.random.Generator, colours: list[np.ndarray], place: tuple[float, float, float], in_front: bool
 ) -> Layer:
-    """A bottle, jar, fruit, cup, candle or the like, seen from a little above, standing or lying."""
+    """Draw a bottle, jar, fruit, cup, candle or the like, seen from a little above, standing or lying."""
     x, y = pixels()
     reach = max(place[2], 0.3) * np.exp(rng.uniform(np.log(0.1), np.log(0.5)))
     spread = 0.55 * place[2] if in_front else 1.0 * max(place[2], 0.3)
@@ -230,7 +228,7 @@ def _revolved(
 def _figure(
     rng: np.random.Generator, colours: list[np.ndarray], place: tuple[float, float, float], in_front: bool
 ) -> Layer:
-    """An animal, a toy, a plant, a crumpled cloth: round parts that run into each other."""
+    """Draw an animal, a toy, a plant, a crumpled cloth: round parts that run into each other."""
     x, y = pixels()
     size = max(place[2], 0.3)
     reach = size * np.exp(rng.uniform(np.log(0.12), np.log(0.5)))
@@ -269,7 +267,7 @@ def _figure(
 
 
 def _colour(rng: np.random.Generator, colours: list[np.ndarray]) -> np.ndarray:
-    """One of the given colours, or another: linear RGB (3,)."""
+    """Return one of the given colours, or another: linear RGB (3,)."""
     if rng.random() < 0.35:
         return colours[int(rng.integers(len(colours)))] * rng.uniform(0.7, 1.3)
     return any_colour(rng)
