@@ -36,7 +36,7 @@ class AssetCache:
         self.folder = folder
 
     def arrays(self, name: str, make: Callable[[], Arrays]) -> Arrays:
-        """What `make` gives, made at most once; where it can be neither read nor written it is made anew.
+        """Return the result of `make`, made once where the cache can be read and written.
 
         Args:
             name: Path within the folder, such as `train/prop/mug/3`.
@@ -58,7 +58,7 @@ class AssetCache:
 
 
 def cache_folder() -> Path:
-    """`vig` in the user's cache folder (`XDG_CACHE_HOME`, else `~/.cache`); it may not exist.
+    """Return `vig` in the user's cache folder (`XDG_CACHE_HOME`, else `~/.cache`); it may not exist.
 
     Raises:
         RuntimeError: There is no home folder.
@@ -68,7 +68,7 @@ def cache_folder() -> Path:
 
 @functools.cache
 def asset_cache() -> AssetCache:
-    """The assets of this code in `cache_folder()`."""
+    """Return the assets of this code in `cache_folder()`."""
     try:
         cache = cache_folder()
         folder = cache / f"world-{_version()}"
@@ -83,7 +83,7 @@ def asset_cache() -> AssetCache:
 
 
 def _version() -> str:
-    """A hash of the code, and of the libraries whose numbers it uses."""
+    """Return a hash of the code, and of the libraries whose numbers it uses."""
     digest = hashlib.sha256()
     for package in (vig_world, vig.scene):
         root = Path(package.__path__[0])
@@ -96,11 +96,11 @@ def _version() -> str:
 
 
 def packed_text(value: object) -> np.ndarray:
-    """Plain data as an array of bytes; floats stay exact."""
+    """Return plain data as an array of bytes; floats stay exact."""
     return np.frombuffer(json.dumps(value).encode(), np.uint8)
 
 
 def unpacked_text(array: np.ndarray) -> list:
-    """The inverse of `packed_text` for lists and tuples, as lists."""
+    """Return the inverse of `packed_text` for lists and tuples, as lists."""
     value: list = json.loads(array.tobytes())
     return value

@@ -102,14 +102,14 @@ class OwnAssets:
         return OwnAssets(props, furniture, panoramas, tuple(sources)), notes
 
     def fingerprints(self) -> dict[str, str]:
-        """Hashes of the assets by kind and name."""
+        """Return hashes of the assets by kind and name."""
         fingerprints_by_name = {f"panorama/{own.name}": own.fingerprint for own in self.panoramas}
         fingerprints_by_name |= {f"prop/{own.name}": own.fingerprint for own in self.props}
         return fingerprints_by_name | {f"furniture/{own.name}": own.fingerprint for own in self.furniture}
 
 
 def _sources(folder: str | None, assets: tuple[PropModel | FurnitureModel, ...]) -> dict[Source, None]:
-    """The origins of assets that were read from a folder or catalogue, in the order of their names."""
+    """Return the origins of assets that were read from a folder or catalogue, in the order of their names."""
     if folder is None:
         return {}
     return dict.fromkeys(read_sources(mesh_folder(folder)).of({asset.name for asset in assets}))
@@ -152,7 +152,7 @@ class Library:
     # Props
 
     def _families(self, zone: str, unlike: str = "") -> tuple[str, ...]:
-        """The families of props that belong in a zone and are not like a class; any, where none is."""
+        """Return the families of props that belong in a zone and are not like a class; any, where none is."""
         fits = [
             (family, is_of_class(models[0].family, unlike) or is_of_class(family, unlike))
             for family, models in self._props.items()
@@ -161,7 +161,7 @@ class Library:
         return tuple(family for family, like in fits if not like) or tuple(family for family, _ in fits)
 
     def members(self, family: str) -> int:
-        """How many members a family has; as many numbers more are the same at half the size, and so on."""
+        """Count the members of a family; as many numbers more are the same at half the size, and so on."""
         models = self._props.get(family, ())
         return len(models) if models and not models[0].varies else max(len(models), 1) * VARIANTS[self.split]
 
@@ -176,11 +176,11 @@ class Library:
         return Prop(family, tuple((scaled(mesh, 0.5**halvings), stuff) for mesh, stuff in parts))
 
     def packed(self, family: str, number: int) -> PackedAsset:
-        """A prop for the rasteriser."""
+        """Return a prop for the rasteriser."""
         return self.shape(family, number)[0]
 
     def extremes(self, family: str, number: int) -> np.ndarray:
-        """Farthest points (N, 3) of a prop in its own frame, see `footprint.extreme_points`."""
+        """Return farthest points (N, 3) of a prop in its own frame, see `footprint.extreme_points`."""
         return self.shape(family, number)[1]
 
     def _shape(self, family: str, number: int) -> tuple[PackedAsset, np.ndarray]:
@@ -193,32 +193,34 @@ class Library:
         return PackedAsset.from_arrays(held), held["extremes"]
 
     def _held(self, own: bool, name: str, make: Callable[[], Arrays]) -> Arrays:
-        """The arrays of an asset of the split, kept on disk but for a user's own."""
+        """Return the arrays of an asset of the split, kept on disk but for a user's own."""
         return make() if own else asset_cache().arrays(f"{self.split}/{name}", make)
 
     def _sizes(self, family: str, number: int) -> np.ndarray:
-        """Extents (3,) in metres of a prop in its own frame."""
+        """Return extents (3,) in metres of a prop in its own frame."""
         return np.ptp(self.extremes(family, number), axis=0)
 
     # Rooms
 
     @property
     def layouts(self) -> int:
-        """How many furnished rooms there are."""
+        """Count the furnished rooms."""
         return LAYOUTS[self.split]
 
     @property
     def sweeps(self) -> range:
-        """Numbers of the layouts that are seamless grounds."""
+        """Return numbers of the layouts that are seamless grounds."""
         return range(self.layouts, self.layouts + SWEEPS[self.split])
 
     def halls(self, size: int) -> range:
-        """Numbers of the layouts that are empty halls, 2 to the `size` times as large as the smallest."""
+        """Return numbers of the layouts that are empty halls, 2 to the `size` times as large as the
+        smallest.
+        """
         first = self.sweeps.stop + HALLS * size
         return range(first, first + HALLS)
 
     def _layout(self, number: int) -> Layout:
-        """Furnished room `number`, a seamless ground or an empty hall."""
+        """Return furnished room `number`, a seamless ground or an empty hall."""
         if number >= self.sweeps.stop:
             size = (number - self.sweeps.stop) // HALLS
             return draw_hall(asset_rng(self.split, "hall", number), 2.0**size)
@@ -266,7 +268,7 @@ class Library:
         )
 
     def ground_albedo(self, room: Room) -> float:
-        """Mean grey albedo of what the object stands on: of its finish, or of its own texture."""
+        """Return the mean grey albedo of what the object stands on: of its finish, or of its own texture."""
         slot, own = self.plan(room.layout).grounds[room.support]
         finish = dict(room.finishes).get(slot)
         return own if finish is None else self.albedo(finish.kind, finish.asset)
@@ -274,25 +276,27 @@ class Library:
     # Finishes
 
     def draw_finish(self, slot: str, rng: np.random.Generator) -> Surface:
-        """A random finish that suits a slot."""
+        """Return a random finish that suits a slot."""
         kind = FINISHES[slot][int(rng.integers(len(FINISHES[slot])))]
         return Surface(
             kind, int(rng.integers(SURFACES_PER_KIND[self.split])), rng.uniform(*KINDS[kind].metres)
         )
 
     def _finish(self, kind: str, number: int) -> np.ndarray:
-        """The texture (TEXTURE_SIZE, TEXTURE_SIZE, 3), linear RGB, of a finish, with reduced saturation."""
+        """Return the texture (TEXTURE_SIZE, TEXTURE_SIZE, 3), linear RGB, of a finish, with reduced
+        saturation.
+        """
         rng = asset_rng(self.split, f"surface/{kind}", number)
         image = texture(kind, rng, TEXTURE_SIZE)
         luminance = image.mean(axis=2, keepdims=True)
         return MOST_ALBEDO * (luminance + rng.uniform(0.1, 1.0) * (image - luminance))
 
     def pyramid(self, kind: str, number: int) -> TextureLevels:
-        """A finish for the rasteriser."""
+        """Return a finish for the rasteriser."""
         return self.surface(kind, number)[0]
 
     def albedo(self, kind: str, number: int) -> float:
-        """Mean grey albedo of a finish."""
+        """Return the mean grey albedo of a finish."""
         return self.surface(kind, number)[1]
 
     def _surface(self, kind: str, number: int) -> tuple[TextureLevels, float]:
@@ -309,11 +313,13 @@ class Library:
 
     @property
     def panoramas(self) -> int:
-        """How many panoramas there are."""
+        """Count the panoramas."""
         return len(self.own.panoramas) or PANORAMAS[self.split]
 
     def _radiance(self, number: int) -> np.ndarray:
-        """Panorama `number`: (H, 2H, 3) linear radiance at the paper's exposure; custom ones: their size."""
+        """Return panorama `number`: (H, 2H, 3) linear radiance at the paper's exposure; custom ones: their
+        size.
+        """
         own = self.own.panoramas
         if own:
             return _exposed(own[number].radiance)
@@ -324,7 +330,7 @@ class Library:
         return self._held(False, f"panorama/{number}", made)["radiance"]
 
     def surroundings(self, number: int) -> np.ndarray:
-        """Panorama `number` for a path tracer: as `radiance`, custom ones at full size."""
+        """Return panorama `number` for a path tracer: as `radiance`, custom ones at full size."""
         own = self.own.panoramas
         return _exposed(own[number].sharp()) if own else self.radiance(number)
 
@@ -335,7 +341,7 @@ class Library:
         return self._held(bool(self.own.panoramas), f"light/{number}", made)["light"]
 
     def light(self, number: int, angle: float, ground_albedo: float) -> np.ndarray:
-        """SH light (9,) above a level support in a panorama turned by `angle` radians about +Z.
+        """Return SH light (9,) above a level support in a panorama turned by `angle` radians about +Z.
 
         At the paper's exposure. Light from below is the support's grey albedo times the light that the
         support gets from above.
@@ -349,7 +355,7 @@ class Library:
 
 
 def _exposed(radiance: np.ndarray) -> np.ndarray:
-    """A panorama (H, 2H, 3) at the paper's exposure."""
+    """Return a panorama (H, 2H, 3) at the paper's exposure."""
     return radiance * (EXPOSURE_L00 / grey(project_panorama(radiance))[0])
 
 

@@ -37,14 +37,14 @@ class Mesh:
 
 
 def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Outward normals of the faces, their length twice the face's area: (F, 3)."""
+    """Return outward normals of the faces, their length twice the face's area: (F, 3)."""
     a, b, c = (vertices.take(corner, axis=0) for corner in faces.T)
     (bx, by, bz), (cx, cy, cz) = (b - a).T, (c - a).T
     return np.stack([by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx], axis=1)
 
 
 def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Unit vertex normals, the mean of the adjacent faces' weighted by area: (V, 3) float64.
+    """Return unit vertex normals, the mean of the adjacent faces' weighted by area: (V, 3) float64.
 
     A vertex without area gets the zero vector.
     """

@@ -8,13 +8,13 @@ import numpy as np
 
 
 def about_z(angle: float) -> np.ndarray:
-    """By `angle` radians about +Z."""
+    """Rotate by `angle` radians about +Z."""
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def matrix_of(vector: tuple[float, float, float]) -> np.ndarray:
-    """The rotation of a vector: Rodrigues' formula."""
+    """Return the rotation of a vector: Rodrigues' formula."""
     x, y, z = vector
     angle = math.sqrt(x * x + y * y + z * z)
     if angle < 1e-12:
@@ -30,7 +30,7 @@ def matrix_of(vector: tuple[float, float, float]) -> np.ndarray:
 
 
 def turned_about_z(points: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Clouds of points (N, P, 3), each turned by its angle (N,) radians about +Z."""
+    """Return clouds of points (N, P, 3), each turned by its angle (N,) radians about +Z."""
     c, s = np.cos(angles), np.sin(angles)
     zero, one = np.zeros_like(c), np.ones_like(c)
     transposed = np.stack([c, s, zero, -s, c, zero, zero, zero, one], axis=1).reshape(-1, 3, 3)
@@ -38,7 +38,7 @@ def turned_about_z(points: np.ndarray, angles: np.ndarray) -> np.ndarray:
 
 
 def vector_of(matrix: np.ndarray) -> tuple[float, float, float]:
-    """The inverse of `matrix_of`, at most pi long, by way of the quaternion (Shepperd's method)."""
+    """Return the inverse of `matrix_of`, at most pi long, by way of the quaternion (Shepperd's method)."""
     m = matrix.tolist()
     trace = m[0][0] + m[1][1] + m[2][2]
     squares = [trace, m[0][0], m[1][1], m[2][2]]

@@ -10,7 +10,7 @@ from vig.parallel.threads import linear_algebra, thread_limit
 
 @contextmanager
 def one_linear_algebra_thread() -> Iterator[None]:
-    """Inside, numpy's linear algebra computes on one core for the whole process.
+    """Hold numpy's linear algebra of the whole process to one core.
 
     On two of a busy machine, threads of small products wait for each other ten times as long as they compute.
     """
@@ -20,7 +20,7 @@ def one_linear_algebra_thread() -> Iterator[None]:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Inside, this thread computes on one core, and numpy's linear algebra does for the whole process.
+    """Hold this thread, and numpy's linear algebra of the whole process, to one core.
 
     Small matrices take less time so, and sums do not depend on the number of cores.
     """

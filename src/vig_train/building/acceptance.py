@@ -50,7 +50,7 @@ class Quality:
 
     @property
     def reason(self) -> str:
-        """Why the mesh does not belong; empty when it does."""
+        """Return why the mesh does not belong; empty when it does."""
         if self.unmatched_mesh > self.max_unmatched_mesh:
             return f"{self.unmatched_mesh:.0%} of it is nothing like the template"
         if self.unmatched_template > MAX_UNMATCHED_SHARE:

@@ -46,7 +46,7 @@ class BuildResult:
 
     @property
     def refused(self) -> dict[str, str]:
-        """Why each mesh that is not in the class was left out, by its file's name."""
+        """Return why each mesh that is not in the class was left out, by its file's name."""
         reasons = dict(self.unreadable)
         for index, scan in enumerate(self.scans):
             if index not in self.splits:

@@ -92,7 +92,7 @@ class StandingMesh:
 
     @property
     def triangles(self) -> tuple[np.ndarray, np.ndarray]:
-        """Vertices (V, 3) in the class's frame and faces (F, 3)."""
+        """Return vertices (V, 3) in the class's frame and faces (F, 3)."""
         return self.scan.vertices @ self.linear.T + self.offset, self.scan.faces
 
     def hole_count(self, cache: StageCache) -> int:
@@ -123,7 +123,7 @@ class Template:
 
     @cached_property
     def registration(self) -> Registration:
-        """What registering it to any mesh needs."""
+        """Return the template as registration needs it."""
         return Registration(self.vertices, self.faces)
 
 
@@ -176,7 +176,7 @@ class RegisteredMeshes:
 
     @property
     def accepted(self) -> list[int]:
-        """Indices of the meshes that belong to the class."""
+        """Return indices of the meshes that belong to the class."""
         return [index for index, quality in self.qualities.items() if not quality.reason]
 
 
@@ -189,7 +189,9 @@ def register(
     say: Callable[[str], None],
     progress: bool = False,
 ) -> RegisteredMeshes:
-    """Carry the template onto each used mesh, and judge which meshes belong to a class of this symmetry."""
+    """Return carry the template onto each used mesh, and judge which meshes belong to a class of this
+    symmetry.
+    """
     vertices = np.zeros((len(meshes), *template.vertices.shape))
     qualities: dict[int, Quality] = {}
     with Meter(len(used), 0, progress, "meshes") as meter:

@@ -37,7 +37,7 @@ class SurfaceSample:
 
     @property
     def size(self) -> float:
-        """Longest side of the bounding box."""
+        """Return longest side of the bounding box."""
         return float(np.ptp(self.points, axis=0).max())
 
     def features(self, weight: float) -> np.ndarray:

@@ -80,8 +80,8 @@ class StudioPhotos:
         props: str = "",
         things: Split | None = None,
     ) -> tuple[StudioPhotos, Examples]:
-        """Images of a seed, level ones of a split's designs, or of a fold's alone (see `Studio`), refused
-        meshes left out; and those with the object. Each fold has `count` of its own.
+        """Return images of a seed, level ones of a split's designs, or of a fold's alone (see `Studio`),
+        refused meshes left out; and those with the object. Each fold has `count` of its own.
 
         things: The split of grounds and other things, the same by default; props: see `StudioSettings`.
         """

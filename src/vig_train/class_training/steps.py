@@ -160,7 +160,7 @@ class ClassTraining:
 
     @property
     def quick(self) -> bool:
-        """Whether this is the quick recognizer."""
+        """Return whether this is the quick recognizer."""
         return self.minutes == QUICK
 
     def run(self) -> dict[str, Any]:
@@ -209,7 +209,7 @@ class ClassTraining:
 
     @property
     def image_count(self) -> int:
-        """Images of the studio that the network is trained on."""
+        """Return images of the studio that the network is trained on."""
         return CHUNK * self.plan().chunks
 
     def _train(self) -> None:
@@ -239,7 +239,9 @@ class ClassTraining:
 
     @property
     def folds(self) -> int:
-        """Of cross-validation; 1, none, where the class was built from fewer than two meshes or designs."""
+        """Return the number of folds of cross-validation; 1, none, where the class was built from fewer
+        than two meshes or designs.
+        """
         models = len(Studio(self.object_class, refused=False).models)
         return 1 if models < 2 else min(FOLDS, models)
 
@@ -310,7 +312,7 @@ class ClassTraining:
 
     @property
     def _held_out(self) -> bool:
-        """Whether the pack has designs that are for the test alone."""
+        """Return whether the pack has designs that are for the test alone."""
         description = json.loads((self.pack / "class.json").read_text())
         return any(design["split"] == "test" for design in description.get("held_out_designs", []))
 

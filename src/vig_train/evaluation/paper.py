@@ -128,7 +128,7 @@ class ComparisonCell:
 
     @property
     def text(self) -> str:
-        """The cell as lines of text."""
+        """Return the cell as lines of text."""
         lines = [self.median, self.interval]
         if self.passed is not None:
             lines.append(f"{self.paper}: {'pass' if self.passed else 'fail'}")

@@ -66,7 +66,8 @@ def build_table(
     resamples: int = 1000,
     min_occlusion: float = 0.0,
 ) -> dict[str, Any]:
-    """Summarise errors over all images whose occlusion is within limits; see `statistics.within_occlusion`.
+    """Return summarise errors over all images whose occlusion is within limits; see
+    `statistics.within_occlusion`.
 
     Args:
         results: Method -> metric -> (N,) finite errors, in any of `METRICS` but "shape_ratio", which follows

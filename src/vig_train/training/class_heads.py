@@ -91,7 +91,7 @@ class HeadsTraining:
 
     @property
     def steps(self) -> int:
-        """That a member takes, about."""
+        """Return that a member takes, about."""
         rows = PASSES * CHUNK * self.chunks
         return self.epochs * (rows // min(256, rows))
 

@@ -55,7 +55,7 @@ class Drawing:
     workers: int = 1
 
     def library(self, seed: int) -> CutoutLibrary | None:
-        """Cut-outs to paste before the objects of each step; None without models to put there."""
+        """Return cut-outs to paste before the objects of each step; None without models to put there."""
         if not self.studio.props:
             return None
         name = ObjectClass.load(self.object_class).name

@@ -47,7 +47,7 @@ class ModelCutouts:
 
     @property
     def fingerprint(self) -> str:
-        """Of names and sizes of the files."""
+        """Return a hash of names and sizes of the files."""
         sizes = [f"{name} {(self.root / name).stat().st_size}" for name in self.files]
         return hashlib.sha256("\n".join(sizes).encode()).hexdigest()[:16]
 

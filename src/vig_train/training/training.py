@@ -245,7 +245,7 @@ class _TrainingState:
         return _TrainingState(settings, {"network": network, "average": average}, trainer, scale, device)
 
     def begin_epoch(self, number: int) -> None:
-        """Seed an epoch's randomness and put the network into training mode, but for what stays as it is."""
+        """Seed an epoch's randomness and put the network into training mode, except for frozen parts."""
         seed = np.random.SeedSequence([self.settings.seed, number]).generate_state(1)[0]
         torch.manual_seed(int(seed >> 1))
         network = self.networks["network"].train()

@@ -23,7 +23,7 @@ DIELECTRIC = 0.04
 
 @functools.lru_cache(maxsize=TEXTURES)
 def stock_texture(number: int) -> np.ndarray:
-    """A texture of anything: (S, S, 3) float32 linear albedo."""
+    """Return a texture of anything: (S, S, 3) float32 linear albedo."""
 
     def made() -> Arrays:
         rng = np.random.default_rng(np.random.SeedSequence([number, 31]))
@@ -35,7 +35,7 @@ def stock_texture(number: int) -> np.ndarray:
 
 @functools.lru_cache(maxsize=DECORATIONS)
 def stock_decoration(number: int) -> np.ndarray:
-    """A decoration for ceramics: (S, 2 S, 4) float32 linear albedo and coverage."""
+    """Return a decoration for ceramics: (S, 2 S, 4) float32 linear albedo and coverage."""
 
     def made() -> Arrays:
         return {
@@ -46,7 +46,7 @@ def stock_decoration(number: int) -> np.ndarray:
 
 
 def any_colour(rng: np.random.Generator) -> np.ndarray:
-    """Linear RGB (3,) float32 of any thing: black, white, neutral, brown, pastel or saturated."""
+    """Return linear RGB (3,) float32 of any thing: black, white, neutral, brown, pastel or saturated."""
     kind = rng.choice(6, p=[0.13, 0.19, 0.15, 0.13, 0.15, 0.25])
     if kind == 0:
         colour = rng.uniform(0.01, 0.06) * rng.uniform(0.8, 1.2, 3)
@@ -65,7 +65,9 @@ def any_colour(rng: np.random.Generator) -> np.ndarray:
 
 
 def draw_coat(rng: np.random.Generator, parts: int, decorated: float, metal: float) -> Coat:
-    """Any coat of an object of so many parts; a share `decorated` are painted, a share `metal` of metal."""
+    """Return any coat of an object of so many parts; a share `decorated` are painted, a share `metal` of
+    metal.
+    """
     colours = np.repeat(any_colour(rng)[None], parts, axis=0)
     if rng.random() < 0.25:
         other = any_colour(rng)
@@ -82,7 +84,9 @@ def draw_coat(rng: np.random.Generator, parts: int, decorated: float, metal: flo
 
 
 def albedo_of(coat: Coat, points: np.ndarray, part: np.ndarray, height: float) -> np.ndarray:
-    """Albedo (N, 3) float32 at points (N, 3), metres, of parts (N,), of an object of this height."""
+    """Return the albedo (N, 3) float32 at points (N, 3), metres, of parts (N,), of an object of this
+    height.
+    """
     albedo = np.array(coat.colours, np.float32).T.take(part, axis=1)  # a channel after the other: faster
     if coat.paint is None:
         return albedo.T
@@ -98,7 +102,9 @@ def albedo_of(coat: Coat, points: np.ndarray, part: np.ndarray, height: float) -
 
 
 def mean_albedo(coat: Coat, vertices: np.ndarray, model: ShapeModel) -> np.ndarray:
-    """Mean albedo (3,) over the surface of an object (V, 3), metres: of its vertices, each with its share."""
+    """Return the mean albedo (3,) over the surface of an object (V, 3), metres: of its vertices, each with
+    its share.
+    """
     height = float(model.mean[:, 2].max())
     area = np.linalg.norm(face_normals(vertices, model.faces), axis=1)
     share = np.bincount(model.faces.ravel(), np.repeat(area, 3), minlength=len(vertices))
@@ -155,7 +161,9 @@ def draw_paint_layer(
 
 
 def _looked_up(image: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """The nearest texels (C, N) of an image (H, W, C) that repeats, u to the right, v down, in its sizes."""
+    """Return the nearest texels (C, N) of an image (H, W, C) that repeats, u to the right, v down, in its
+    sizes.
+    """
     height, width = image.shape[:2]
     row, column = (v * height).astype(np.int32) % height, (u * width).astype(np.int32) % width
     return image.reshape(height * width, -1).T.take(row * width + column, axis=1)

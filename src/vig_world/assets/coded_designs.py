@@ -51,7 +51,7 @@ def save_parameters(designs: Sequence[Design], folder: Path) -> None:
 
 
 def coded_vertices(path: Path, names: Sequence[str]) -> np.ndarray:
-    """Vertices (D, V, 3) float32 of the named designs of a `PARAMETERS_FILE`, metres.
+    """Return vertices (D, V, 3) float32 of the named designs of a `PARAMETERS_FILE`, metres.
 
     Raises:
         ValueError, OSError: The file is missing or damaged, or lacks one of the names.

@@ -22,13 +22,13 @@ _SLEEVES = ("cloth", "cloth", "stripes", "paint", "speckle")
 
 
 def _swept(points: list[list[float]], count: int, sides: int) -> Mesh:
-    """A smooth tube through stations (x, y, z, half width, half height)."""
+    """Return a smooth tube through stations (x, y, z, half width, half height)."""
     curve = smooth(points, count)
     return tube(curve[:, :3], curve[:, 3:], sides)
 
 
 def arm(rng: np.random.Generator) -> Prop:
-    """A forearm whose fingertips are at the origin, with a sleeve from the wrist on."""
+    """Return a forearm whose fingertips are at the origin, with a sleeve from the wrist on."""
     size = rng.uniform(0.8, 1.1)
     bend = rng.normal(0, 0.04)
     skin = material("skin", rng, "paint", near(_SKINS[rng.integers(len(_SKINS))], rng), 32)
@@ -68,7 +68,7 @@ def arm(rng: np.random.Generator) -> Prop:
 
 
 def twig(rng: np.random.Generator) -> Prop:
-    """A stem with leaves on both sides; the tip at the origin."""
+    """Return a stem with leaves on both sides; the tip at the origin."""
     length, spread = 0.5, rng.uniform(0.02, 0.05)
     x = np.linspace(0, length, 12)
     sway = spread * np.sin(x * rng.uniform(6, 14) + rng.uniform(0, 6))
@@ -90,7 +90,7 @@ def twig(rng: np.random.Generator) -> Prop:
 
 
 def board(rng: np.random.Generator) -> Prop:
-    """The end of a shelf board."""
+    """Return the end of a shelf board."""
     size = [0.7, rng.uniform(0.05, 0.15), rng.uniform(0.012, 0.03)]
     pattern = str(rng.choice(["wood", "wood", "wood", "paint", "paint", "marble"]))
     plank = moved(box(size, 0.0015), [0.35, 0.0, -size[2] / 2])

@@ -16,7 +16,7 @@ _AXES = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
 
 @lru_cache(maxsize=1)
 def _hull_directions() -> np.ndarray:
-    """Unit vectors (130, 3) float32 spread over the sphere, level ones among them."""
+    """Return unit vectors (130, 3) float32 spread over the sphere, level ones among them."""
     rings: list[np.ndarray] = []
     for elevation, count in zip(
         np.arange(-4, 5) * (np.pi / 8), (1, 8, 16, 24, 32, 24, 16, 8, 1), strict=True
@@ -30,7 +30,9 @@ def _hull_directions() -> np.ndarray:
 
 
 def extreme_points(vertices: np.ndarray) -> np.ndarray:
-    """The points of (V, 3) farthest in each of 130 directions, (130, 3) float64: a lean convex hull."""
+    """Return the points of (V, 3) farthest in each of 130 directions, (130, 3) float64: a lean convex
+    hull.
+    """
     farthest = (_hull_directions() @ vertices.astype(np.float32).T).argmax(axis=1)
     return vertices[farthest].astype(np.float64)
 
@@ -53,20 +55,22 @@ class Footprint:
 
     @staticmethod
     def of(points: np.ndarray, axis: np.ndarray) -> Footprint:
-        """Of world points (..., P, 3); `axis` (3,) a unit vector, such as the direction of view."""
+        """Return the footprint of world points (..., P, 3); `axis` (3,) a unit vector, such as the
+        direction of view.
+        """
         level = points[..., :2]
         return Footprint(level, (level @ _AXES.T).max(-2), _extent(points[..., 2]), _extent(points @ axis))
 
     @staticmethod
     def stacked(footprints: Sequence[Footprint]) -> Footprint:
-        """Those of N solids, with as many points each, as one of shape (N, ...)."""
+        """Return those of N solids, with as many points each, as one of shape (N, ...)."""
         return Footprint(*(np.stack([getattr(each, name) for each in footprints]) for name in _FIELDS))
 
     def __getitem__(self, index: Any) -> Footprint:
         return Footprint(*(getattr(self, name)[index] for name in _FIELDS))
 
     def gap(self, other: Footprint) -> np.ndarray:
-        """A lower bound, metres, of the distance between the two along one of the axes.
+        """Return a lower bound, metres, of the distance between the two along one of the axes.
 
         Leading axes broadcast: `many[:, None].gap(others)` is (N, M).
         """
@@ -81,7 +85,7 @@ _FIELDS = tuple(field.name for field in fields(Footprint))
 
 
 def _extent(values: np.ndarray) -> np.ndarray:
-    """Least and greatest of values (..., P): (..., 2)."""
+    """Return the least and greatest of values (..., P): (..., 2)."""
     extent = np.empty((*values.shape[:-1], 2))
     values.min(-1, out=extent[..., 0])
     values.max(-1, out=extent[..., 1])

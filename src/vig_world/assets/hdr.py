@@ -126,7 +126,9 @@ def _exr(path: Path) -> tuple[np.ndarray, tuple[float, ...]]:
 
 
 def _rgb_channels(path: Path, names: list[str]) -> list[int]:
-    """The places of R, G and B among the names of a part's channels, or of its one layer that has them."""
+    """Return the places of R, G and B among the names of a part's channels, or of its one layer that has
+    them.
+    """
     layers: dict[str, dict[str, int]] = {}
     for index, name in enumerate(names):
         layer, _, channel = name.upper().rpartition(".")

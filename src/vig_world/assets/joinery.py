@@ -21,7 +21,9 @@ Point = tuple[float, float, float]
 
 @lru_cache(maxsize=2)
 def _cube(bevelled: bool) -> tuple[Array, Array, Array, Array]:
-    """Signs (N, 3), cut axes (N, 3) in 0/1 and facing axis (N,) of a box's vertices, and its triangles."""
+    """Return signs (N, 3), cut axes (N, 3) in 0/1 and facing axis (N,) of a box's vertices, and its
+    triangles.
+    """
     mesh = box((2.0, 2.0, 2.0), 0.2 if bevelled else 0.0)
     points = mesh.vertices - [0, 0, 1]
     polygons = [range(k, k + 4) for k in range(0, 72 if bevelled else 24, 4)]
@@ -34,7 +36,7 @@ def _cube(bevelled: bool) -> tuple[Array, Array, Array, Array]:
 
 
 def boards(low: ArrayLike, high: ArrayLike, bevel: float, shift: ArrayLike) -> Mesh:
-    """Boxes between corners low and high (N, 3) as one mesh; shift (N, 2) moves each one's texture."""
+    """Return boxes between corners low and high (N, 3) as one mesh; shift (N, 2) moves each one's texture."""
     low, high = np.asarray(low, np.float64), np.asarray(high, np.float64)
     signs, cuts, axis, faces = _cube(bevel > 0)
     half = (high - low) / 2
@@ -56,7 +58,7 @@ def boards(low: ArrayLike, high: ArrayLike, bevel: float, shift: ArrayLike) -> M
 
 
 def rod(path: ArrayLike, radius: float, sides: int = 6, up: ArrayLike = (0.0, 0.0, 1.0)) -> Mesh:
-    """A tube (see `tube`) with its texture in metres."""
+    """Return a tube (see `tube`) with its texture in metres."""
     points = np.asarray(path, float)
     mesh = tube(points, radius, sides, up)
     assert mesh.uv is not None
@@ -65,13 +67,13 @@ def rod(path: ArrayLike, radius: float, sides: int = 6, up: ArrayLike = (0.0, 0.
 
 
 def stick(start: ArrayLike, end: ArrayLike, radius: float, sides: int = 6) -> Mesh:
-    """A straight round bar between two points."""
+    """Return a straight round bar between two points."""
     path = np.asarray([start, end], np.float64)
     return rod(path, radius, sides, np.eye(3)[int(np.argmin(np.abs(path[1] - path[0])))])
 
 
 def joined(meshes: Sequence[Mesh]) -> Mesh:
-    """Meshes with texture coordinates as one."""
+    """Return meshes with texture coordinates as one."""
     if len(meshes) == 1:
         return meshes[0]
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes[:-1]])
@@ -94,7 +96,9 @@ class Joinery:
         self._boards: dict[tuple[int, float], list[tuple[Point, Point]]] = {}
 
     def board(self, stuff: Material, low: Point, high: Point, bevel: float = 0.0) -> None:
-        """A box between two corners, its edges cut off by `bevel`; each has its own place in the texture."""
+        """Add a box between two corners, its edges cut off by `bevel`; each has its own place in the
+        texture.
+        """
         self._materials[id(stuff)] = stuff
         self._boards.setdefault((id(stuff), bevel), []).append((low, high))
 
@@ -106,12 +110,12 @@ class Joinery:
         turn: float = 0.0,
         tilt: float = 0.0,
     ) -> None:
-        """A mesh, tilted about x, turned about z and shifted."""
+        """Add a mesh, tilted about x, turned about z and shifted."""
         self._materials[id(stuff)] = stuff
         self._meshes.setdefault(id(stuff), []).append(moved(mesh, offset, turn, tilt))
 
     def parts(self) -> list[tuple[Mesh, Material]]:
-        """All parts so far, one mesh per material."""
+        """Return all parts so far, one mesh per material."""
         meshes = {key: list(value) for key, value in self._meshes.items()}
         for (key, bevel), corners in self._boards.items():
             low, high = np.array(corners, np.float64).transpose(1, 0, 2)

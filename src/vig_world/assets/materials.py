@@ -41,12 +41,14 @@ _PAINTS = np.array(
 def material(
     kind: str, rng: np.random.Generator, pattern: str = "paint", base: ArrayLike | None = None, size: int = 64
 ) -> Material:
-    """A material with a texture of kind `pattern` (see `textures.KINDS`), of main colour `base` if given."""
+    """Return a material with a texture of kind `pattern` (see `textures.KINDS`), of main colour `base` if
+    given.
+    """
     return Material(texture(pattern, rng, size, base), kind, float(rng.uniform(*ROUGHNESS[kind])))
 
 
 def plain(base: ArrayLike, kind: str = "plastic", roughness: float = 0.5, emission: float = 0.0) -> Material:
-    """A surface of one colour (3,), linear; it glows with a positive `emission`."""
+    """Return a surface of one colour (3,), linear; it glows with a positive `emission`."""
     return Material(np.asarray(base, np.float32).reshape(1, 1, 3), kind, roughness, "", emission)
 
 
@@ -56,25 +58,27 @@ def _stand_in(pattern: str, number: int) -> np.ndarray:
 
 
 def slot_material(slot: str, rng: np.random.Generator) -> Material:
-    """What stands in for a slot of furniture (a name of `STAND_INS`): wood, a top to stand on, or fabric."""
+    """Return the stand-in for a slot of furniture (a name of `STAND_INS`): wood, a top to stand on, or
+    fabric.
+    """
     pattern, kind, roughness = STAND_INS[slot]
     image = _stand_in(pattern, int(rng.integers(_STAND_IN_COUNT)))
     return Material(image, kind, float(rng.uniform(*roughness)), slot)
 
 
 def loose_fabric(rng: np.random.Generator) -> Material:
-    """A rug's or curtain's cloth, which stays what it is."""
+    """Return a rug's or curtain's cloth, which stays what it is."""
     return material("cloth", rng, str(rng.choice(["cloth", "wallpaper", "cloth", "paint"])))
 
 
 def paint_finish(rng: np.random.Generator) -> Material:
-    """Painted wood, of a colour that furniture has."""
+    """Return painted wood, of a colour that furniture has."""
     chosen = _PAINTS[rng.choice(len(_PAINTS), p=[0.3, 0.12, 0.1, 0.09, 0.09, 0.09, 0.06, 0.06, 0.09])]
     return Material(texture("paint", rng, _SIZE, near(chosen, rng)), "wood", float(rng.uniform(0.3, 0.6)))
 
 
 def fitting(rng: np.random.Generator) -> Material:
-    """Handles, hinges, rails: steel, brass, black iron or dark plastic."""
+    """Return handles, hinges, rails: steel, brass, black iron or dark plastic."""
     if rng.uniform() < 0.25:
         return plain((0.04, 0.04, 0.045))
     return material("metal", rng, "paint", near(_METALS[rng.integers(len(_METALS))], rng, 0.08), 16)

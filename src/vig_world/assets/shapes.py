@@ -21,7 +21,7 @@ Points = Array | Sequence[Any]  # coordinates by rows: an array, or rows of numb
 
 
 def _mesh(vertices: ArrayLike, faces: ArrayLike, uv: ArrayLike) -> Mesh:
-    """A Mesh with the empty triangles dropped and the faces turned outward (positive volume)."""
+    """Return a Mesh with the empty triangles dropped and the faces turned outward (positive volume)."""
     points = np.asarray(vertices, np.float32)
     triangles = np.asarray(faces, np.int32).reshape(-1, 3)
     corners = points.astype(np.float64)[triangles]
@@ -36,7 +36,9 @@ def _mesh(vertices: ArrayLike, faces: ArrayLike, uv: ArrayLike) -> Mesh:
 
 @lru_cache(maxsize=256)
 def _grid_faces(rows: int, columns: int, wrap: bool) -> NDArray[np.int32]:
-    """Two triangles per cell of a row-major grid of vertices; `wrap` joins the last column to the first."""
+    """Return two triangles per cell of a row-major grid of vertices; `wrap` joins the last column to the
+    first.
+    """
     r, c = np.meshgrid(np.arange(rows - 1), np.arange(columns if wrap else columns - 1), indexing="ij")
     a, b = r * columns + c, r * columns + (c + 1) % columns
     quads = np.stack([a, b, b + columns, a, b + columns, a + columns], -1)
@@ -44,7 +46,7 @@ def _grid_faces(rows: int, columns: int, wrap: bool) -> NDArray[np.int32]:
 
 
 def smooth(points: Points, count: int) -> Array:
-    """A round curve (count, D) through control points (N, D): a Catmull-Rom spline."""
+    """Return a round curve (count, D) through control points (N, D): a Catmull-Rom spline."""
     p = np.asarray(points, np.float64)
     p = np.concatenate([2 * p[:1] - p[1:2], p, 2 * p[-1:] - p[-2:-1]])
     t = np.linspace(0, len(p) - 3, count)
@@ -55,7 +57,7 @@ def smooth(points: Points, count: int) -> Array:
 
 
 def scaled(mesh: Mesh, factor: ArrayLike) -> Mesh:
-    """The mesh times a positive factor, one for all axes or (3,) for each."""
+    """Return the mesh times a positive factor, one for all axes or (3,) for each."""
     return Mesh((mesh.vertices * np.asarray(factor)).astype(np.float32), mesh.faces, mesh.uv)
 
 
@@ -74,7 +76,8 @@ _FRAMES = np.array(  # normal, right, up of the six sides, each seen from outsid
 
 @lru_cache(maxsize=1)
 def _bevelled_cube() -> tuple[Array, Array, Array, NDArray[np.int_]]:
-    """Signs (N, 3), cut axes (N, 3) in 0/1 and side (N,) of a bevelled box's vertices, and its triangles.
+    """Return signs (N, 3), cut axes (N, 3) in 0/1 and side (N,) of a bevelled box's vertices, and its
+    triangles.
 
     A vertex lies at signs * (half size - bevel * cut). First come the six sides, four vertices each, then the
     edges' strips, then the corners' triangles.
@@ -85,7 +88,7 @@ def _bevelled_cube() -> tuple[Array, Array, Array, NDArray[np.int_]]:
     triangles: list[list[int]] = []
 
     def add(side: int, corners: Sequence[tuple[int, Sequence[float]]]) -> None:
-        """Adds a convex polygon textured as a part of a side: per corner, the axis not cut and the signs."""
+        """Add a convex polygon textured as a part of a side: per corner, the axis not cut and the signs."""
         polygon = [(np.asarray(sign, np.float64), 1.0 - np.eye(3)[axis]) for axis, sign in corners]
         p = [sign * (1 - 0.2 * cut) for sign, cut in polygon]
         if np.cross(p[1] - p[0], p[2] - p[0]) @ np.mean(p, axis=0) < 0:
@@ -112,7 +115,7 @@ def _bevelled_cube() -> tuple[Array, Array, Array, NDArray[np.int_]]:
 
 
 def box(size: Points, bevel: float = 0.0) -> Mesh:
-    """A box (x, y, z) on z = 0, centred, its edges cut off by `bevel`; each side shows the texture."""
+    """Return a box (x, y, z) on z = 0, centred, its edges cut off by `bevel`; each side shows the texture."""
     half = np.asarray(size, np.float64) / 2
     bevel = min(bevel, 0.9 * half.min())
     signs, cuts, sides, triangles = _bevelled_cube()
@@ -125,7 +128,7 @@ def box(size: Points, bevel: float = 0.0) -> Mesh:
 
 
 def tube(path: Points, radius: ArrayLike, sides: int = 8, up: ArrayLike = (0.0, 0.0, 1.0)) -> Mesh:
-    """A closed tube along a path.
+    """Return a closed tube along a path.
 
     Args:
         path: (N, 3) centre line.
@@ -164,7 +167,9 @@ def tube(path: Points, radius: ArrayLike, sides: int = 8, up: ArrayLike = (0.0, 
 
 
 def relief(x: ArrayLike, y: ArrayLike, top: ArrayLike, bottom: ArrayLike | float = 0.0) -> Mesh:
-    """A closed sheet between two surfaces over a grid: x, y, top, bottom (R, C), with vertical edges."""
+    """Return a closed sheet between two surfaces over a grid: x, y, top, bottom (R, C), with vertical
+    edges.
+    """
     x, y, top = (np.asarray(a, np.float64) for a in (x, y, top))
     rows, columns = top.shape
     low = np.broadcast_to(np.asarray(bottom, np.float64), top.shape)
@@ -188,7 +193,7 @@ def relief(x: ArrayLike, y: ArrayLike, top: ArrayLike, bottom: ArrayLike | float
 
 
 def moved(mesh: Mesh, offset: ArrayLike = (0.0, 0.0, 0.0), turn: float = 0.0, tilt: float = 0.0) -> Mesh:
-    """The mesh tilted by `tilt` about x, then turned by `turn` about z (radians), then shifted."""
+    """Return the mesh tilted by `tilt` about x, then turned by `turn` about z (radians), then shifted."""
     ct, st, cz, sz = np.cos(tilt), np.sin(tilt), np.cos(turn), np.sin(turn)
     rotation = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]]) @ np.array(
         [[1, 0, 0], [0, ct, -st], [0, st, ct]]

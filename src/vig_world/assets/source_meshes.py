@@ -58,18 +58,22 @@ class SourceMesh:
 
     @cached_property
     def normals(self) -> np.ndarray:
-        """Unit normals (F, 3, 3) of the faces' corners; see `corner_normals`."""
+        """Return unit normals (F, 3, 3) of the faces' corners; see `corner_normals`."""
         return corner_normals(self.vertices, self.faces).astype(np.float32)
 
     @cached_property
     def _neighbours(self) -> tuple[np.ndarray, np.ndarray]:
-        """Vertices (V, NEIGHBOURS) of the template near each vertex, and their weights, which add up to 1."""
+        """Return vertices (V, NEIGHBOURS) of the template near each vertex, and their weights, which add up
+        to 1.
+        """
         distance, index = cKDTree(self.registered).query(self.vertices, NEIGHBOURS)
         weight = 1 / (distance + 1e-3 * np.ptp(self.registered, axis=0).max()) ** 2
         return index, (weight / weight.sum(1, keepdims=True)).astype(np.float32)
 
     def moved(self, template: np.ndarray) -> np.ndarray:
-        """Vertices (V, 3) as the template moves from where it lies on the mesh to `template` (T, 3)."""
+        """Return vertices (V, 3) as the template moves from where it lies on the mesh to `template` (T,
+        3).
+        """
         index, weight = self._neighbours
         move = (template - self.registered).astype(np.float32)
         return self.vertices + np.einsum("vk,vkd->vd", weight, move[index])
@@ -83,7 +87,7 @@ class SourceMesh:
         design: int,
         split: str,
     ) -> SourceMesh:
-        """Of a file's pieces, moved by a linear map (3, 3) and an offset (3,)."""
+        """Return the mesh of a file's pieces, moved by a linear map (3, 3) and an offset (3,)."""
         pieces = simplified(list(pieces), MOST_FACES)
         starts = np.cumsum([0] + [len(piece.vertices) for piece in pieces])
         return SourceMesh(
@@ -100,7 +104,7 @@ class SourceMesh:
 
 
 def corner_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Unit normals (F, 3, 3) of the faces' corners, smooth but across creases, whatever the winding.
+    """Return unit normals (F, 3, 3) of the faces' corners, smooth but across creases, whatever the winding.
 
     The mean of the normals, weighted by area, of all faces at a corner that meet the corner's own face at
     less than the crease angle; a face that is wound the other way counts with its normal turned round.
@@ -141,7 +145,7 @@ def save(path: Path, meshes: Sequence[SourceMesh]) -> None:
 
 
 def meshes_fingerprint(pack: Path) -> str:
-    """A short hash of the meshes of a pack, "" where it has none."""
+    """Return a short hash of the meshes of a pack, "" where it has none."""
     path = pack / "build" / FILE
     return hashlib.sha256(path.read_bytes()).hexdigest()[:16] if path.exists() else ""
 

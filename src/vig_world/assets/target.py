@@ -17,7 +17,7 @@ NO_DESIGN = -1
 
 
 def draw_shape(rng: np.random.Generator, object_class: ObjectClass, split: Split) -> tuple[np.ndarray, int]:
-    """Coefficients (K,) in [-3, 3] and the number of a design, -1 for none.
+    """Return coefficients (K,) in [-3, 3] and the number of a design, -1 for none.
 
     One of the class's designs of the split, changed by the model's modes times N(0, 1/2); the coefficients
     are then those of the model's nearest shape. Where the split has no designs, N(0, 1): a model's shape.
@@ -33,19 +33,19 @@ def draw_shape(rng: np.random.Generator, object_class: ObjectClass, split: Split
 
 
 def target_vertices(spec: SceneSpec, object_class: ObjectClass) -> np.ndarray:
-    """The object's vertices (V, 3) float32, metres."""
+    """Return the object's vertices (V, 3) float32, metres."""
     return standing_vertices(np.array(spec.shape), spec.design, object_class)
 
 
 def standing_vertices(coefficients: np.ndarray, design: int, object_class: ObjectClass) -> np.ndarray:
-    """Those of `shape_vertices`, raised or lowered so that the lowest is at z = 0."""
+    """Return those of `shape_vertices`, raised or lowered so that the lowest is at z = 0."""
     vertices = shape_vertices(coefficients, design, object_class)
     lowest = vertices[:, 2].min()
     return vertices if lowest == 0 else vertices - np.array([0, 0, lowest], np.float32)
 
 
 def shape_vertices(coefficients: np.ndarray, design: int, object_class: ObjectClass) -> np.ndarray:
-    """Vertices (V, 3) float32 at coefficients (K,), plus a held-out design's deviation from the model.
+    """Return vertices (V, 3) float32 at coefficients (K,), plus a held-out design's deviation from the model.
 
     design: its number in `held_out_designs_of`, or `NO_DESIGN`.
     """
@@ -66,7 +66,9 @@ def _vertices(coefficients: tuple[float, ...], design: int, object_class: Object
 
 @lru_cache(maxsize=512)
 def nearest_shape(object_class: ObjectClass, design: int) -> tuple[np.ndarray, np.ndarray]:
-    """The model's coefficients (K,) nearest to a held-out design, and what it deviates by, (V, 3) float32."""
+    """Return the model's coefficients (K,) nearest to a held-out design, and what it deviates by, (V, 3)
+    float32.
+    """
     designs, model = held_out_designs_of(object_class), object_class.shape_model
     if designs is None or not 0 <= design < len(designs.vertices):
         count = 0 if designs is None else len(designs.vertices)
@@ -80,7 +82,7 @@ def nearest_shape(object_class: ObjectClass, design: int) -> tuple[np.ndarray, n
 
 
 def nearest_coefficients(model: ShapeModel, vertices: np.ndarray) -> np.ndarray:
-    """Least-squares coefficients (N, K) of shapes (N, V, 3) in the model's correspondence."""
+    """Return least-squares coefficients (N, K) of shapes (N, V, 3) in the model's correspondence."""
     flat = (vertices.astype(np.float64) - model.mean).reshape(len(vertices), -1)
     basis = model.basis.reshape(model.modes, -1).astype(np.float64)
     coefficients: np.ndarray = np.linalg.lstsq(basis.T, flat.T, rcond=None)[0].T

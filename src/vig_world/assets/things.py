@@ -161,11 +161,11 @@ class FurnitureModel:
 
 
 def is_of_class(family: str, name: str) -> bool:
-    """Whether a prop's family or file, such as `mug`, is named like a class or known to be alike."""
+    """Return whether a prop's family or file, such as `mug`, is named like a class or known to be alike."""
     words, own = _words(name), _words(family)
     return bool(own & words) or any(own & ALIKE.get(word, set()) for word in words)
 
 
 def _words(text: str) -> set[str]:
-    """The words of a name, in small letters and singular."""
+    """Return the words of a name, in small letters and singular."""
     return {word.removesuffix("s") for word in re.split(r"[^a-z]+", text.lower())} - {""}

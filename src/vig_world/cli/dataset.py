@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def make(settings: Make) -> int:
-    """`vig dataset make`."""
+    """Run `vig dataset make`."""
     from vig.scene import ObjectClass
     from vig_world.generation.describe import describe_split
     from vig_world.generation.write import make_dataset
@@ -63,7 +63,7 @@ def make(settings: Make) -> int:
 
 
 def _size(text: str) -> tuple[int, int]:
-    """Width and height as --size states them."""
+    """Return the width and height as --size states them."""
     match = re.fullmatch(r"([0-9]{1,9})[xX]([0-9]{1,9})", text)
     if match is None:
         raise UserError(f"expected --size WIDTHxHEIGHT in pixels, such as 640x480; got '{text[:40]}'.")
@@ -82,7 +82,7 @@ REASONS = {
 
 
 def groups(settings: Groups) -> int:
-    """`vig dataset groups`."""
+    """Run `vig dataset groups`."""
     from vig.scene import ObjectClass
     from vig_world.dataset.format import MOST_SIDE
     from vig_world.generation.groups import write_groups
@@ -105,7 +105,7 @@ def groups(settings: Groups) -> int:
 
 
 def _own(settings: Make | Check) -> OwnAssets:
-    """The user's custom assets; skipped files and guesses are reported on standard error."""
+    """Return the user's custom assets; skipped files and guesses are reported on standard error."""
     from vig_world.library import OwnAssets, OwnFolders
 
     folders = (settings.envmaps, settings.props, settings.furniture)
@@ -116,14 +116,14 @@ def _own(settings: Make | Check) -> OwnAssets:
 
 
 def _class(name: str | None) -> ObjectClass | None:
-    """The class that --class names."""
+    """Return the class that --class names."""
     from vig.scene import ObjectClass
 
     return None if name is None else ObjectClass.load(name)
 
 
 def check(settings: Check) -> int:
-    """`vig dataset check`."""
+    """Run `vig dataset check`."""
     from vig_world.dataset.format import complete_split, read_info
     from vig_world.generation.check import check_dataset
 
@@ -154,7 +154,7 @@ SHOWN = 20
 
 
 def show(settings: Show) -> int:
-    """`vig dataset show`."""
+    """Run `vig dataset show`."""
     from vig_world.dataset import read_dataset
     from vig_world.generation.describe import describe_split
     from vig_world.generation.keypoints import dataset_class
@@ -185,7 +185,7 @@ def show(settings: Show) -> int:
 
 
 def export(settings: ExportDataset) -> int:
-    """`vig dataset export`."""
+    """Run `vig dataset export`."""
     from vig_world.generation.coco import export_coco, export_coco_keypoints
     from vig_world.generation.webdataset import export_webdataset
     from vig_world.generation.yolo import export_yolo_pose

@@ -51,7 +51,7 @@ def scatter(stage: StagedRoom, rng: np.random.Generator, rejected: Counter[str])
 
 
 def visible_ground(stage: StagedRoom) -> tuple[float, float]:
-    """Nearest and farthest ground in the frame, metres ahead of the object's axis.
+    """Return nearest and farthest ground in the frame, metres ahead of the object's axis.
 
     At most 1.3, or so much more as the object is larger than teapots.
     """
@@ -65,7 +65,9 @@ def visible_ground(stage: StagedRoom) -> tuple[float, float]:
 
 
 def _in_background(stage: StagedRoom, rng: np.random.Generator) -> list[Support]:
-    """Up to four other supports whose middle is in front of the camera and not too far, in random order."""
+    """Return up to four other supports whose middle is in front of the camera and not too far, in random
+    order.
+    """
     supports = stage.library.plan(stage.room.layout).layout.supports
     middles = stage.room.to_world(np.array([support.centre for support in supports]))
     x, y, z = ((middles - stage.actor.view.eye) @ stage.actor.view.rotation.T).T
@@ -76,7 +78,7 @@ def _in_background(stage: StagedRoom, rng: np.random.Generator) -> list[Support]
 
 
 def draw_props(stage: StagedRoom, rng: np.random.Generator, zones: list[str]) -> list[tuple[str, int]]:
-    """Family and number of a random prop for each of several zones, which belongs there."""
+    """Return family and number of a random prop for each of several zones, which belongs there."""
     names = []
     for zone, (family_at, member_at) in zip(zones, rng.random((len(zones), 2)).tolist(), strict=True):
         families = stage.families(zone)
@@ -108,7 +110,7 @@ class _Proposals:
     def draw(
         stage: StagedRoom, rng: np.random.Generator, supports: list[Support], own: np.ndarray
     ) -> _Proposals:
-        """Random props as near to spots (N, 3) on supports (N), in their frames, as the edges allow.
+        """Return random props as near to spots (N, 3) on supports (N), in their frames, as the edges allow.
 
         Half of them are square to the support's edges.
         """

@@ -60,7 +60,7 @@ class Member:
     position: tuple[float, float]
 
     def view(self, first: View) -> View:
-        """The camera in this object's frame, from that in the first member's."""
+        """Return the camera in this object's frame, from that in the first member's."""
         rotation, offset = about_z(self.turn), np.array([*self.position, 0.0])
         return View(first.camera, first.rotation @ rotation, first.rotation @ offset + first.translation)
 
@@ -72,7 +72,7 @@ class GroupSpec:
     members: tuple[Member, ...]
 
     def views(self, classes: Sequence[ObjectClass], width: int, height: int) -> list[View]:
-        """The camera in each member's frame, for an image of width x height pixels."""
+        """Return the camera in each member's frame, for an image of width x height pixels."""
         scene, first = self.members[0].scene, _class_of(self.members[0], classes)
         view = View.of_scene(scene, first, height).framed(width, height)
         return [member.view(view) for member in self.members]
@@ -143,7 +143,7 @@ class _GroupBuilder:
         self.others = self._depth_of_others()
 
     def _depth_of_others(self) -> np.ndarray:
-        """Depth (H, W) of room and props in the group's view."""
+        """Return the depth (H, W) of room and props in the group's view."""
         return depth(solids(self.library, self.scene.room, self.scene.props), self.view)[0]
 
     def try_one(self, rng: np.random.Generator) -> None:
@@ -204,7 +204,8 @@ class _GroupBuilder:
 def _seen_from(
     scene: SceneSpec, object_class: ObjectClass, eye: np.ndarray, turn: float, place: tuple[float, float]
 ) -> SceneSpec:
-    """A scene in the frame of another object, turned by `turn` and placed at (x, y) in the scene's frame.
+    """Return a scene in the frame of another object, turned by `turn` and placed at (x, y) in the scene's
+    frame.
 
     azimuth and elevation are those of the eye (3,) about that object.
     """
@@ -234,5 +235,5 @@ def _class_of(member: Member, classes: Sequence[ObjectClass]) -> ObjectClass:
 
 
 def group_stream(seed: int, index: int, split: Split, purpose: int) -> np.random.Generator:
-    """The generator of one purpose of one group."""
+    """Return the generator of one purpose of one group."""
     return stream(seed, index, split, GROUP_STREAM + GROUPS + purpose)

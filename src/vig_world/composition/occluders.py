@@ -105,7 +105,9 @@ def draw_large(
 
 
 def area_to_hide(stage: StagedRoom, level: float, nearness: float) -> float:
-    """Square metres of a silhouette, `nearness` of the object's distance away, that can hide `level`."""
+    """Return the square metres of a silhouette, `nearness` of the object's distance away, that can hide
+    `level`.
+    """
     view = stage.actor.view
     pixels = (level - stage.hidden()) * len(stage.actor.pixels)
     return pixels * (nearness * float(stage.actor.own.mean()) / view.camera.focal) ** 2
@@ -114,20 +116,22 @@ def area_to_hide(stage: StagedRoom, level: float, nearness: float) -> float:
 def placed(
     name: tuple[str, int], position: np.ndarray, rotation: np.ndarray, role: Role = "occluder"
 ) -> Placed:
-    """A prop at (3,) turned by (3, 3), as plain data."""
+    """Return a prop at (3,) turned by (3, 3), as plain data."""
     x, y, z = np.asarray(position, float).tolist()
     return Placed(name[0], name[1], (x, y, z), vector_of(rotation), role)
 
 
 def standing(stage: StagedRoom, rng: np.random.Generator, level: float) -> OccluderCandidate | None:
-    """A prop on the same support, between the camera and the object; moves sideways."""
+    """Return a prop on the same support, between the camera and the object; moves sideways."""
     least_area = area_to_hide(stage, level, 0.7)
     names = [draw_large(stage, rng, (least_area, np.inf), True) for _ in range(PROPS)]
     return _drawn(stage, "standing", level, names, rng.random((PROPS * TURNS, 3)))
 
 
 def in_hand(stage: StagedRoom, rng: np.random.Generator, level: float) -> OccluderCandidate | None:
-    """A prop held by an arm that comes from outside the frame: tilted, or its broad side to the camera."""
+    """Return a prop held by an arm that comes from outside the frame: tilted, or its broad side to the
+    camera.
+    """
     scale, least_area = stage.actor.scale, area_to_hide(stage, level, 0.75)
     name = draw_large(stage, rng, (least_area, least_area + MORE_THAN_HIDES * scale**2), False)
     numbers = rng.integers(stage.library.members("arm"), size=GRASPS).tolist()
@@ -137,24 +141,24 @@ def in_hand(stage: StagedRoom, rng: np.random.Generator, level: float) -> Occlud
 
 
 def reaching(stage: StagedRoom, rng: np.random.Generator, level: float) -> OccluderCandidate | None:
-    """A bare hand and its arm before the object."""
+    """Return a bare hand and its arm before the object."""
     return _fixed(stage, rng, level, "arm", (-0.2, 0.3))
 
 
 def branch(stage: StagedRoom, rng: np.random.Generator, level: float) -> OccluderCandidate | None:
-    """A leafy twig that reaches into the frame."""
+    """Return a leafy twig that reaches into the frame."""
     return _fixed(stage, rng, level, "twig", (-0.3, 0.2))
 
 
 def board(stage: StagedRoom, rng: np.random.Generator, level: float) -> OccluderCandidate | None:
-    """The end of a board: level above the object, as of a shelf, or its broad side to the camera."""
+    """Return the end of a board: level above the object, as of a shelf, or its broad side to the camera."""
     return _fixed(stage, rng, level, "board", (-0.3, 0.3))
 
 
 def _fixed(
     stage: StagedRoom, rng: np.random.Generator, level: float, kind: str, ends: tuple[float, float]
 ) -> OccluderCandidate | None:
-    """A fixture that reaches into the frame; `ends` of its offset are over the object's scale."""
+    """Return a fixture that reaches into the frame; `ends` of its offset are over the object's scale."""
     name, scale = _fixture(stage, rng, kind), stage.actor.scale
     draws = rng.random((1, 7)), rng.standard_normal((1, 3))
     return _drawn(stage, kind, level, [name], *draws, ends=(ends[0] * scale, ends[1] * scale))
@@ -170,7 +174,7 @@ def _drawn(
     ends: tuple[float, float] = (0.0, 0.0),
     arms: Sequence[tuple[str, int]] = (),
 ) -> OccluderCandidate | None:
-    """The first of N draws that has room before the object; see `occluder.cc`.
+    """Return the first of N draws that has room before the object; see `occluder.cc`.
 
     Args:
         stage: Where.

@@ -76,7 +76,7 @@ def draw_manner(
 def _gap(
     lens: Lens, object_class: ObjectClass, vertices: np.ndarray, azimuth: float, elevation: float
 ) -> float:
-    """Least depth of the vertices (V, 3) over the standard camera's distance."""
+    """Return the least depth of the vertices (V, 3) over the standard camera's distance."""
     view = View.through(lens, object_class, azimuth, elevation)
     return float((vertices @ view.rotation[2]).min() + view.translation[2]) / object_class.viewing_distance
 
@@ -84,7 +84,7 @@ def _gap(
 def _framed(
     lens: Lens, object_class: ObjectClass, vertices: np.ndarray, azimuth: float, elevation: float
 ) -> Lens:
-    """A lens that frames the object as the window of its box does."""
+    """Return a lens that frames the object as the window of its box does."""
     view = View.through(lens, object_class, azimuth, elevation)
     in_camera = vertices @ view.rotation.T + view.translation
     x, y = (view.camera.focal * in_camera[:, :2] / in_camera[:, 2:] + [view.camera.cx, view.camera.cy]).T

@@ -48,7 +48,7 @@ NEAR_RAY = 0.05
 
 @lru_cache(maxsize=8)
 def zone_weights(object_class: ObjectClass) -> tuple[tuple[str, float], ...]:
-    """Zones of rooms where things of a class stand, with their relative frequencies, sorted.
+    """Return zones of rooms where things of a class stand, with their relative frequencies, sorted.
 
     Raises:
         UserError: The class names others.
@@ -70,7 +70,8 @@ def find_place(
     rng: np.random.Generator,
     rejected: Counter[str],
 ) -> StagedRoom | None:
-    """A stage whose room and furniture hide a share of the object within `hidden`; None if none is found.
+    """Return a stage whose room and furniture hide a share of the object within `hidden`; None if none is
+    found.
 
     The latents stay fixed: one of the rooms `layouts` is turned and shifted round the object.
     """
@@ -101,7 +102,9 @@ def find_place(
 
 
 def _hiding(stage_at: Callable[[float], StagedRoom], hidden: tuple[float, float]) -> tuple[StagedRoom, float]:
-    """A stage moved out, by 0 to 1, from under what hides more of the object than wanted; and by how much."""
+    """Return a stage moved out, by 0 to 1, from under what hides more of the object than wanted; and by how
+    much.
+    """
     stage = stage_at(0.0)
     if hidden[0] == 0 or stage.hidden() <= hidden[1]:
         return stage, 0.0
@@ -160,7 +163,7 @@ class _Proposals:
         self.states, self._poses = propose(slice(None), 0.0)
 
     def sifted(self, rejected: Counter[str]) -> list[int]:
-        """Numbers of the first good places; the others are counted by what they lack."""
+        """Return numbers of the first good places; the others are counted by what they lack."""
         small = engine.PLACE_TOO_SMALL
         state = self.states if self.fits_any else np.full(len(self.states), small)
         for lack, reason in ((small, "too small"), (engine.PLACE_EYE, "eye")):
@@ -168,13 +171,15 @@ class _Proposals:
         return np.flatnonzero(state == engine.PLACE_GOOD)[:MOST_LOOKED_AT].tolist()
 
     def is_free(self, place: int, slid: float) -> bool:
-        """Whether the camera is free at one of the places that was free before it was slid."""
+        """Return whether the camera is free at one of the places that was free before it was slid."""
         if slid == 0:
             return True
         return int(self._propose(slice(place, place + 1), slid)[0][0]) != engine.PLACE_EYE
 
     def pose(self, place: int, slid: float) -> tuple[tuple[float, float, float], float]:
-        """The layout's origin and turn in the world at one of the places, slid to the edge by 0 to 1."""
+        """Return the layout's origin and turn in the world at one of the places, slid to the edge by 0
+        to 1.
+        """
         turn, spot, slide = float(self._poses[place, 0]), self._poses[place, 1:4], self._poses[place, 4:]
         x, y, z = (-about_z(turn) @ (spot + slid * slide)).tolist()
         return (x, y, z), turn
@@ -182,8 +187,9 @@ class _Proposals:
 
 @lru_cache(maxsize=256)
 def _support_table(layout: Layout, places: tuple[tuple[str, float], ...]) -> tuple[np.ndarray, np.ndarray]:
-    """The weight (N,) of each of a layout's supports, see `zone_weights`, and the supports as native code
-    reads them (N, 8): turn, clearance, behind, half (2), centre (3)."""
+    """Return the weight (N,) of each of a layout's supports, see `zone_weights`, and the supports as native
+    code reads them (N, 8): turn, clearance, behind, half (2), centre (3).
+    """
     zones, wanted = [support.zone for support in layout.supports], dict(places)
     weights = [wanted.get(zone, 0.0) / zones.count(zone) for zone in zones]
     rows = [(each.turn, each.clearance, each.behind, *each.half, *each.centre) for each in layout.supports]
@@ -192,7 +198,7 @@ def _support_table(layout: Layout, places: tuple[tuple[str, float], ...]) -> tup
 
 @lru_cache(maxsize=256)
 def _solid_table(layout: Layout) -> np.ndarray:
-    """A layout's furniture (M, 14): outward normals and offsets of four sides, low and high."""
+    """Return a layout's furniture (M, 14): outward normals and offsets of four sides, low and high."""
     if not len(layout.solids):
         return np.zeros((0, 14))
     corners = layout.solids[:, :4]

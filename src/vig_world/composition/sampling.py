@@ -159,7 +159,7 @@ def sample(
 
 
 def _halvings(actor: Actor, attempt: int, furnished: int) -> int:
-    """How often props are halved in an attempt: more and more in halls; early for small objects."""
+    """Return how often props are halved in an attempt: more and more in halls; early for small objects."""
     least = math.floor(-math.log2(actor.small))
     if attempt < furnished:
         return least if attempt >= BOARDS_FROM else 0
@@ -167,13 +167,16 @@ def _halvings(actor: Actor, attempt: int, furnished: int) -> int:
 
 
 def hall_size(actor: Actor) -> int:
-    """The size of the smallest empty hall with space for the object and its camera, see `Library.halls`."""
+    """Return the size of the smallest empty hall with space for the object and its camera, see
+    `Library.halls`.
+    """
     reach = max(np.linalg.norm(actor.view.eye), np.abs(actor.body.outline).max(), actor.body.heights[1])
     return max(0, math.ceil(math.log2(float(reach) / SPACE)))
 
 
 def target_occlusion(seed: int, index: int, split: Split) -> float:
-    """The share to be hidden, in [0, 0.9): multiples of the golden ratio, wrapped, from a random start.
+    """Return the share to be hidden, in [0, 0.9): multiples of the golden ratio, wrapped, from a random
+    start.
 
     Any run of samples is spread evenly over the range: of N, each tenth has N / 10, give or take one or two.
     """
@@ -182,13 +185,13 @@ def target_occlusion(seed: int, index: int, split: Split) -> float:
 
 
 def measure(library: Library, actor: Actor, room: Room, props: list[Placed]) -> float:
-    """The hidden share of the object at the full size of the image, one sample per pixel."""
+    """Return the hidden share of the object at the full size of the image, one sample per pixel."""
     view = actor.view.scaled(IMAGE_SIZE / LAYOUT_SIZE)
     alone = depth([actor.item], view)[0]
     return float((depth(solids(library, room, props), view)[0] < alone)[np.isfinite(alone)].mean())
 
 
 def solids(library: Library, room: Room, props: Iterable[Placed]) -> list[Item]:
-    """The geometry of a furnished room and of props."""
+    """Return the geometry of a furnished room and of props."""
     items = [Item(library.plan(room.layout).packed, room.rotation(), np.array(room.origin))]
     return items + [Item(library.packed(p.family, p.asset), p.matrix(), np.array(p.position)) for p in props]

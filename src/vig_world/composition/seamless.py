@@ -17,7 +17,7 @@ SURELY = 0.01
 
 
 def fits_seamless_ground(actor: Actor) -> bool:
-    """Whether some seamless ground may have a place for the object and its camera.
+    """Return whether some seamless ground may have a place for the object and its camera.
 
     Not so where the eye is in the ground or too high, where it sees over the wall behind the object, or where
     the ground is too near to it; these are the same wherever the object stands.

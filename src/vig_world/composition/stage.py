@@ -68,7 +68,7 @@ class Actor:
     def of(
         view: View, object_class: ObjectClass, vertices: np.ndarray, elevation: float, azimuth: float
     ) -> Actor:
-        """The object (V, 3) at the origin, seen in a view of `LAYOUT_SIZE` from angles in radians."""
+        """Return the object (V, 3) at the origin, seen in a view of `LAYOUT_SIZE` from angles in radians."""
         modes = object_class.shape_model.modes
         dark = Target.of(object_class, vertices, np.zeros(modes), np.zeros(3), np.zeros(9))
         item = Item(dark.packed, np.eye(3), np.zeros(3))
@@ -94,22 +94,24 @@ class Actor:
 
     @cached_property
     def front(self) -> float:
-        """Metres from its axis towards the camera that it reaches."""
+        """Return metres from its axis towards the camera that it reaches."""
         return float((self.body.outline @ -self.ahead[:2]).max())
 
     @cached_property
     def scale(self) -> float:
-        """Over a teapot; see `ObjectClass.scale`."""
+        """Return over a teapot; see `ObjectClass.scale`."""
         return self.object_class.scale
 
     @property
     def small(self) -> float:
-        """Its `scale` if it is smaller than 7 cm or so, whose camera is near to what it stands on; else 1."""
+        """Return its `scale` if it is smaller than 7 cm or so, whose camera is near to what it stands on;
+        else 1.
+        """
         return self.scale if self.scale < SMALL else 1.0
 
     @property
     def nearest(self) -> float:
-        """Least depth of anything in the scene, metres."""
+        """Return the least depth of anything in the scene, metres."""
         return NEAREST * min(1.0, self.scale)
 
 
@@ -142,7 +144,7 @@ class StagedRoom:
 
     @cached_property
     def native(self) -> Any:
-        """The same stage in the native library, made when it is first used to hide the object."""
+        """Return the same stage in the native library, made when it is first used to hide the object."""
         actor, (axes, origin) = self.actor, self.pose(self.support)
         numbers = (
             *actor.middle, actor.front, float(actor.body.depths[0]), actor.scale, self.margin, self.nearest,
@@ -155,7 +157,7 @@ class StagedRoom:
 
     @staticmethod
     def empty(library: Library, actor: Actor, room: Room) -> StagedRoom:
-        """A furnished room with the object alone."""
+        """Return a furnished room with the object alone."""
         packed = library.plan(room.layout).packed
         behind, _ = depth([Item(packed, room.rotation(), np.array(room.origin))], actor.view)
         support = library.plan(room.layout).layout.supports[room.support]
@@ -163,37 +165,39 @@ class StagedRoom:
 
     @property
     def margin(self) -> float:
-        """Metres between any two things."""
+        """Return metres between any two things."""
         return MARGIN * 0.5**self.halvings
 
     @property
     def nearest(self) -> float:
-        """Least depth of a prop, metres."""
+        """Return the least depth of a prop, metres."""
         return max(self.actor.nearest * 0.5**self.halvings, self.actor.view.near)
 
     def member(self, family: str, number: int) -> tuple[str, int]:
-        """Member `number` of a family, made smaller."""
+        """Return member `number` of a family, made smaller."""
         return family, number + self.halvings * self.library.members(family)
 
     def families(self, zone: str) -> tuple[str, ...]:
-        """The families of props that belong in a zone, but for those like the object."""
+        """Return the families of props that belong in a zone, but for those like the object."""
         return self.library.families(zone, self.actor.object_class.name)
 
     def hidden(self, extra: np.ndarray | None = None) -> float:
-        """Share of the object's pixels behind room and props, or behind one more depth image (75, 75)."""
+        """Return the share of the object's pixels behind room and props, or behind one more depth image (75,
+        75).
+        """
         hidden, actor = self._hidden_pixels(), self.actor
         if extra is not None:
             hidden = hidden | (extra.ravel()[actor.pixels] < actor.own)
         return np.count_nonzero(hidden) / len(actor.pixels)
 
     def _hidden_pixels(self) -> np.ndarray:
-        """Whether each of the object's pixels is behind room and props: (N,) bool."""
+        """Return whether each of the object's pixels is behind room and props: (N,) bool."""
         if self._hidden is None:
             self._hidden = self.blockers.ravel()[self.actor.pixels] < self.actor.own
         return self._hidden
 
     def seen(self, placed: list[Placed]) -> np.ndarray:
-        """Depth (75, 75) of props alone."""
+        """Return the depth (75, 75) of props alone."""
         return depth(self._items(placed), self.actor.view)[0]
 
     def settled(
@@ -204,7 +208,7 @@ class StagedRoom:
         level: float,
         tolerance: float,
     ) -> tuple[float, np.ndarray] | str:
-        """The offset of props along a motion (3,) at which `level` is hidden, see `raster.settle`."""
+        """Return the offset of props along a motion (3,) at which `level` is hidden, see `raster.settle`."""
         actor = self.actor
         pixels = ObjectPixels(actor.pixels, actor.own, self._hidden_pixels())
         return settle(self._items(placed), actor.view, motion, ends, pixels, level, tolerance)
@@ -215,28 +219,28 @@ class StagedRoom:
         ]
 
     def points(self, placed: Placed) -> np.ndarray:
-        """Farthest points (N, 3) of a prop in the world."""
+        """Return farthest points (N, 3) of a prop in the world."""
         return self.library.extremes(placed.family, placed.asset) @ placed.matrix().T + placed.position
 
     def check(self, footprint: Footprint) -> str:
-        """Why a solid cannot be there: `collision`, `eye` (too near the camera) or an empty string."""
+        """Return why a solid cannot be there: `collision`, `eye` (too near the camera) or an empty string."""
         if footprint.depths[0] < self.actor.view.forward @ self.actor.view.eye + self.nearest:
             return "eye"
         return "" if (footprint.gap(self.obstacles()) >= self.margin).all() else "collision"
 
     def obstacles(self) -> Footprint:
-        """Bounds of the object and of the props so far, as one of shape (N, ...)."""
+        """Return bounds of the object and of the props so far, as one of shape (N, ...)."""
         if self._obstacles is None:
             self._obstacles = Footprint.stacked([self.actor.body, *self.solids])
         return self._obstacles
 
     def on_support(self, support: Support, points: np.ndarray) -> np.ndarray:
-        """World points (..., 3) along a support's own axes from its centre."""
+        """Return world points (..., 3) along a support's own axes from its centre."""
         rotation, origin = self.pose(support)
         return points @ rotation - origin @ rotation
 
     def pose(self, support: Support) -> tuple[np.ndarray, np.ndarray]:
-        """Rotation (3, 3) and translation (3,), world from a support's own frame."""
+        """Return the rotation (3, 3) and translation (3,), world from a support's own frame."""
         if support not in self._poses:
             rotation = self.room.rotation()
             origin = rotation @ np.array(support.centre) + np.array(self.room.origin)

@@ -48,7 +48,7 @@ class Turning:
     way: tuple[float, float, float]
 
     def frames(self, count: int) -> Iterator[SceneSpec]:
-        """The scenes of `count` frames; each one's azimuth and hidden parts are those of the frame."""
+        """Yield the scenes of `count` frames; each one's azimuth and hidden parts are those of the frame."""
         whole = 2 * math.pi
         for time in np.linspace(-0.5, 0.5, count).tolist():
             turn = time + self.uneven / whole * math.sin(whole * time + self.phase)
@@ -94,7 +94,8 @@ def draw_turning(library: Library, object_class: ObjectClass, seed: int, index: 
 
 
 def turned(scene: SceneSpec, angle: float) -> SceneSpec:
-    """The scene with its object turned back by `angle` radians about +Z, told in the object's own frame.
+    """Return the scene with its object turned back by `angle` radians about +Z, told in the object's own
+    frame.
 
     The object's frame is the world's: everything else turns about it by the angle, the eye included.
     """

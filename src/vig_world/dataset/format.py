@@ -45,7 +45,9 @@ PARTIAL = "partial"
 
 
 def image_paths(folder: Path, index: int, normals: bool = False) -> dict[str, Path]:
-    """The image files of sample `index` in the split folder: rgb, depth, mask, mask_visib; normal, if any."""
+    """Return the image files of sample `index` in the split folder: rgb, depth, mask, mask_visib; normal, if
+    any.
+    """
     scene = folder / SCENE
     paths = {
         "rgb": scene / "rgb" / f"{index:06d}.png",
@@ -57,7 +59,7 @@ def image_paths(folder: Path, index: int, normals: bool = False) -> dict[str, Pa
 
 
 def most_bytes(size: Size) -> int:
-    """Bytes of an image file of that size; one that cannot be compressed at all has less."""
+    """Return bytes of an image file of that size; one that cannot be compressed at all has less."""
     return max(1 << 20, 4 * size[0] * size[1])
 
 
@@ -97,7 +99,7 @@ COLUMNS = (
 
 
 def read_info(root: Path) -> dict[str, Any]:
-    """The contents of D/info.json. Raises UserError when it is missing or not ours."""
+    """Return the contents of D/info.json. Raises UserError when it is missing or not ours."""
     with reading(root, f"a dataset folder with {INFO}", "Make one with `vig dataset make`."):
         info: dict[str, Any] = read_json(root / INFO)
         version = decode(int, info["vig_dataset"])
@@ -136,7 +138,7 @@ _COMPLETE = {"rejections": dict[str, int], "rejections_per_sample": float, "mani
 
 
 def _check_settings(settings: dict[str, Any]) -> None:
-    """ValueError or KeyError unless the settings of a split in info.json are what a split's must be."""
+    """Raise ValueError or KeyError unless the settings of a split in info.json are valid."""
     wanted = _SETTINGS | (_COMPLETE if settings["complete"] is True else {})
     for name, kind in wanted.items():
         try:
@@ -151,7 +153,7 @@ def _check_settings(settings: dict[str, Any]) -> None:
 
 
 def complete_split(root: Path, split: str | None) -> str:
-    """The split that is meant: `split`, or the only complete one when None.
+    """Return the split that is meant: `split`, or the only complete one when None.
 
     Raises UserError when it is not there, not complete, or not clear which one is meant.
     """
@@ -170,7 +172,7 @@ def complete_split(root: Path, split: str | None) -> str:
 
 
 def inside(folder: str | Path, name: str | Path) -> Path:
-    """The path of a file that data name, which must lie in `folder`. ValueError when it does not.
+    """Return the path of a file that data name, which must lie in `folder`. ValueError when it does not.
 
     Absolute names, names with `..` and symbolic links that lead out of the folder are refused.
     """

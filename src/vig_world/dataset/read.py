@@ -73,13 +73,13 @@ class Dataset:
         return len(self.latents)
 
     def first(self, count: int) -> Dataset:
-        """The first `count` samples, all when there are fewer."""
+        """Return the first `count` samples, all when there are fewer."""
         of_all = ("folder", "names", "world", "size", "normals", "cut")
         of_each = [field.name for field in fields(self) if field.name not in of_all]
         return replace(self, **{name: getattr(self, name)[:count] for name in of_each})
 
     def at_network_size(self) -> Dataset:
-        """The same samples with pictures of 150 x 150 pixels, the size of networks' inputs.
+        """Return the same samples with pictures of 150 x 150 pixels, the size of networks' inputs.
 
         Of other sizes the middle square, for which the scene was composed, is resampled; occlusion is then
         that within the square.
@@ -91,7 +91,7 @@ class Dataset:
         return replace(cut, occlusion=(1 - seen / np.maximum(alone, 1)).astype(np.float32))
 
     def read(self, kind: str, indices: Iterable[int] | None = None) -> np.ndarray:
-        """Pictures of one kind of the samples `indices` (all by default).
+        """Return pictures of one kind of the samples `indices` (all by default).
 
         kind: `rgb` gives (n, H, W, 3) uint8 sRGB; `depth` (n, H, W) float32 metres, inf where unknown, as it
         is of what is farther than its image can hold; `mask`
@@ -115,7 +115,7 @@ class Dataset:
 
     @cached_property
     def depth_scales(self) -> np.ndarray:
-        """Millimetres of a unit of each depth image, (N,); UserError where they cannot be read."""
+        """Return millimetres of a unit of each depth image, (N,); UserError where they cannot be read."""
         path = self.folder / SCENE / "scene_camera.json"
         with reading(path, "the cameras of a dataset", REMEDY):
             table = read_json(inside(self.folder, path.relative_to(self.folder)), MOST_CAMERA * MOST_SAMPLES)
@@ -131,21 +131,21 @@ class Dataset:
 
     @cached_property
     def images(self) -> np.ndarray:
-        """All photos, (N, H, W, 3) uint8 sRGB."""
+        """Return all photos, (N, H, W, 3) uint8 sRGB."""
         return self.read("rgb")
 
     @cached_property
     def amodal(self) -> np.ndarray:
-        """All masks of the object alone, (N, H, W) bool."""
+        """Return all masks of the object alone, (N, H, W) bool."""
         return self.read("mask")
 
     @cached_property
     def visible(self) -> np.ndarray:
-        """All masks of what is seen of the object, (N, H, W) bool."""
+        """Return all masks of what is seen of the object, (N, H, W) bool."""
         return self.read("mask_visib")
 
     def specs(self) -> list[SceneSpec]:
-        """The scene of every sample. Raises UserError when the file is missing or damaged."""
+        """Return the scene of every sample. Raises UserError when the file is missing or damaged."""
         path = self.folder / "specs.jsonl"
         with reading(path, "the scenes of a dataset", REMEDY):
             lines = read_specs(
@@ -192,7 +192,9 @@ def read_dataset(path: str | Path, split: str | None = "train") -> Dataset:
 
 
 def read_specs(folder: Path, count: int) -> list[str]:
-    """The lines of a split's specs.jsonl, for `count` samples. OSError or ValueError when it is damaged."""
+    """Return the lines of a split's specs.jsonl, for `count` samples. OSError or ValueError when it is
+    damaged.
+    """
     data = read_bytes(inside(folder, "specs.jsonl"), MOST_SPEC * count)
     lines = data.decode().splitlines()
     if len(lines) != count:
@@ -201,7 +203,9 @@ def read_specs(folder: Path, count: int) -> list[str]:
 
 
 def decode_picture(data: bytes, kind: str, size: Size) -> np.ndarray:
-    """Pixels of an image file. ValueError, before they are decoded, when size or mode are not its kind's."""
+    """Return pixels of an image file. ValueError, before they are decoded, when size or mode are not its
+    kind's.
+    """
     try:
         opened = Image.open(io.BytesIO(data), formats=("PNG",))
     except UnidentifiedImageError:
@@ -222,8 +226,8 @@ def _picture(folder: Path, index: int, kind: str, size: Size) -> np.ndarray:
 
 
 def _middle_square(picture: np.ndarray, kind: str) -> np.ndarray:
-    """The largest square in the middle of a picture, resampled to `IMAGE_SIZE`: photos in linear light, masks
-    where half or more of a pixel is covered, of others the nearest pixel.
+    """Return the largest square in the middle of a picture, resampled to `IMAGE_SIZE`: photos in linear
+    light, masks where half or more of a pixel is covered, of others the nearest pixel.
     """
     height, width = picture.shape[:2]
     side = min(height, width)

@@ -52,11 +52,11 @@ class Room:
     finishes: tuple[tuple[str, Surface], ...]
 
     def rotation(self) -> np.ndarray:
-        """Layout to world, (3, 3) float64."""
+        """Return layout to world, (3, 3) float64."""
         return about_z(self.turn)
 
     def to_world(self, points: np.ndarray) -> np.ndarray:
-        """Points (..., 3) of the layout in the world."""
+        """Return points (..., 3) of the layout in the world."""
         moved: np.ndarray = points @ self.rotation().T + np.array(self.origin)
         return moved
 
@@ -77,7 +77,7 @@ class Placed:
     role: Role
 
     def matrix(self) -> np.ndarray:
-        """Prop to world, (3, 3) float64."""
+        """Return prop to world, (3, 3) float64."""
         return _matrix(self.rotation)
 
 
@@ -101,7 +101,7 @@ class Coat:
 
     @property
     def finish(self) -> str:
-        """`metal`, `painted`, `glossy` or `matt`."""
+        """Return `metal`, `painted`, `glossy` or `matt`."""
         if self.metal or self.paint is not None:
             return "metal" if self.metal else "painted"
         return "glossy" if self.gloss else "matt"
@@ -157,16 +157,16 @@ class SceneSpec:
     lens: Lens = Lens()
 
     def latents(self) -> np.ndarray:
-        """All latents (P,) float32 in the order of `vig.scene.Latents.to_vector`."""
+        """Return all latents (P,) float32 in the order of `vig.scene.Latents.to_vector`."""
         return np.array([*self.shape, self.azimuth, self.elevation, *self.albedo, *self.light], np.float32)
 
     def to_json(self) -> str:
-        """One line of JSON that `from_json` reads back to an equal spec."""
+        """Return one line of JSON that `from_json` reads back to an equal spec."""
         return json.dumps(self, default=vars, separators=(",", ":"))
 
     @staticmethod
     def from_json(text: str) -> SceneSpec:
-        """The inverse of `to_json`. Raises ValueError on anything else."""
+        """Return the inverse of `to_json`. Raises ValueError on anything else."""
         spec: SceneSpec = decode(SceneSpec, parse_json(text))
         return spec
 

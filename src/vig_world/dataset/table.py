@@ -30,7 +30,8 @@ _TEXTS = ("hidden_by", "zone", "assets", "photo")
 
 
 def read_table(root: Path, split: str, texts: bool = True) -> pa.Table:
-    """A split's latents.parquet; without `texts`, the columns that only checks and exports read are left out.
+    """Return a split's latents.parquet; without `texts`, the columns that only checks and exports read are
+    left out.
 
     How many rows and values it says to have is checked before they are decoded: a small file can hold
     gigabytes of repetitions. Raises UserError when it is missing or damaged.
@@ -67,7 +68,9 @@ def read_table(root: Path, split: str, texts: bool = True) -> pa.Table:
 
 
 def _column(name: str, column: pa.ChunkedArray) -> pa.ChunkedArray:
-    """A column of the table in its own type. ValueError when it has another, gaps, or very long texts."""
+    """Return a column of the table in its own type. ValueError when it has another, gaps, or very long
+    texts.
+    """
     wanted = _TYPES.get(name, pa.float64())
     texts = column
     if pa.types.is_list(texts.type):

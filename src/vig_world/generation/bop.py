@@ -23,7 +23,7 @@ LEAST_VISIBLE = 0.1
 
 
 def scene_camera(view: View, depth_scale: float) -> dict[str, Any]:
-    """One image's entry of `scene_camera.json`: cam_K and cam_R_w2c row by row, cam_t_w2c mm.
+    """Return one image's entry of `scene_camera.json`: cam_K and cam_R_w2c row by row, cam_t_w2c mm.
 
     `depth_scale` is the millimetres of a unit of its depth image.
 
@@ -42,7 +42,7 @@ def scene_camera(view: View, depth_scale: float) -> dict[str, Any]:
 
 
 def pose(view: View) -> dict[str, Any]:
-    """The object's entry of `scene_gt.json`: the object's frame is the world's."""
+    """Return the object's entry of `scene_gt.json`: the object's frame is the world's."""
     rotation, translation = view.rotation.ravel().tolist(), (1000 * view.translation).tolist()
     return {"cam_R_m2c": rotation, "cam_t_m2c": translation, "obj_id": OBJECT_ID}
 
@@ -50,7 +50,7 @@ def pose(view: View) -> dict[str, Any]:
 def visibility(
     canvas: np.ndarray, amodal: np.ndarray, visible: np.ndarray, depth: np.ndarray
 ) -> dict[str, Any]:
-    """The object's entry of `scene_gt_info.json`.
+    """Return the object's entry of `scene_gt_info.json`.
 
     Args:
         canvas: (3H, 3W) bool, the silhouette on a canvas whose middle third is the image.
@@ -72,7 +72,7 @@ def visibility(
 
 
 def box(mask: np.ndarray, origin: tuple[int, int] = (0, 0)) -> list[int]:
-    """x, y, width, height of the true pixels of a mask (H, W) whose upper left pixel is at `origin`.
+    """Return x, y, width, height of the true pixels of a mask (H, W) whose upper left pixel is at `origin`.
 
     Width and height are last minus first column and row, one less than the pixels covered: so the toolkit
     computes them and so the published datasets have them. All -1 when nothing is true.
@@ -85,7 +85,7 @@ def box(mask: np.ndarray, origin: tuple[int, int] = (0, 0)) -> list[int]:
 
 
 def camera(size: Size) -> dict[str, Any]:
-    """`camera.json`: the standard camera, which all images of the paper's world share."""
+    """Return `camera.json`: the standard camera, which all images of the paper's world share."""
     width, height = size
     standard = View(Camera.standard(min(size)), np.eye(3), np.zeros(3)).framed(width, height).camera
     return {
@@ -103,7 +103,7 @@ TARGETS = "test_targets_bop19.json"
 
 
 def localisation_targets(gt_info: list[dict[str, Any]]) -> list[dict[str, int]]:
-    """`test_targets_bop19.json`: the images on which methods are judged, from each image's gt_info."""
+    """Return `test_targets_bop19.json`: the images on which methods are judged, from each image's gt_info."""
     return [
         {"im_id": index, "inst_count": 1, "obj_id": OBJECT_ID, "scene_id": 0}
         for index, info in enumerate(gt_info)
@@ -112,12 +112,14 @@ def localisation_targets(gt_info: list[dict[str, Any]]) -> list[dict[str, int]]:
 
 
 def mean_model(object_class: ObjectClass) -> Mesh:
-    """The class's mean shape, metres: BOP has one model per object; the samples' own shapes differ."""
+    """Return the class's mean shape, metres: BOP has one model per object; the samples' own shapes differ."""
     return Mesh(object_class.shape_model.mean, object_class.shape_model.faces)
 
 
 def ply(mesh: Mesh) -> bytes:
-    """A mesh in metres as an ASCII PLY file in millimetres, with vertex normals, as BOP has its models."""
+    """Return a mesh in metres as an ASCII PLY file in millimetres, with vertex normals, as BOP has its
+    models.
+    """
     vertices = 1000 * mesh.vertices.astype(np.float64)
     rows = np.concatenate([vertices, vertex_normals(mesh.vertices, mesh.faces)], axis=1)
     properties = "".join(f"property float {name}\n" for name in ("x", "y", "z", "nx", "ny", "nz"))
@@ -139,7 +141,7 @@ SYMMETRIES: dict[Symmetry, dict[str, Any]] = {
 
 
 def models_info(mesh: Mesh, symmetry: Symmetry = Symmetry.NONE) -> dict[str, dict[str, Any]]:
-    """`models/models_info.json`: bounding box and diameter (the greatest distance of two vertices), mm;
+    """Return `models/models_info.json`: bounding box, diameter (the greatest distance of two vertices), mm;
     symmetries.
     """
     vertices = 1000 * mesh.vertices.astype(np.float64)

@@ -60,11 +60,11 @@ class Findings:
 
     @property
     def clean(self) -> bool:
-        """Whether no problem was found."""
+        """Return whether no problem was found."""
         return not self.problems
 
     def summary(self) -> str:
-        """One sentence."""
+        """Return one sentence."""
         state = "clean" if self.clean else f"{len(self.problems)} problems"
         again = f", {self.rendered} rendered again" if self.rendered else ""
         return f"{self.split}: {self.samples} samples, {self.files} files{again}: {state}"
@@ -133,7 +133,7 @@ def check_dataset(
 def _setting_problems(
     root: Path, split: str, settings: dict[str, Any], merged: list[dict[str, Any]]
 ) -> Iterator[str]:
-    """Disagreements of info.json and BOP's targets with the samples."""
+    """Yield disagreements of info.json and BOP's targets with the samples."""
     if any(item["row"]["seed"] != settings["seed"] for item in merged):
         yield f"{INFO}: its seed differs from that of some sample"
     if any((item["row"]["photo"] is not None) != settings["photo"] for item in merged):
@@ -149,7 +149,7 @@ def _setting_problems(
 
 
 def _manifest(folder: Path, settings: dict[str, Any]) -> dict[str, str]:
-    """Names and hashes of the split's files. Raises UserError when the list itself is damaged."""
+    """Return names and hashes of the split's files. Raises UserError when the list itself is damaged."""
     path = folder / MANIFEST
     with reading(path, "the list of a dataset's files", REMEDY):
         data = read_bytes(inside(folder, MANIFEST), 512 * settings["count"] + 4096)
@@ -163,7 +163,7 @@ def _manifest(folder: Path, settings: dict[str, Any]) -> dict[str, str]:
 
 
 def _file_problems(folder: Path, hashes: dict[str, str]) -> Iterator[str]:
-    """Extra files, and tables that have changed; pictures are checked sample by sample."""
+    """Yield extra files, and tables that have changed; pictures are checked sample by sample."""
     there = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
     for name in sorted(there - hashes.keys() - {MANIFEST}):
         yield f"{name}: an unexpected file"
@@ -173,7 +173,7 @@ def _file_problems(folder: Path, hashes: dict[str, str]) -> Iterator[str]:
 
 
 def _read(folder: Path, name: str, value: str | None) -> tuple[bytes, list[str]]:
-    """A file's content, and what is wrong with it as a file."""
+    """Return a file's content, and what is wrong with it as a file."""
     try:
         data = read_bytes(inside(folder, name), MOST_FILE)
     except (OSError, ValueError) as error:
@@ -185,7 +185,7 @@ def _read(folder: Path, name: str, value: str | None) -> tuple[bytes, list[str]]
 
 
 def _merged(root: Path, split: str, count: int) -> list[dict[str, Any]]:
-    """Each sample's row, spec and BOP entries; ValueError when the tables do not have `count` each."""
+    """Return each sample's row, spec and BOP entries; ValueError when the tables do not have `count` each."""
     rows = read_table(root, split).to_pylist()
     if [row["index"] for row in rows] != list(range(count)):
         raise ValueError("the table's indices are not 0, 1, 2 ...")
@@ -201,7 +201,7 @@ def _sample_problems(
     size: Size,
     normals: bool,
 ) -> Iterator[str]:
-    """What is wrong with one sample."""
+    """Yield the problems of one sample."""
     index = item["row"]["index"]
     pictures = {}
     for kind, path in image_paths(Path(), index, normals).items():
@@ -257,7 +257,7 @@ def _render_problems(job: Job, folder: Path, items: list[dict[str, Any]]) -> Ite
 
 
 def _same_pixels(made: bytes, stored: bytes, kind: str, size: Size) -> bool:
-    """Whether two image files show the same, however they are compressed."""
+    """Return whether two image files show the same, however they are compressed."""
     try:
         return np.array_equal(decode_picture(made, kind, size), decode_picture(stored, kind, size))
     except (OSError, ValueError):  # it is damaged, which is reported elsewhere

@@ -32,7 +32,7 @@ def make_on_ray(
 
 
 def _prepare(job: Job) -> Callable[[Draw], dict[str, bytes] | Failure]:
-    """On a node: makes the files of a draw of a sample."""
+    """Return the function that makes the files of a draw of a sample on a node."""
     maker = Maker(job)
     multiprocessing.util.Finalize(None, maker.close, exitpriority=1)
     return lambda draw: maker.make(*draw)

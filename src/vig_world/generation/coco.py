@@ -112,7 +112,9 @@ def _write(dataset: Dataset, path: Path, annotations: list[dict[str, Any]], cate
 
 
 def run_lengths(mask: np.ndarray) -> dict[str, list[int]]:
-    """COCO's uncompressed run lengths of a mask (H, W): size and counts, column by column, zeros first."""
+    """Return COCO's uncompressed run lengths of a mask (H, W): size and counts, column by column, zeros
+    first.
+    """
     pixels = np.asarray(mask, bool).ravel(order="F")
     changes = np.flatnonzero(pixels[1:] != pixels[:-1]) + 1
     ends = np.concatenate([[0] if pixels.size and pixels[0] else [], changes, [pixels.size]])
@@ -120,7 +122,7 @@ def run_lengths(mask: np.ndarray) -> dict[str, list[int]]:
 
 
 def bounding_box(mask: np.ndarray) -> list[float]:
-    """COCO's x, y, width, height of a mask (H, W), whole pixels; all 0 when it is empty."""
+    """Return COCO's x, y, width, height of a mask (H, W), whole pixels; all 0 when it is empty."""
     return list(map(float, box_of(mask) or (0, 0, 0, 0)))
 
 

@@ -20,8 +20,8 @@ from vig_world.renderers.photo import PhotoSettings
 
 
 def depth_units(depth: np.ndarray) -> tuple[np.ndarray, float]:
-    """Depth (H, W) metres, inf = unknown, as a depth image holds it: (H, W) uint16, 0 = unknown; and the
-    millimetres of a unit, of `DEPTH_SCALES`.
+    """Return the depth (H, W) metres, inf = unknown, as a depth image holds it: (H, W) uint16, 0 = unknown;
+    and the millimetres of a unit, of `DEPTH_SCALES`.
     """
     for scale in DEPTH_SCALES:
         scaled = np.round(np.where(np.isfinite(depth), depth * (1000 / scale), 0.0))
@@ -31,7 +31,9 @@ def depth_units(depth: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def normal_units(normals: np.ndarray) -> np.ndarray:
-    """Normals (H, W, 3), 0 = unknown, as an image holds them: (H, W, 3) uint8, 127.5 + 127.5 times each."""
+    """Return normals (H, W, 3), 0 = unknown, as an image holds them: (H, W, 3) uint8, 127.5 + 127.5 times
+    each.
+    """
     units = np.rint(127.5 * (normals + 1)).astype(np.uint8)
     return np.where(normals.any(-1, keepdims=True), units, np.uint8(0))
 
@@ -43,7 +45,8 @@ def describe(
     object_class: ObjectClass,
     photo: PhotoSettings | None = None,
 ) -> dict[str, Any]:
-    """The records of a sample in the merged files: keys camera, gt, gt_info (BOP), row (parquet), spec.
+    """Return the records of a sample in the merged files: keys camera, gt, gt_info (BOP), row (parquet),
+    spec.
 
     Args:
         depth: The depth image as stored and its scale, see `depth_units`.
@@ -87,12 +90,12 @@ def describe(
 
 
 def hidden_by(spec: SceneSpec) -> list[str]:
-    """The props that were placed to hide the object, as `family/number`."""
+    """Return the props that were placed to hide the object, as `family/number`."""
     return [f"{prop.family}/{prop.asset}" for prop in spec.props if prop.role == "occluder"]
 
 
 def assets_used(spec: SceneSpec) -> list[str]:
-    """The names of all assets of a scene, as `split/catalogue/number`, sorted."""
+    """Return the names of all assets of a scene, as `split/catalogue/number`, sorted."""
     names = {f"panorama/{spec.panorama}"}
     names |= {f"prop/{prop.family}/{prop.asset}" for prop in spec.props}
     names |= {f"surface/{each.kind}/{each.asset}" for _, each in spec.room.finishes}
@@ -102,7 +105,9 @@ def assets_used(spec: SceneSpec) -> list[str]:
 
 
 def describe_split(path: str | Path, split: str) -> dict[str, Any]:
-    """What a split is like: occlusion_deciles (10 counts), rejections by reason and per sample."""
+    """Return the statistics of a split: occlusion_deciles (10 counts), rejections by reason and per
+    sample.
+    """
     from vig_world.dataset.table import read_table
 
     settings = read_info(Path(path))["splits"][split]

@@ -16,7 +16,7 @@ MOST_LABELS = 4096
 
 
 def sidecar_path(folder: Path, index: int) -> Path:
-    """The file that says that sample `index` of a split that is being made is whole."""
+    """Return the file that says that sample `index` of a split that is being made is whole."""
     return folder / PARTIAL / f"{index:06d}.json"
 
 
@@ -56,7 +56,9 @@ def write_picture(path: Path, data: bytes) -> None:
 
 
 def read_scene(folder: Path, count: int) -> list[dict[str, Any]]:
-    """BOP's entries of each of `count` samples: camera, gt and gt_info. ValueError when they are damaged."""
+    """Return BOP's entries of each of `count` samples: camera, gt and gt_info. ValueError when they are
+    damaged.
+    """
     tables = {}
     for key in ("camera", "gt", "gt_info"):
         table = read_json(inside(folder, f"{SCENE}/scene_{key}.json"), MOST_LABELS * count)

@@ -63,11 +63,11 @@ class Group:
 
     @property
     def boxes(self) -> list[list[int]]:
-        """x, y, width, height in pixels round each whole object, within the photo."""
+        """Return x, y, width, height in pixels round each whole object, within the photo."""
         return [list(box_of(mask) or ()) for mask in self.amodal]
 
     def truth(self) -> list[dict[str, Any]]:
-        """Of each object, plain values; see the module."""
+        """Return plain values of each object; see the module."""
         hidden = 1 - self.visible.sum((1, 2)) / self.amodal.sum((1, 2))
         objects = []
         for member, view, box, share in zip(self.spec.members, self.views, self.boxes, hidden, strict=True):
@@ -165,7 +165,7 @@ def write_groups(
 
 
 def _told(path: Path, recipe: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """Lines of an earlier call by their photos; half a line, as a kill leaves it, goes."""
+    """Return lines of an earlier call by their photos; half a line, as a kill leaves it, goes."""
     if not path.exists():
         return {}
     with reading(path, "the truth of groups", "Choose another folder."):
@@ -180,7 +180,7 @@ def _told(path: Path, recipe: dict[str, Any]) -> dict[str, dict[str, Any]]:
 
 
 def _halved(image: np.ndarray) -> np.ndarray:
-    """The mean over cells of FINER x FINER pixels of an image (H, W) or (H, W, C)."""
+    """Return the mean over cells of FINER x FINER pixels of an image (H, W) or (H, W, C)."""
     height, width = image.shape[0] // FINER, image.shape[1] // FINER
     mean: np.ndarray = image.reshape(height, FINER, width, FINER, *image.shape[2:]).mean(axis=(1, 3))
     return mean

@@ -37,7 +37,7 @@ class Renderer(Protocol):
     """Makes pictures of scenes, in one worker process."""
 
     def render(self, spec: SceneSpec) -> Picture:
-        """The picture of a scene: a pure function of it."""
+        """Return the picture of a scene: a pure function of it."""
         ...
 
     def close(self) -> None:
@@ -92,7 +92,7 @@ class Job:
 
     @cached_property
     def fingerprint(self) -> str:
-        """Tells classes apart."""
+        """Return tells classes apart."""
         return self.object_class.fingerprint
 
 
@@ -120,7 +120,7 @@ class Maker:
         self._renderer: Renderer | None = None
 
     def make(self, index: int, draw: int = 0) -> dict[str, bytes] | Failure:
-        """The files of a draw of sample `index` by their names in the split's folder; see `encode`.
+        """Return the files of a draw of sample `index` by their names in the split's folder; see `encode`.
 
         Raises UserError for what no other draw would mend.
         """
@@ -136,7 +136,7 @@ class Maker:
             return Failure(f"sample {index}: {type(error).__name__}: {error}", traceback.format_exc())
 
     def sample(self, index: int, draw: int = 0) -> SceneSpec:
-        """A draw of the scene of sample `index`."""
+        """Return a draw of the scene of sample `index`."""
         with one_thread():
             return self._sample(index, draw)
 
@@ -145,7 +145,7 @@ class Maker:
         return sample(self.library, job.object_class, job.seed, index, job.world, draw=draw)
 
     def files(self, spec: SceneSpec) -> dict[str, bytes]:
-        """The files of a scene. Raises UserError when the renderer cannot run here."""
+        """Return the files of a scene. Raises UserError when the renderer cannot run here."""
         with one_thread():
             return self._files(spec)
 
@@ -175,7 +175,7 @@ class Maker:
 
 
 def photographed(picture: Picture, spec: SceneSpec) -> tuple[Picture, PhotoSettings]:
-    """Pass a picture through the camera model; labels stay. Also returns the camera's settings."""
+    """Return pass a picture through the camera model; labels stay. Also returns the camera's settings."""
     linear = getattr(picture, "linear", None)
     if linear is None:
         linear = linear_from_srgb(picture.image.astype("float32") / 255)
@@ -187,7 +187,9 @@ def photographed(picture: Picture, spec: SceneSpec) -> tuple[Picture, PhotoSetti
 def encode(
     spec: SceneSpec, picture: Picture, object_class: ObjectClass, photo: PhotoSettings | None = None
 ) -> dict[str, bytes]:
-    """A sample as files by name in the split's folder; the sidecar, which marks it complete, comes last."""
+    """Return a sample as files by name in the split's folder; the sidecar, which marks it complete, comes
+    last.
+    """
     root, depth = Path(), depth_units(picture.depth)
     pictures = {
         "rgb": picture.image,

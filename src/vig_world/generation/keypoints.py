@@ -39,18 +39,18 @@ class Keypoints:
     seen: np.ndarray
 
     def rows(self) -> list[tuple[float, float, int]]:
-        """x, y and visibility of each point; x and y are 0 outside the frame, as in COCO."""
+        """Return x, y and visibility of each point; x and y are 0 outside the frame, as in COCO."""
         place = np.where(self.seen[:, None] != OUTSIDE, self.place, 0.0)
         return [(x, y, seen) for (x, y), seen in zip(place.tolist(), self.seen.tolist(), strict=True)]
 
 
 def names_of(object_class: ObjectClass) -> tuple[str, ...]:
-    """The names of a class's keypoints, in their order."""
+    """Return the names of a class's keypoints, in their order."""
     return (*object_class.points, *CORNERS, CENTRE)
 
 
 def points_of(object_class: ObjectClass, vertices: np.ndarray) -> np.ndarray:
-    """The keypoints (N, 3) of an object (V, 3) of a class, in its frame, metres."""
+    """Return the keypoints (N, 3) of an object (V, 3) of a class, in its frame, metres."""
     named = vertices[[*object_class.points.values()]].reshape(-1, 3)
     low, high = vertices.min(0), vertices.max(0)
     corners = [np.where([i & 4, i & 2, i & 1], high, low) for i in range(8)]
@@ -58,7 +58,9 @@ def points_of(object_class: ObjectClass, vertices: np.ndarray) -> np.ndarray:
 
 
 def mirrored(object_class: ObjectClass) -> list[int] | None:
-    """Which keypoint each one is in a mirror image of an object: (N,); None where that shows no such one."""
+    """Return which keypoint each one is in a mirror image of an object: (N,); None where that shows no such
+    one.
+    """
     if not object_class.mirror:
         return None
     points = points_of(object_class, object_class.shape_model.mean)
@@ -69,7 +71,7 @@ def mirrored(object_class: ObjectClass) -> list[int] | None:
 
 
 def dataset_class(dataset: Dataset, given: ObjectClass | None = None) -> ObjectClass:
-    """The class that a dataset was made with: the one given, or the packaged one of its name.
+    """Return the class that a dataset was made with: the one given, or the packaged one of its name.
 
     Raises UserError when it is another one, or there is none of that name.
     """
@@ -79,7 +81,7 @@ def dataset_class(dataset: Dataset, given: ObjectClass | None = None) -> ObjectC
 
 
 def class_of(root: Path, settings: dict[str, Any], given: ObjectClass | None) -> ObjectClass:
-    """`dataset_class` by a split's settings."""
+    """Return `dataset_class` by a split's settings."""
     object_class = given or ObjectClass.load(settings["class"])
     if object_class.fingerprint != settings["class_fingerprint"]:
         raise UserError(
@@ -90,7 +92,7 @@ def class_of(root: Path, settings: dict[str, Any], given: ObjectClass | None) ->
 
 
 def keypoints(dataset: Dataset, object_class: ObjectClass, indices: Iterable[int]) -> Iterator[Keypoints]:
-    """The keypoints of some samples. Raises UserError when a file of theirs is missing or damaged."""
+    """Yield the keypoints of some samples. Raises UserError when a file of theirs is missing or damaged."""
     specs, size = dataset.specs(), dataset.size
     for index in indices:
         spec = specs[index]
@@ -105,8 +107,8 @@ def keypoints(dataset: Dataset, object_class: ObjectClass, indices: Iterable[int
 def _located(
     points: np.ndarray, on_surface: int, view: View, depth: np.ndarray, mask: np.ndarray, slack: float
 ) -> Keypoints:
-    """Points (N, 3), of which the first `on_surface` lie on the object, as a view with its depth image (H, W)
-    and mask of what is seen of the object (H, W) shows them.
+    """Return points (N, 3), of which the first `on_surface` lie on the object, as a view with its depth image
+    (H, W) and mask of what is seen of the object (H, W) shows them.
 
     Seen is what nothing lies before. A point of the surface must also be at a pixel of the mask or beside
     one: at an outline the pixel itself may be another thing's.

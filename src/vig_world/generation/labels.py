@@ -39,7 +39,7 @@ WITHIN = 0.9
 def label_problems(
     item: dict[str, Any], spec: SceneSpec, pictures: dict[str, np.ndarray], object_class: ObjectClass
 ) -> Iterator[str]:
-    """Problems of a sample's labels, a line each; raises KeyError and the like when some are missing.
+    """Yield problems of a sample's labels, a line each; raises KeyError and the like when some are missing.
 
     Args:
         item: The records `row`, `camera`, `gt` and `gt_info` as merged.
@@ -76,7 +76,7 @@ def label_problems(
 def silhouette(
     object_class: ObjectClass, vertices: np.ndarray, spec: SceneSpec, size: Size = STANDARD_SIZE
 ) -> np.ndarray:
-    """The object (V, 3) alone on the canvas of 3 x 3 frames: (3H, 3W) bool, half a pixel or more.
+    """Return the object (V, 3) alone on the canvas of 3 x 3 frames: (3H, 3W) bool, half a pixel or more.
 
     By the differentiable renderer, which shares no code with those that make pictures.
     """
@@ -154,7 +154,7 @@ def _visibility_problems(
 
 
 def normal_problems(normal: np.ndarray, depth: np.ndarray, view: View) -> Iterator[str]:
-    """Problems of a picture of normals (H, W, 3), with the depth image (H, W)."""
+    """Yield problems of a picture of normals (H, W, 3), with the depth image (H, W)."""
     known = normal.any(-1)
     if (known != (depth > 0)).any():
         yield "normal: it is not known where depth is"
@@ -189,7 +189,7 @@ def _share_problems(
 
 
 def model_problems(root: Path, object_class: ObjectClass, size: Size = STANDARD_SIZE) -> Iterator[str]:
-    """Problems of the files that all splits share."""
+    """Yield problems of the files that all splits share."""
     model = bop.mean_model(object_class)
     written = {
         "camera.json": bop.camera(size),

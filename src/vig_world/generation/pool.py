@@ -95,7 +95,7 @@ def make_in_processes(
 
 
 def _prepare(shared: tuple[Job, Path]) -> Callable[[Draw], Failure | None]:
-    """The work of a process: make a draw of a sample and write its files."""
+    """Return the work of a process: make a draw of a sample and write its files."""
     job, folder = shared
     maker, parent = Maker(job), multiprocessing.parent_process()
     multiprocessing.util.Finalize(None, maker.close, exitpriority=1)  # these processes run no atexit

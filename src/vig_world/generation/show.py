@@ -31,7 +31,9 @@ INK, FAINT, BLUE, ORANGE = "#22262e", "#d9dde3", "#3b6fb6", "#e08a2e"
 
 
 def chosen(occlusion: np.ndarray, count: int) -> np.ndarray:
-    """Indices of `count` samples (all when there are fewer), evenly spread over the ranks of occlusion."""
+    """Return indices of `count` samples (all when there are fewer), evenly spread over the ranks of
+    occlusion.
+    """
     order = np.argsort(occlusion, kind="stable")
     return order[np.linspace(0, len(order) - 1, min(count, len(order))).round().astype(int)]
 
@@ -87,7 +89,7 @@ def contact_sheet(
 
 
 def _labelled(tile: Image.Image, alone: np.ndarray, seen: np.ndarray) -> Image.Image:
-    """A photo with what is hidden of the object tinted, and outline and box of what is seen."""
+    """Return a photo with what is hidden of the object tinted, and outline and box of what is seen."""
     alone, seen = (
         np.asarray(Image.fromarray(mask).convert("L").resize(tile.size, Image.Resampling.BILINEAR)) > 127
         for mask in (alone, seen)
@@ -106,7 +108,7 @@ def _labelled(tile: Image.Image, alone: np.ndarray, seen: np.ndarray) -> Image.I
 
 
 def _draw_keypoints(draw: ImageDraw.ImageDraw, located: Keypoints, named: int, scale: float) -> None:
-    """Dots, filled where a point is seen, larger for the class's `named` first; and edges of the box."""
+    """Draw dots, filled where a point is seen, larger for the class's `named` first; and edges of the box."""
     place = (scale * located.place).tolist()
     corners = place[named : named + 8]
     for i, j in EDGES:

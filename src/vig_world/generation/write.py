@@ -300,7 +300,7 @@ def _merge(root: Path, split: str, settings: dict[str, Any], object_class: Objec
 
 
 def _table(rows: list[dict[str, Any]]) -> pa.Table:
-    """The rows as a table; columns that are empty everywhere keep their type."""
+    """Return the rows as a table; columns that are empty everywhere keep their type."""
     table = pa.Table.from_pylist(rows)
     types = {"photo": pa.string(), "hidden_by": pa.list_(pa.string()), "assets": pa.list_(pa.string())}
     for name, wanted in types.items():

@@ -49,7 +49,7 @@ def export_yolo_pose(
 
 
 def _description(out: Path, object_class: ObjectClass) -> str:
-    """data.yaml for the splits that are in `out`, whose paths are relative to the file.
+    """Return data.yaml for the splits that are in `out`, whose paths are relative to the file.
 
     Raises UserError when the one that is there is of another class.
     """

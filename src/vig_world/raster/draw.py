@@ -43,7 +43,8 @@ Colouring = Callable[[SurfaceSamples], np.ndarray]
 
 
 def depth(items: Sequence[Item], view: View) -> tuple[np.ndarray, np.ndarray]:
-    """Depth (H, W) float32 metres along the optical axis, inf = nothing; and its item's owner, -1 = nothing.
+    """Return the depth (H, W) float32 metres along the optical axis, inf = nothing; and its item's owner, -1
+    = nothing.
 
     One sample in the middle of each pixel of the view's camera. owner is (H, W) int32.
     """
@@ -59,7 +60,7 @@ def draw(
     colouring: Colouring | None = None,
     normals: bool = False,
 ) -> Picture:
-    """The picture of an object and items, as the view's camera sees them, in SH light (9,).
+    """Return the picture of an object and items, as the view's camera sees them, in SH light (9,).
 
     The object shows its vertices' light without cast shadows or gloss. Items get the same light less shadows
     of object and props and the ambient occlusion of rooms, with a little gloss. Four samples a pixel,

@@ -43,7 +43,7 @@ class Item:
 
     @cached_property
     def native(self) -> Any:
-        """The same item in the native library."""
+        """Return the same item in the native library."""
         finishes: list[tuple[np.ndarray, tuple[int, int], float] | None] = []
         for slot in self.packed.slots if self.finishes else ():
             levels, metres = self.finishes.get(slot, (None, 1.0))
@@ -74,7 +74,7 @@ class Target:
         albedo: ArrayLike,
         light: ArrayLike,
     ) -> Target:
-        """The object (V, 3) near the model's shape (K,), of albedo (3,) linear RGB, in SH light (9,).
+        """Return the object (V, 3) near the model's shape (K,), of albedo (3,) linear RGB, in SH light (9,).
 
         Its colour at a vertex is albedo * max(0, sum_l L_l (A_l Y_l(n) + transfer_l)): with self-shadow and
         interreflection where the class has them (`ObjectClass.transfer`).
@@ -93,5 +93,5 @@ class Target:
 
     @cached_property
     def native(self) -> Any:
-        """The same object in the native library."""
+        """Return the same object in the native library."""
         return Item(self.packed, np.eye(3), np.zeros(3)).native

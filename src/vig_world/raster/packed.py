@@ -43,14 +43,14 @@ class PackedAsset:
 
     @staticmethod
     def from_arrays(arrays: dict[str, np.ndarray]) -> PackedAsset:
-        """The asset that `pack` gave."""
+        """Return the asset that `pack` gave."""
         own = [name for name in arrays if name.startswith("asset_")]
         native = {name.removeprefix("asset_"): arrays[name] for name in own}
         return PackedAsset(engine.asset(**native), tuple(unpacked_text(arrays["slots"])))
 
 
 def pack(parts: Sequence[tuple[Mesh, Material]]) -> dict[str, np.ndarray]:
-    """The arrays of an asset: `slots`, and what `make_asset` of native code reads.
+    """Return the arrays of an asset: `slots`, and what `make_asset` of native code reads.
 
     Meshes are in a frame of their own, metres, and need texture coordinates, metres where there is a slot.
 

@@ -41,12 +41,12 @@ class Picture:
 
     @property
     def occlusion(self) -> float:
-        """1 - visible / alone, pixels within the frame, as in the paper."""
+        """Return 1 - visible / alone, pixels within the frame, as in the paper."""
         return 1.0 - _count(self.visible) / _count(self.amodal)
 
     @cached_property
     def shares(self) -> dict[str, float]:
-        """Shares of the canvas's silhouette lost to an `occluder`, a `support` and to `truncation`."""
+        """Return shares of the canvas's silhouette lost to an `occluder`, a `support` and to `truncation`."""
         whole = _count(self.canvas)
         hidden = self.amodal & ~self.visible
         support = _count(hidden & self.by_support)
@@ -58,7 +58,7 @@ class Picture:
 
     @property
     def cause(self) -> str:
-        """The greatest of `shares`, `none` when nothing is lost."""
+        """Return the greatest of `shares`, `none` when nothing is lost."""
         shares = self.shares
         cause = max(shares, key=lambda name: shares[name])
         return cause if shares[cause] > 0 else "none"

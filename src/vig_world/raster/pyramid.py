@@ -25,7 +25,7 @@ class TextureLevels:
 
     @staticmethod
     def of(texture: np.ndarray) -> TextureLevels:
-        """The pyramid of (h, w, 3) linear values in [0, 1].
+        """Return the pyramid of (h, w, 3) linear values in [0, 1].
 
         Sides become powers of two, at most 512, by averaging and linear interpolation across the edges: the
         texture repeats. Levels are box averages; the last is one texel wide or high.

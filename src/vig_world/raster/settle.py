@@ -36,7 +36,8 @@ def settle(
     level: float,
     tolerance: float,
 ) -> tuple[float, np.ndarray] | str:
-    """The offset at which items hide `level` of an object, with their depth there, as `depth` gives it.
+    """Return the offset at which items hide `level` of an object, with their depth there, as `depth` gives
+    it.
 
     Args:
         items: Where they are at offset 0.

@@ -66,7 +66,7 @@ def ambient_occlusion(vertices: np.ndarray, faces: np.ndarray) -> dict[str, np.n
 
 
 def surface_points(vertices: np.ndarray, faces: np.ndarray, area: float) -> np.ndarray:
-    """Scatter points over a mesh, at least one on each face.
+    """Return scatter points over a mesh, at least one on each face.
 
     Args:
         vertices: (V, 3) metres.
@@ -93,7 +93,7 @@ def surface_points(vertices: np.ndarray, faces: np.ndarray, area: float) -> np.n
 
 @functools.cache
 def directions() -> np.ndarray:
-    """Unit vectors (K, 3) spread over the upper hemisphere."""
+    """Return unit vectors (K, 3) spread over the upper hemisphere."""
     rows = []
     for ring, (elevation, count) in enumerate(_RINGS):
         rise = np.radians(elevation)
@@ -106,13 +106,14 @@ def directions() -> np.ndarray:
 
 @functools.cache
 def slopes() -> np.ndarray:
-    """Metres along x and y (K, 2) float32 per metre of height of each of `directions`."""
+    """Return metres along x and y (K, 2) float32 per metre of height of each of `directions`."""
     towards = directions()
     return np.ascontiguousarray(towards[:, :2] / towards[:, 2:], np.float32)
 
 
 def sky_weights(light: np.ndarray) -> np.ndarray:
-    """Irradiance (K, 4) lost with the light from each of `directions`: v0 and v, see the module's docstring.
+    """Return the irradiance (K, 4) lost with the light from each of `directions`: v0 and v, see the module's
+    docstring.
 
     Each direction stands for the same share of the upper hemisphere. All together they make up the irradiance
     of a surface that faces up.
@@ -126,7 +127,9 @@ def sky_weights(light: np.ndarray) -> np.ndarray:
 
 @functools.cache
 def _basis() -> tuple[np.ndarray, np.ndarray]:
-    """SH (K + 1, 9) of the directions and of straight up; weights (K, 4) of a radiance of 1 from each."""
+    """Return SH (K + 1, 9) of the directions and of straight up; weights (K, 4) of a radiance of 1 from
+    each.
+    """
     towards = directions()
     basis = sh_basis(np.concatenate([towards, [[0.0, 0.0, 1.0]]]))
     # A_l Y_l(d) Y_l(n) of degrees 0 and 1: 1 / (4 pi) and d . n / (2 pi), of a solid angle of 2 pi / K.

@@ -34,14 +34,14 @@ class View:
 
     @staticmethod
     def of(object_class: ObjectClass, azimuth: float, elevation: float, size: int = IMAGE_SIZE) -> View:
-        """The standard camera of a class for a square image of `size` pixels, at angles in radians."""
+        """Return the standard camera of a class for a square image of `size` pixels, at angles in radians."""
         return View.through(Lens(), object_class, azimuth, elevation, size)
 
     @staticmethod
     def of_scene(
         spec: SceneSpec, object_class: ObjectClass, size: int | tuple[int, int] = IMAGE_SIZE
     ) -> View:
-        """The camera of a scene, for an image of `size` pixels a side, or of width x height.
+        """Return the camera of a scene, for an image of `size` pixels a side, or of width x height.
 
         In the middle of the frame is the largest square that it has room for: the picture for which the scene
         was composed. A wide frame shows more at the sides, a tall one more above and below.
@@ -56,7 +56,7 @@ class View:
     def through(
         lens: Lens, object_class: ObjectClass, azimuth: float, elevation: float, size: int = IMAGE_SIZE
     ) -> View:
-        """The camera of a class with a lens of its own."""
+        """Return the camera of a class with a lens of its own."""
         standard = object_class.camera(size, lens.farther)
         camera = replace(
             standard,
@@ -69,14 +69,14 @@ class View:
         return View(camera, *_pose(*placed, azimuth, elevation))
 
     def widened(self, factor: int) -> View:
-        """The same view on a canvas `factor` (odd) times as large, whose middle is this frame."""
+        """Return the same view on a canvas `factor` (odd) times as large, whose middle is this frame."""
         c, aside = self.camera, (factor - 1) // 2
         cx, cy = c.cx + aside * c.width, c.cy + aside * c.height
         camera = Camera(factor * c.width, factor * c.height, c.focal, cx, cy)
         return View(camera, self.rotation, self.translation)
 
     def framed(self, width: int, height: int) -> View:
-        """The same view in a frame of width x height pixels with the same middle."""
+        """Return the same view in a frame of width x height pixels with the same middle."""
         c = self.camera
         if (width, height) == (c.width, c.height):
             return self
@@ -84,23 +84,25 @@ class View:
         return View(replace(c, width=width, height=height, cx=cx, cy=cy), self.rotation, self.translation)
 
     def scaled(self, factor: float) -> View:
-        """The same view in an image `factor` times as wide and high."""
+        """Return the same view in an image `factor` times as wide and high."""
         return View(self.camera.scaled(factor), self.rotation, self.translation)
 
     @cached_property
     def eye(self) -> np.ndarray:
-        """The camera's centre in the world (3,), metres."""
+        """Return the camera's centre in the world (3,), metres."""
         return -self.rotation.T @ self.translation
 
     @cached_property
     def near(self) -> float:
-        """Depth, metres, up to which things are clipped: less for an eye near the object or the ground."""
+        """Return the depth, metres, up to which things are clipped: less for an eye near the object or the
+        ground.
+        """
         height = max(float(self.eye[2]), LOWEST)
         return min(NEAR, NEAR_SHARE * self.camera.distance, EYE_SHARE * height)
 
     @cached_property
     def native(self) -> Any:
-        """The same view in the native library."""
+        """Return the same view in the native library."""
         c, pose = (
             self.camera,
             [np.ascontiguousarray(a, np.float64) for a in (self.rotation, self.translation)],
@@ -109,15 +111,19 @@ class View:
 
     @property
     def forward(self) -> np.ndarray:
-        """Unit vector (3,) in the world along which depth is counted."""
+        """Return unit vector (3,) in the world along which depth is counted."""
         return self.rotation[2]
 
     def depth(self, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-        """Depth (H, W) metres of a world mesh wholly in front of the camera; inf where nothing is seen."""
+        """Return the depth (H, W) metres of a world mesh wholly in front of the camera; inf where nothing is
+        seen.
+        """
         return rasterize(vertices, faces, self.rotation, self.translation, self.camera, cull=True).depth
 
     def windows(self, clouds: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """First and end row, first and end column, (N,) each, of the frame that can show clouds (N, P, 3)."""
+        """Return the first and end row, first and end column, (N,) each, of the frame that can show clouds
+        (N, P, 3).
+        """
         points = clouds @ self.rotation.T + self.translation
         camera = self.camera
         scale = camera.focal / points[..., 2]
@@ -134,7 +140,7 @@ class View:
 def _pose(
     distance: float, target_height: float, roll: float, azimuth: float, elevation: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation (3, 3) and translation (3,) of a camera, read-only.
+    """Return the rotation (3, 3) and translation (3,) of a camera, read-only.
 
     As `Camera.pose`, which is for many views at once: for a single one plain numbers take less.
     """

@@ -49,17 +49,17 @@ class Instance:
 
     @property
     def is_target(self) -> bool:
-        """Whether this is the object."""
+        """Return whether this is the object."""
         return self.name == TARGET
 
     def world(self) -> tuple[np.ndarray, np.ndarray]:
-        """Vertices and normals (V, 3) float32 in the world."""
+        """Return vertices and normals (V, 3) float32 in the world."""
         rotation = self.rotation.T.astype(np.float32)
         return self.mesh.vertices @ rotation + self.translation.astype(np.float32), self.normals @ rotation
 
 
 def build(library: Library, spec: SceneSpec, object_class: ObjectClass) -> list[Instance]:
-    """Everything in the scene; the first instance is the object itself."""
+    """Return everything in the scene; the first instance is the object itself."""
     vertices, faces = target_vertices(spec, object_class), object_class.shape_model.faces
     target = Mesh(vertices, faces, np.full((len(vertices), 2), 0.5, np.float32))
     albedo = np.array(spec.albedo, np.float32).reshape(1, 1, 3)
@@ -77,7 +77,7 @@ def build(library: Library, spec: SceneSpec, object_class: ObjectClass) -> list[
 
 
 def _room(library: Library, spec: SceneSpec) -> list[Instance]:
-    """The furnished room, one instance for each material or slot."""
+    """Return the furnished room, one instance for each material or slot."""
     pose = (spec.room.rotation(), np.array(spec.room.origin))
     finishes = dict(spec.room.finishes)
     instances = []
@@ -110,7 +110,7 @@ def _instance(
 
 
 def joined(parts: Iterable[tuple[Mesh, Material]]) -> list[tuple[Mesh, Material]]:
-    """The same surfaces with one mesh for each material, or each slot, in the order of first use."""
+    """Return the same surfaces with one mesh for each material, or each slot, in the order of first use."""
     groups: dict[str | int, tuple[Material, list[Mesh]]] = {}
     for mesh, material in parts:
         groups.setdefault(material.slot or id(material), (material, []))[1].append(mesh)

@@ -34,7 +34,9 @@ class Appearance:
     albedo: np.ndarray
 
     def averaged(self, samples: int) -> tuple[np.ndarray, np.ndarray]:
-        """Mean colour (h, w, 3) and coverage (h, w), float32, of pixels of `samples` x `samples` samples."""
+        """Return the mean colour (h, w, 3) and coverage (h, w), float32, of pixels of `samples` x `samples`
+        samples.
+        """
         sums = np.zeros((*self.on.shape, 4), np.float32)
         sums[self.on] = np.concatenate([self.colour, np.ones((len(self.colour), 1))], axis=1)
         mean = sums[::samples, ::samples]
@@ -56,7 +58,7 @@ def appearance_of(
     mirrored: Mirrored,
     reflectance: float = 1.0,
 ) -> Appearance:
-    """An object's look.
+    """Return an object's look.
 
     Args:
         coat: What covers it.
@@ -91,7 +93,7 @@ def coloured(
     mirrored: Mirrored,
     reflectance: float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """How N points of an object look.
+    """Return the appearance of N points of an object.
 
     Args:
         coat: What covers it.
@@ -127,17 +129,17 @@ def coloured(
 
 
 def fresnel_of(facing: np.ndarray) -> np.ndarray:
-    """Reflectance (N,) of glaze at cosines (N,) between normal and sight (Schlick 1994)."""
+    """Return reflectance (N,) of glaze at cosines (N,) between normal and sight (Schlick 1994)."""
     graze = 1 - facing
     return DIELECTRIC + (1 - DIELECTRIC) * (graze * graze) ** 2 * graze
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Products (N,) of vectors (3, N)."""
+    """Return products (N,) of vectors (3, N)."""
     x, y, z = a * b
     return x + y + z
 
 
 def _length(vectors: np.ndarray) -> np.ndarray:
-    """Of vectors (3, N): (N,)."""
+    """Return the lengths (N,) of vectors (3, N)."""
     return np.sqrt(_dot(vectors, vectors))

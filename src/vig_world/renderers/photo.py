@@ -67,7 +67,7 @@ class PhotoSettings:
 def photograph(
     linear: np.ndarray, rng: np.random.Generator, settings: PhotoSettings | None = None
 ) -> tuple[np.ndarray, PhotoSettings]:
-    """Pass a picture through lens, sensor, white balance, sRGB and JPEG, in this order.
+    """Return pass a picture through lens, sensor, white balance, sRGB and JPEG, in this order.
 
     Args:
         linear: (H, W, 3) linear light, 0 or more, 1 the white of a right exposure; brighter things are
@@ -92,7 +92,7 @@ def photograph(
 
 
 def _through_lens(linear: np.ndarray, settings: PhotoSettings) -> np.ndarray:
-    """Vignetting and blur; edge pixels are repeated beyond the frame."""
+    """Return vignetting and blur; edge pixels are repeated beyond the frame."""
     height, width = linear.shape[:2]
     rows, columns = np.ogrid[: float(height), : float(width)]
     away = ((rows - (height - 1) / 2) ** 2 + (columns - (width - 1) / 2) ** 2) / (height**2 + width**2) * 4
@@ -110,14 +110,16 @@ def _through_lens(linear: np.ndarray, settings: PhotoSettings) -> np.ndarray:
 
 
 def _counted(light: np.ndarray, settings: PhotoSettings, rng: np.random.Generator) -> np.ndarray:
-    """The sensor's signal in [0, 1]: exposed, with shot noise (as a Gaussian) and read noise, clipped."""
+    """Return the sensor's signal in [0, 1]: exposed, with shot noise (as a Gaussian) and read noise,
+    clipped.
+    """
     electrons = light * (2.0**settings.exposure * settings.electrons)
     electrons += np.sqrt(electrons + settings.read_noise**2) * rng.standard_normal(light.shape)
     return (electrons / settings.electrons).clip(0, 1)
 
 
 def _shifted(image: np.ndarray, dy: float, dx: float) -> np.ndarray:
-    """The image (H, W, 3) looked up dy rows down and dx columns to the right, bilinearly."""
+    """Return the image (H, W, 3) looked up dy rows down and dx columns to the right, bilinearly."""
     y, x = int(np.floor(dy)), int(np.floor(dx))
     fy, fx = dy - y, dx - x
     rows = np.clip(np.arange(len(image)) + y, 0, len(image) - 1)

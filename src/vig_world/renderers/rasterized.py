@@ -36,7 +36,7 @@ def render(
 def _coated(
     library: Library, spec: SceneSpec, coat: Coat, object_class: ObjectClass, view: View
 ) -> Colouring:
-    """The object's colours, of its coat in the scene's light."""
+    """Return the object's colours, of its coat in the scene's light."""
     mirrored = mirror(library.radiance(spec.panorama), spec.panorama_angle, library.ground_albedo(spec.room))
 
     def colouring(at: SurfaceSamples) -> np.ndarray:
@@ -47,8 +47,8 @@ def _coated(
 
 
 def with_surroundings(picture: Picture, library: Library, spec: SceneSpec, view: View) -> Picture:
-    """The picture with the scene's panorama where there is nothing, such as behind a window, as a path tracer
-    has it.
+    """Return the picture with the scene's panorama where there is nothing, such as behind a window, as a path
+    tracer has it.
 
     In the square that scenes are composed for there is something everywhere.
     """
@@ -67,7 +67,7 @@ def with_surroundings(picture: Picture, library: Library, spec: SceneSpec, view:
 
 
 def items_of(library: Library, spec: SceneSpec) -> list[Item]:
-    """The furnished room, covered as the spec says, and the props: owners 0, 1, 2 ..."""
+    """Return the furnished room, covered as the spec says, and the props: owners 0, 1, 2 ..."""
     finishes = {
         slot: (library.pyramid(finish.kind, finish.asset), finish.metres)
         for slot, finish in spec.room.finishes

@@ -30,7 +30,7 @@ _ATTEMPTS = 8
 
 
 def draw_layout(rng: np.random.Generator, furniture: Make) -> Layout:
-    """A furnished room drawn from a generator.
+    """Return a furnished room drawn from a generator.
 
     Args:
         furniture: Gives a piece of a family of the packaged catalogue from a generator of its own. It stands
@@ -49,7 +49,7 @@ def draw_layout(rng: np.random.Generator, furniture: Make) -> Layout:
 
 
 def _drawn(name: str, rng: np.random.Generator, make: Make, always: bool) -> Layout | None:
-    """One attempt; None if the room is not walkable."""
+    """Return one attempt; None if the room is not walkable."""
     kind = KINDS[name]
     outline = _outline(rng, kind.sides)
     height = float(rng.uniform(2.4, 3.0))
@@ -82,7 +82,7 @@ def _drawn(name: str, rng: np.random.Generator, make: Make, always: bool) -> Lay
 
 
 def _outline(rng: np.random.Generator, sides: tuple[tuple[float, float], tuple[float, float]]) -> Array:
-    """A box, or an L if it is large enough, turned any way, centred."""
+    """Return a box, or an L if it is large enough, turned any way, centred."""
     wide, deep = rng.uniform(sides[0], sides[1])
     if rng.uniform() < 0.35 and min(wide, deep) > 3.2:
         a, b = wide * rng.uniform(0.25, 0.42), deep * rng.uniform(0.25, 0.42)
@@ -101,7 +101,7 @@ def _outline(rng: np.random.Generator, sides: tuple[tuple[float, float], tuple[f
 def _openings(
     rng: np.random.Generator, walls: list[Wall], sill: tuple[float, float], height: float
 ) -> tuple[list[Opening], list[Opening]]:
-    """One or two doors near corners, and one to three windows in other walls or beside them."""
+    """Return one or two doors near corners, and one to three windows in other walls or beside them."""
     order = rng.permutation(len(walls)).tolist()
     doors: list[Opening] = []
     for number in order[: 1 if rng.uniform() < 0.7 else 2]:
@@ -126,12 +126,12 @@ def _openings(
 
 
 def _zone(wall: Wall, left: float, right: float, deep: float, low: float, high: float) -> Body:
-    """What lies before a stretch of a wall, `deep` metres into the room."""
+    """Return the space before a stretch of a wall, `deep` metres into the room."""
     return Body.of((left, 0.0, right, deep, low, high), (*wall.start, 0.0), wall.angle)
 
 
 def _add_window(plan: Plan, opening: Opening, depth: float, paint: Material, curtained: bool) -> None:
-    """A window with what hangs beside it, perhaps a radiator, and room before it."""
+    """Add a window with its curtains, perhaps a radiator, and room before it."""
     rng, wall = plan.rng, plan.walls[opening.wall]
     left, right = openings.reach(opening, curtained)
     fits = left > 0.02 and right < wall.length - 0.02
@@ -164,7 +164,7 @@ def _add_window(plan: Plan, opening: Opening, depth: float, paint: Material, cur
 
 
 def _hang(plan: Plan) -> None:
-    """Pictures where the walls are free."""
+    """Hang pictures where the walls are free."""
     rng = plan.rng
     for _ in range(int(rng.integers(1, 5))):
         wall = plan.walls[int(rng.integers(len(plan.walls)))]
@@ -185,7 +185,7 @@ def _hang(plan: Plan) -> None:
 
 
 def _lay_rugs(plan: Plan, name: str) -> list[Body]:
-    """A rug under a low table, by a bed or in the middle; returns what it covers."""
+    """Return a rug under a low table, by a bed or in the middle; returns what it covers."""
     rng = plan.rng
     if rng.uniform() > {"kitchen": 0.1, "cafe": 0.15, "living kitchen": 0.6}.get(name, 0.65):
         return []
@@ -209,7 +209,7 @@ def _lay_rugs(plan: Plan, name: str) -> list[Body]:
 
 
 def _light(plan: Plan, name: str) -> None:
-    """Lamps over tables, and on the ceiling elsewhere."""
+    """Hang lamps over tables, and on the ceiling elsewhere."""
     rng, height = plan.rng, plan.height
     tables = [
         p for p in plan.placed if p.piece.furniture.family in ("dining_table", "cafe_table", "kitchen_island")
@@ -223,7 +223,7 @@ def _light(plan: Plan, name: str) -> None:
 
 
 def _hang_lamp(plan: Plan, family: str, at: tuple[float, float], drop: float | None = None) -> None:
-    """A lamp below the ceiling where nothing is in its way, `drop` metres high or as its model is."""
+    """Hang a lamp below the ceiling where nothing is in its way, `drop` metres high or as its model is."""
     piece = plan.draw(family)
     x, y, z = (piece.high - piece.low).tolist()
     stretch = 1.0 if drop is None else drop / z
@@ -238,7 +238,9 @@ def _hang_lamp(plan: Plan, family: str, at: tuple[float, float], drop: float | N
 
 
 def walkable(plan: Plan) -> bool:
-    """Whether from the first door a person reaches most of the floor that is wide enough to stand on."""
+    """Return whether from the first door a person reaches most of the floor that is wide enough to stand
+    on.
+    """
     taken, _ = occupied(plan, [b for b in plan.bodies if b.low < HEADROOM and b.high > 0.05])
     wide = round(SHOULDERS / CELL)
     stand = ndimage.binary_opening(np.pad(~taken, wide), np.ones((wide, wide)))
@@ -250,7 +252,7 @@ def walkable(plan: Plan) -> bool:
 
 
 def _merged(parts: list[Part]) -> list[Part]:
-    """One part for each finish: a slot's surfaces together, and those of one material."""
+    """Return one part for each finish: a slot's surfaces together, and those of one material."""
     meshes: dict[object, list[Mesh]] = {}
     stuffs: dict[object, Material] = {}
     for mesh, stuff in parts:

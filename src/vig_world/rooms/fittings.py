@@ -32,7 +32,7 @@ def wall_shelf(rng: np.random.Generator) -> Furniture:
 
 
 def picture(rng: np.random.Generator, wide: float, high: float) -> list[Part]:
-    """A framed picture on a wall at y = 0, centred at the origin."""
+    """Return a framed picture on a wall at y = 0, centred at the origin."""
     j = Joinery(rng)
     frame, bar = fitting(rng) if rng.uniform() < 0.5 else slot_material("wood", rng), 0.02
     x, z = wide / 2, high / 2
@@ -51,7 +51,7 @@ def picture(rng: np.random.Generator, wide: float, high: float) -> list[Part]:
 
 
 def rug(rng: np.random.Generator, half: tuple[float, float]) -> list[Part]:
-    """A rug on the floor, centred; sometimes with a border."""
+    """Return a rug on the floor, centred; sometimes with a border."""
     j = Joinery(rng)
     x, y = half
     if rng.uniform() < 0.4:

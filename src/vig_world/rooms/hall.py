@@ -21,7 +21,7 @@ SPACE = 2.2
 
 
 def draw_hall(rng: np.random.Generator, size: float = 1.0) -> Layout:
-    """Floor, four walls, a ceiling and skirting, `size` times as large as the smallest."""
+    """Return floor, four walls, a ceiling and skirting, `size` times as large as the smallest."""
     sides = HALF * size * rng.permutation([1.0, rng.uniform(SHORTER, 1.0)])
     x, y = sides.tolist()
     outline = np.array([[-x, -y], [x, -y], [x, y], [-x, y]])

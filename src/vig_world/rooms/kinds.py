@@ -33,7 +33,7 @@ def _dine(plan: Plan, family: str = "dining_table") -> None:
 
 
 def _sit(plan: Plan, walls: list[int] | None = None) -> PlacedFurniture | None:
-    """A sofa with its coffee table, armchairs, side table and lamp."""
+    """Return a sofa with its coffee table, armchairs, side table and lamp."""
     rng = plan.rng
     sofa = plan.against("sofa", 0.95, walls, tries=3) or plan.against("armchair", 0.6, walls)
     if sofa is None:
@@ -69,7 +69,9 @@ def _cook(plan: Plan) -> None:
 
 
 def _some(plan: Plan, front: float = 0.6, **expected: float) -> list[PlacedFurniture]:
-    """Stands pieces against walls while the room is not too full: of each family as many as `expected`."""
+    """Return stands pieces against walls while the room is not too full: of each family as many as
+    `expected`.
+    """
     result: list[PlacedFurniture] = []
     for family, number in expected.items():
         for _ in range(int(number + plan.rng.uniform())):
@@ -81,13 +83,13 @@ def _some(plan: Plan, front: float = 0.6, **expected: float) -> list[PlacedFurni
 
 
 def _shelf(plan: Plan, expected: float, walls: list[int] | None = None, at: float | None = None) -> None:
-    """Hangs shelves."""
+    """Hang shelves."""
     for _ in range(int(expected + plan.rng.uniform())):
         plan.against("wall_shelf", 0.0, walls, float(plan.rng.uniform(1.3, 1.5)), at=at, gap=0.0)
 
 
 def kitchen(plan: Plan) -> None:
-    """Counters along one or two walls, and an island or a table."""
+    """Place counters along one or two walls, and an island or a table."""
     _cook(plan)
     if plan.rng.uniform() < 0.4:
         island = plan.amid("kitchen_island", 0.85)
@@ -102,7 +104,7 @@ def kitchen(plan: Plan) -> None:
 
 
 def dining_room(plan: Plan) -> None:
-    """A table with its chairs, sideboards."""
+    """Place a table with its chairs, sideboards."""
     _dine(plan)
     _some(plan, 0.6, sideboard=1.6, fireplace=0.4, cafe_table=0.5, bench=0.5)
     _some(plan, 0.4, chair=0.8, bookshelf=0.6, potted_tree=0.6, floor_lamp=0.3)
@@ -110,7 +112,7 @@ def dining_room(plan: Plan) -> None:
 
 
 def living_room(plan: Plan) -> None:
-    """A sofa and what belongs to it, shelves, a hearth."""
+    """Place a sofa with its tables, shelves, a hearth."""
     _sit(plan)
     _some(plan, 0.6, fireplace=0.5, media_bench=0.8, bookshelf=1.3, sideboard=1.0, armchair=0.8, bench=0.4)
     _some(plan, 0.5, side_table=1.0, potted_tree=0.8)
@@ -118,7 +120,7 @@ def living_room(plan: Plan) -> None:
 
 
 def bedroom(plan: Plan) -> None:
-    """A bed with its tables, a wardrobe, a sideboard."""
+    """Place a bed with its tables, a wardrobe, a sideboard."""
     bed = plan.against("bed", 0.6, tries=4)
     if bed is not None:
         for side in (-1, 1):
@@ -131,7 +133,7 @@ def bedroom(plan: Plan) -> None:
 
 
 def study(plan: Plan) -> None:
-    """A desk with its chair, bookshelves, an armchair to read in."""
+    """Place a desk with its chair, bookshelves, an armchair to read in."""
     desk = plan.against("desk", 0.0, tries=3)
     if desk is not None:
         plan.before(desk, "chair", float(plan.rng.uniform(0.02, 0.2)), True)
@@ -142,14 +144,14 @@ def study(plan: Plan) -> None:
 
 
 def hall(plan: Plan) -> None:
-    """Sideboards, a bench, a wardrobe."""
+    """Place sideboards, a bench, a wardrobe."""
     _some(plan, 0.7, sideboard=1.4, bench=1.0, wardrobe=0.7, bookshelf=0.6, stool=0.6)
     _some(plan, 0.5, potted_tree=0.6, cafe_table=0.4, chair=0.6)
     _shelf(plan, 1.3)
 
 
 def cafe(plan: Plan) -> None:
-    """Small tables with two or three chairs each, a counter."""
+    """Place small tables with two or three chairs each, a counter."""
     counter = plan.against("kitchen_counter", 0.9, _longest(plan)[:3], tries=3)
     if counter is not None:
         _shelf(plan, 1.0, [counter.wall], counter.along)
@@ -163,7 +165,7 @@ def cafe(plan: Plan) -> None:
 
 
 def living_kitchen(plan: Plan) -> None:
-    """A kitchen, a table and a sofa in one room."""
+    """Place a kitchen, a table and a sofa in one room."""
     _cook(plan)
     _dine(plan)
     _sit(plan)

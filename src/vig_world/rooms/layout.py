@@ -38,7 +38,9 @@ class Layout:
 
 
 def material_under(layout: Layout, support: Support) -> Material | None:
-    """The material of the highest surface at the middle of a support, None where there is none near it."""
+    """Return the material of the highest surface at the middle of a support, None where there is none near
+    it.
+    """
     x, y, z = support.centre
     highest, material_found = -np.inf, None
     for mesh, material in layout.parts:
@@ -56,6 +58,6 @@ def material_under(layout: Layout, support: Support) -> Material | None:
 
 
 def _area(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """Twice the signed area of triangles with corners (N, 2) or (2,)."""
+    """Return twice the signed area of triangles with corners (N, 2) or (2,)."""
     u, v = b - a, c - a
     return u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]

@@ -28,7 +28,7 @@ def _rectangle(support: Support) -> Body:
 
 
 def measured(plan: Plan, support: Support) -> Support:
-    """The support with `clearance` under what hangs above it, and `behind` to what stands behind it.
+    """Return the support with `clearance` under what hangs above it, and `behind` to what stands behind it.
 
     It ends before a narrow thing above its back edge, such as a window sill.
     """
@@ -54,7 +54,7 @@ def _under(bodies: list[Body], support: Support) -> float:
 
 
 def _trimmed(support: Support, depth: float) -> Support:
-    """The support without a strip along its +y edge."""
+    """Return the support without a strip along its +y edge."""
     x, y, z = support.centre
     back = depth / 2
     centre = (x + back * float(np.sin(support.turn)), y - back * float(np.cos(support.turn)), z)
@@ -63,7 +63,7 @@ def _trimmed(support: Support, depth: float) -> Support:
 
 
 def behind_of(plan: Plan, support: Support) -> float:
-    """Metres from the rectangle's +y edge to the wall or thing behind it, inf if farther than NEAR."""
+    """Return metres from the rectangle's +y edge to the wall or thing behind it, inf if farther than NEAR."""
     z = support.centre[2]
     others = [b for b in plan.bodies if b.low < z + 0.2 and b.high > z + 0.08]
     own = replace(_rectangle(support), low=z + 0.09, high=z + 0.1)
@@ -91,7 +91,7 @@ def behind_of(plan: Plan, support: Support) -> float:
 
 
 def occupied(plan: Plan, bodies: list[Body]) -> tuple[Array, Array]:
-    """Which cells (R, C) of the floor's bounding box are not free, and its lower corner (2,).
+    """Return which cells (R, C) of the floor's bounding box are not free, and its lower corner (2,).
 
     A cell counts if any of it is in a body's bounding rectangle, or outdoors.
     """
@@ -123,7 +123,7 @@ def floor_supports(plan: Plan, avoid: list[Body], most: int = 4) -> list[Support
 
 
 def _turned(plan: Plan, centre: Array, half: Array, z: float = 0.0) -> Support:
-    """A level rectangle whose +y points to the nearest thing that closes a side of it."""
+    """Return a level rectangle whose +y points to the nearest thing that closes a side of it."""
     best: Support | None = None
     for quarter in range(4):
         own = (float(half[quarter % 2]), float(half[1 - quarter % 2]))

@@ -20,7 +20,7 @@ SILL = 0.03
 
 
 def door(rng: np.random.Generator, opening: Opening, paint: Material) -> list[Part]:
-    """A closed door in its frame."""
+    """Return a closed door in its frame."""
     j = Joinery(rng)
     a, b, high = opening.left, opening.right, opening.high
     leaf = paint if rng.uniform() < 0.6 else slot_material("wood", rng)
@@ -55,7 +55,7 @@ def door(rng: np.random.Generator, opening: Opening, paint: Material) -> list[Pa
 
 
 def _outside(rng: np.random.Generator) -> Material:
-    """What a window shows, out of focus: sky above, trees or houses below."""
+    """Return the view out of a window, out of focus: sky above, trees or houses below."""
     size = 48
     v = np.linspace(1, 0, size)[:, None]
     u = np.linspace(0, 1, size, endpoint=False)[None]
@@ -77,7 +77,7 @@ def _outside(rng: np.random.Generator) -> Material:
 def window(
     rng: np.random.Generator, opening: Opening, depth: float, paint: Material, curtained: bool
 ) -> tuple[list[Part], Support]:
-    """A window in a recess `depth` deep, with sill, blinds and curtains, and its sill as a support."""
+    """Return a window in a recess `depth` deep, with sill, blinds and curtains, and its sill as a support."""
     j = Joinery(rng)
     a, b, low, high = opening.left, opening.right, opening.low, opening.high
     y, bar = 0.045 - depth, 0.05
@@ -111,7 +111,7 @@ def window(
 
 
 def _blind(j: Joinery, opening: Opening, y: float, drop: float) -> float:
-    """Slats, or a roller's cloth, let down by `drop` metres; returns the clear height below."""
+    """Return slats, or a roller's cloth, let down by `drop` metres; returns the clear height below."""
     a, b, high = opening.left + 0.015, opening.right - 0.015, opening.high
     rng = j.rng
     if rng.uniform() < 0.6:
@@ -129,7 +129,7 @@ def _blind(j: Joinery, opening: Opening, y: float, drop: float) -> float:
 
 
 def _curtains(j: Joinery, opening: Opening) -> None:
-    """A curtain on each side, drawn back, on a rod."""
+    """Add a curtain on each side, drawn back, on a rod."""
     rng = j.rng
     cloth, metal = loose_fabric(rng), fitting(rng)
     top = opening.high + 0.1
@@ -151,6 +151,6 @@ def _curtains(j: Joinery, opening: Opening) -> None:
 
 
 def reach(opening: Opening, curtained: bool) -> tuple[float, float]:
-    """How far along the wall a window with its curtains goes."""
+    """Return how far along the wall a window with its curtains goes."""
     aside = 0.3 if curtained else 0.05
     return opening.left - aside, opening.right + aside

@@ -37,7 +37,7 @@ class Body:
 
     @staticmethod
     def of(box: Box, offset: tuple[float, float, float] = (0.0, 0.0, 0.0), turn: float = 0.0) -> Body:
-        """A box turned about +Z and then shifted."""
+        """Return a box turned about +Z and then shifted."""
         x0, y0, x1, y1, z0, z1 = box
         c, s = float(np.cos(turn)), float(np.sin(turn))
         flat = [
@@ -49,7 +49,7 @@ class Body:
         return Body(np.array(flat), z0 + offset[2], z1 + offset[2], bounds, abs(c * s) < 1e-6)
 
     def meets(self, other: Body) -> bool:
-        """Whether the two overlap."""
+        """Return whether the two overlap."""
         if self.low >= other.high - TOUCH or other.low >= self.high - TOUCH:
             return False
         a, b = self.bounds, other.bounds
@@ -67,20 +67,20 @@ class Body:
 
 
 def extent(piece: Furniture) -> tuple[Array, Array]:
-    """The corners (3,), (3,) of a piece's bounding box."""
+    """Return the corners (3,), (3,) of a piece's bounding box."""
     low = np.min([mesh.vertices.min(0) for mesh, _ in piece.parts], axis=0).astype(float)
     high = np.max([mesh.vertices.max(0) for mesh, _ in piece.parts], axis=0).astype(float)
     return low, high
 
 
 def sideways(support: Support) -> Support:
-    """The same rectangle, reached from +x of its owner; what closed its back is beside it now."""
+    """Return the same rectangle, reached from +x of its owner; what closed its back is beside it now."""
     across, deep = support.half
     return replace(support, half=(deep, across), turn=support.turn + np.pi / 2, behind=float("inf"))
 
 
 def boxes_of(piece: Furniture) -> list[Box]:
-    """Boxes that hold a piece but leave free what is above its widest open support."""
+    """Return boxes that hold a piece but leave free what is above its widest open support."""
     low, high = (bound.tolist() for bound in extent(piece))
     open_ = [s for s in piece.supports if s.clearance == float("inf") and abs(np.sin(2 * s.turn)) < 1e-6]
     whole: list[Box] = [(low[0], low[1], high[0], high[1], low[2], high[2])]
@@ -104,7 +104,7 @@ def boxes_of(piece: Furniture) -> list[Box]:
 
 
 def _above(piece: Furniture, level: float) -> Array:
-    """The corners (N, 3) of what of a piece is above a level."""
+    """Return the corners (N, 3) of what of a piece is above a level."""
     points = []
     for mesh, _ in piece.parts:
         vertices = mesh.vertices
@@ -128,7 +128,7 @@ class FurniturePiece:
 
     @staticmethod
     def of(furniture: Furniture) -> FurniturePiece:
-        """The piece with its measures taken."""
+        """Return the piece with its measures taken."""
         return FurniturePiece(furniture, *extent(furniture), boxes_of(furniture))
 
 
@@ -147,7 +147,7 @@ class PlacedFurniture:
     along: float = 0.0
 
     def point(self, x: float, y: float) -> tuple[float, float]:
-        """A point of the piece's ground plane in the room."""
+        """Return a point of the piece's ground plane in the room."""
         c, s = np.cos(self.turn), np.sin(self.turn)
         return float(c * x - s * y + self.offset[0]), float(s * x + c * y + self.offset[1])
 
@@ -172,7 +172,7 @@ class Plan:
         self.notch = self._missing_corner()
 
     def _missing_corner(self) -> Body | None:
-        """What an L-shaped floor lacks of its bounding box."""
+        """Return the part of the bounding box that an L-shaped floor lacks."""
         low, high = self.outline.min(0), self.outline.max(0)
         if len(self.outline) == 4:
             return None
@@ -183,11 +183,11 @@ class Plan:
         return Body.of((float(a[0]), float(a[1]), float(b[0]), float(b[1]), -1.0, self.height + 1))
 
     def draw(self, family: str) -> FurniturePiece:
-        """A new piece of a family."""
+        """Return a new piece of a family."""
         return FurniturePiece.of(self._make(family, np.random.default_rng(self.rng.integers(2**63))))
 
     def indoors(self, body: Body) -> bool:
-        """Whether a body is inside the walls."""
+        """Return whether a body is inside the walls."""
         low, high = self.outline.min(0) - TOUCH, self.outline.max(0) + TOUCH
         x0, y0, x1, y1 = body.bounds
         if x0 < low[0] or y0 < low[1] or x1 > high[0] or y1 > high[1] or body.high > self.height:
@@ -197,7 +197,7 @@ class Plan:
     def free(
         self, bodies: Sequence[Body], aisles: Sequence[Body] = (), shared: Sequence[PlacedFurniture] = ()
     ) -> bool:
-        """Whether bodies can stand here, with aisles before them that no other body is in.
+        """Return whether bodies can stand here, with aisles before them that no other body is in.
 
         Args:
             shared: Pieces whose own aisles the bodies may block.
@@ -245,7 +245,9 @@ class Plan:
         return True
 
     def _spots(self, number: int, half: float, snug: bool) -> list[float]:
-        """Places to try along a wall for something 2 `half` wide: beside others and in corners, or any."""
+        """Return places to try along a wall for something 2 `half` wide: beside others and in corners, or
+        any.
+        """
         wall = self.walls[number]
         first, last = half + 0.002, wall.length - half - 0.002
         if last < first:

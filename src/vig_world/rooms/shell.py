@@ -31,12 +31,12 @@ class Wall:
     corners: tuple[bool, bool]
 
     def at(self, along: float, inside: float) -> Array:
-        """The point (x, y) of the room at a place of the wall's frame."""
+        """Return the point (x, y) of the room at a place of the wall's frame."""
         c, s = np.cos(self.angle), np.sin(self.angle)
         return np.array(self.start) + [c * along - s * inside, s * along + c * inside]
 
     def placed(self, mesh: Mesh) -> Mesh:
-        """A mesh of the wall's frame in the room's."""
+        """Return a mesh of the wall's frame in the room's."""
         return moved(mesh, (*self.start, 0.0), self.angle)
 
 
@@ -53,7 +53,7 @@ class Opening:
 
 
 def walls_of(outline: Array) -> list[Wall]:
-    """The sides of a floor whose corners (N, 2) go counter-clockwise."""
+    """Return the sides of a floor whose corners (N, 2) go counter-clockwise."""
     ahead = np.roll(outline, -1, 0) - outline
     turn = np.roll(ahead, 1, 0)
     convex = turn[:, 0] * ahead[:, 1] - turn[:, 1] * ahead[:, 0] > 0
@@ -69,7 +69,9 @@ def walls_of(outline: Array) -> list[Wall]:
 
 
 def cells(low: tuple[float, float], high: tuple[float, float], holes: list[Hole]) -> list[Hole]:
-    """Rectangles that together cover the rectangle low..high but for its holes, all on one grid of lines."""
+    """Return rectangles that together cover the rectangle low..high but for its holes, all on one grid of
+    lines.
+    """
     xs = sorted({low[0], high[0], *(hole[0] for hole in holes), *(hole[2] for hole in holes)})
     ys = sorted({low[1], high[1], *(hole[1] for hole in holes), *(hole[3] for hole in holes)})
     result = []
@@ -104,7 +106,7 @@ def _level(outline: Array, z: float, up: bool) -> Mesh:
 
 
 def inside(outline: Array, points: Array) -> Array:
-    """Which points (M, 2) lie in a polygon (N, 2)."""
+    """Return which points (M, 2) lie in a polygon (N, 2)."""
     a, b = outline[None], np.roll(outline, -1, 0)[None]
     x, y = points[:, None, 0], points[:, None, 1]
     spans = (a[..., 1] > y) != (b[..., 1] > y)
@@ -115,7 +117,7 @@ def inside(outline: Array, points: Array) -> Array:
 
 
 def _wall(wall: Wall, height: float, openings: list[Opening], depth: float) -> Mesh:
-    """A wall with its openings, and the sides and heads of its windows' recesses."""
+    """Return a wall with its openings, and the sides and heads of its windows' recesses."""
     holes = [(o.left, o.low, o.right, o.high) for o in openings]
     corners = [
         [(c, 0.0, b), (a, 0.0, b), (a, 0.0, d), (c, 0.0, d)]
@@ -138,7 +140,7 @@ def _wall(wall: Wall, height: float, openings: list[Opening], depth: float) -> M
 
 
 def _moulding(wall: Wall, profile: list[tuple[float, float]], gaps: list[Opening]) -> list[Mesh]:
-    """A strip along a wall, mitred at its corners and cut at the gaps.
+    """Return a strip along a wall, mitred at its corners and cut at the gaps.
 
     profile: (y, z) points, from below to above as seen from the room.
     """

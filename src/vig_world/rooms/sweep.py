@@ -21,7 +21,7 @@ TEXTURED = ("cloth", "paint", "wood", "marble", "terrazzo", "weave", "concrete",
 
 
 def draw_sweep(rng: np.random.Generator) -> Layout:
-    """A round seamless ground: white, grey, of any colour, or of cloth, wood or stone."""
+    """Return a round seamless ground: white, grey, of any colour, or of cloth, wood or stone."""
     kind = rng.random()
     if kind < 0.45:
         image = np.full((1, 1, 3), rng.uniform(0.5, 0.93)) * rng.uniform(0.96, 1.0, 3)
@@ -43,7 +43,7 @@ def draw_sweep(rng: np.random.Generator) -> Layout:
 
 
 def _inside(profile: np.ndarray, metres: float) -> Mesh:
-    """A profile (P, 2) of radius and height turned round +Z, facing inwards and up; uv in repeats."""
+    """Return a profile (P, 2) of radius and height turned round +Z, facing inwards and up; uv in repeats."""
     around = np.linspace(0, 2 * np.pi, SEGMENTS + 1)
     x, y = (np.outer(profile[:, 0], f(around)) for f in (np.cos, np.sin))
     z = np.broadcast_to(profile[:, 1:], x.shape)

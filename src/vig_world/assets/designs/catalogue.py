@@ -11,7 +11,7 @@ Design = TypeVar("Design")
 
 
 def load_catalogue(make: Callable[..., Design], package: str) -> dict[str, tuple[Design, ...]]:
-    """The named designs of a package by split, in the order of its `designs.json`.
+    """Return the named designs of a package by split, in the order of its `designs.json`.
 
     make: called with a design's name and the parameters that the file gives; it knows defaults of the others.
     """

@@ -10,7 +10,7 @@ _INSIDE = 1e-6
 
 
 def crossings(vertices: np.ndarray, faces: np.ndarray) -> int:
-    """How many pairs of an edge and a face that share no vertex cross, of a mesh (V, 3), (F, 3)."""
+    """Count the pairs of an edge and a face without a common vertex that cross, of a mesh (V, 3), (F, 3)."""
     vertices = np.asarray(vertices, np.float64)
     edges = np.unique(np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
     corners = vertices[faces]
@@ -38,7 +38,9 @@ def crossings(vertices: np.ndarray, faces: np.ndarray) -> int:
 def _near(
     middles: np.ndarray, halves: np.ndarray, centres: np.ndarray, reaches: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers (N,), (N,) of edges and faces whose balls meet; those of large faces are looked for apart."""
+    """Return numbers (N,), (N,) of edges and faces whose balls meet; those of large faces are looked for
+    apart.
+    """
     candidates = []
     limit = np.quantile(reaches, 0.9)
     for chosen in (np.flatnonzero(reaches <= limit), np.flatnonzero(reaches > limit)):

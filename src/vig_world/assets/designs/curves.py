@@ -10,7 +10,7 @@ _DENSE = np.linspace(0.0, 1.0, 65)
 
 
 def bezier(*controls: ArrayLike) -> np.ndarray:
-    """A cubic Bezier piece through four control points, densely sampled: (65, 2)."""
+    """Return a cubic Bezier piece through four control points, densely sampled: (65, 2)."""
     p0, p1, p2, p3 = (np.asarray(control, np.float64) for control in controls)
     t = _DENSE[:, None]
     s = 1.0 - t
@@ -18,30 +18,30 @@ def bezier(*controls: ArrayLike) -> np.ndarray:
 
 
 def join(*pieces: np.ndarray) -> np.ndarray:
-    """Pieces that meet end to start as one polyline, (N, 2), the shared points kept once."""
+    """Return pieces that meet end to start as one polyline, (N, 2), the shared points kept once."""
     return np.concatenate([pieces[0], *(piece[1:] for piece in pieces[1:])])
 
 
 def arc_fraction(points: np.ndarray) -> np.ndarray:
-    """Arc length up to each point of a polyline (N, 2), as a fraction of the whole: (N,) in [0, 1]."""
+    """Return arc length up to each point of a polyline (N, 2), as a fraction of the whole: (N,) in [0, 1]."""
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     return length / length[-1]
 
 
 def resample(points: np.ndarray, fractions: np.ndarray) -> np.ndarray:
-    """Points of a polyline (N, 2) at given fractions (M,) of its arc length: (M, 2)."""
+    """Return points of a polyline (N, 2) at given fractions (M,) of its arc length: (M, 2)."""
     s = arc_fraction(points)
     return np.stack([np.interp(fractions, s, points[:, k]) for k in range(2)], axis=1)
 
 
 def tangents(points: np.ndarray) -> np.ndarray:
-    """Unit tangents (N, 2) of a smooth polyline (N, 2)."""
+    """Return unit tangents (N, 2) of a smooth polyline (N, 2)."""
     direction = np.gradient(points, axis=0, edge_order=2)
     return direction / np.linalg.norm(direction, axis=1, keepdims=True)
 
 
 def smooth(points: np.ndarray, width: float) -> np.ndarray:
-    """A polyline (N, 2) resampled evenly and blurred along itself, its ends kept: (400, 2).
+    """Return a polyline (N, 2) resampled evenly and blurred along itself, its ends kept: (400, 2).
 
     `width` is the standard deviation of the Gaussian, as a fraction of the arc length.
     """
@@ -52,12 +52,14 @@ def smooth(points: np.ndarray, width: float) -> np.ndarray:
 
 
 def squared_circle(angle: np.ndarray, squareness: float) -> np.ndarray:
-    """Radius at each angle of a section between the unit circle (0) and a rounded square round it (1)."""
+    """Return the radius at each angle of a section between the unit circle (0) and a rounded square round it
+    (1).
+    """
     square = (np.abs(np.cos(angle)) ** 6 + np.abs(np.sin(angle)) ** 6) ** (-1.0 / 6.0)
     return 1.0 + squareness * (square - 1.0)
 
 
 def smoothstep(x: ArrayLike) -> np.ndarray:
-    """0 below 0, 1 above 1, and a smooth rise between."""
+    """Return 0 below 0, 1 above 1, and a smooth rise between."""
     x = np.clip(np.asarray(x, np.float64), 0.0, 1.0)
     return x * x * (3.0 - 2.0 * x)

@@ -65,7 +65,7 @@ def draw_design(
 def drawn_designs(
     count: int, handles: tuple[Handle, ...] = HANDLES, seed: int = 0
 ) -> tuple[TeapotDesign, ...]:
-    """The first `count` random designs of a seed; a longer list begins with the shorter one.
+    """Return the first `count` random designs of a seed; a longer list begins with the shorter one.
 
     handles: the kinds drawn, in proportion to `SHARES`.
     """

@@ -19,7 +19,7 @@ _MOUTH_RING = -4  # the last whole ring of the spout's loft, its lip
 
 
 def flaws(design: TeapotDesign) -> list[str]:
-    """What makes a design no teapot, a sentence each; empty for a sound one."""
+    """Return the flaws that make a design no teapot, a sentence each; empty for a sound one."""
     vertices = teapot_vertices(design).astype(np.float64)
     spout, handle = _own(vertices, "spout"), _own(vertices, "handle")
     body = _faces("body", "foot")
@@ -66,7 +66,9 @@ def flaws(design: TeapotDesign) -> list[str]:
 
 
 def inside(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Whether points (N, 3) lie inside closed surfaces (N,): their winding number, by solid angles, is 1."""
+    """Return whether points (N, 3) lie inside closed surfaces (N,): their winding number, by solid angles, is
+    1.
+    """
     a, b, c = (vertices[faces[:, k]][None] - points[:, None] for k in range(3))
     la, lb, lc = (np.linalg.norm(x, axis=-1) for x in (a, b, c))
     triple = np.sum(a * np.cross(b, c), axis=-1)
@@ -76,7 +78,7 @@ def inside(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.nd
 
 
 def folds(rings: np.ndarray) -> bool:
-    """Whether any vertex of a tube (rings, around, 3) lies behind its own of the ring before."""
+    """Return whether any vertex of a tube (rings, around, 3) lies behind its own of the ring before."""
     along = np.diff(rings.mean(axis=1), axis=0)
     return bool((np.sum(np.diff(rings, axis=0) * along[:, None], axis=-1) <= 0.0).any())
 
@@ -92,7 +94,7 @@ def _faces(*parts: str) -> np.ndarray:
 
 
 def _tube(own: np.ndarray, loft: Loft) -> np.ndarray:
-    """The whole rings (rings, around, 3) of a tube's vertices, without its caps."""
+    """Return the whole rings (rings, around, 3) of a tube's vertices, without its caps."""
     around = max(loft.counts)
     whole = [start for start, count in zip(loft.starts, loft.counts, strict=False) if count == around]
     return np.stack([own[start : start + around] for start in whole])

@@ -37,7 +37,9 @@ class Mixing:
     def mixture(
         self, rng: np.random.Generator, choose: Callable[[tuple[str, ...]], Sequence[Any]]
     ) -> dict[str, Any]:
-        """A mixture of two of the designs `choose(group)` for each part: parameters, lengths as ratios."""
+        """Return a mixture of two of the designs `choose(group)` for each part: parameters, lengths as
+        ratios.
+        """
         mixed: dict[str, Any] = {}
         for group in self.groups:
             designs = choose(group)
@@ -56,13 +58,13 @@ class Mixing:
         return mixed
 
     def relative(self, design: Any) -> dict[str, Any]:
-        """A design's parameters, lengths that depend on the body's size as ratios."""
+        """Return a design's parameters, lengths that depend on the body's size as ratios."""
         d = asdict(design)
         of = self._unit_of()
         return {key: value / float(d[of[key]]) if key in of else value for key, value in d.items()}
 
     def absolute(self, relative: Mapping[str, Any]) -> dict[str, Any]:
-        """The parameters of ratios; `relative` undone."""
+        """Return the parameters of ratios; `relative` undone."""
         d = dict(relative)
         for unit, keys in self.units:
             for key in keys:
@@ -76,7 +78,7 @@ class Mixing:
 def first_sound(
     draw: Callable[[], Design], flaws: Callable[[Design], list[str]], tries: int, what: str
 ) -> Design:
-    """The first of the designs drawn that has no flaws.
+    """Return the first of the designs drawn that has no flaws.
 
     Raises:
         RuntimeError: When so many in a row have some.
@@ -91,7 +93,7 @@ def first_sound(
 def drawn_in_order(
     draw: Callable[[np.random.Generator, str], Design], count: int, seed: int
 ) -> tuple[Design, ...]:
-    """The first `count` random designs of a seed; a longer list begins with the shorter one."""
+    """Return the first `count` random designs of a seed; a longer list begins with the shorter one."""
     return tuple(
         draw(np.random.default_rng(np.random.SeedSequence([seed, index])), f"drawn {seed}.{index}")
         for index in range(count)

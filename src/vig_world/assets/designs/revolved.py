@@ -31,18 +31,18 @@ class BodyProfile:
     points: np.ndarray
 
     def radius(self, height: float | np.ndarray) -> np.ndarray:
-        """Radius of the body at given heights, metres."""
+        """Return the radius of the body at given heights, metres."""
         order = np.argsort(self.points[:, 1], kind="stable")
         return np.interp(height, self.points[order, 1], self.points[order, 0])
 
     def shoulder(self, radius: float) -> float:
-        """Height at which the body, above its belly, has narrowed to a radius, metres."""
+        """Return the height at which the body, above its belly, has narrowed to a radius, metres."""
         upper = self.points[np.argmax(self.points[:, 0]) :]
         return float(np.interp(-radius, -np.maximum.accumulate(upper[::-1, 0])[::-1], upper[:, 1]))
 
 
 def wall(design: TeapotDesign) -> BodyProfile:
-    """The body's dense profile; foot, neck and rim come before and after it."""
+    """Return the body's dense profile; foot, neck and rim come before and after it."""
     d = design
     base = np.array([d.base_radius, d.foot_height])
     belly = np.array([d.belly_radius, d.belly_height])
@@ -64,12 +64,12 @@ def wall(design: TeapotDesign) -> BodyProfile:
 
 
 def rim(design: TeapotDesign) -> tuple[float, float]:
-    """Outer radius and height of the body's rim, metres."""
+    """Return outer radius and height of the body's rim, metres."""
     return design.neck_radius + design.rim_flare, design.shoulder_height + design.neck_height
 
 
 def body_vertices(design: TeapotDesign) -> np.ndarray:
-    """Body and foot as one closed surface over BODY_LOFT, (V, 3)."""
+    """Return body and foot as one closed surface over BODY_LOFT, (V, 3)."""
     d = design
     foot = d.base_radius * d.foot_flare
     rim_radius, rim_height = rim(d)
@@ -115,7 +115,9 @@ def body_vertices(design: TeapotDesign) -> np.ndarray:
 
 
 def _lobed(design: TeapotDesign, vertices: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """Factor of the radius of each vertex (V,) by ribs and flat sides, where `depth` (V,) is 0 to 1."""
+    """Return factor of the radius of each vertex (V,) by ribs and flat sides, where `depth` (V,) is 0 to
+    1.
+    """
     d = design
     angle = np.arctan2(vertices[:, 1], vertices[:, 0])
     ribs = d.lobe_depth * np.cos(d.lobes * angle)
@@ -126,7 +128,7 @@ def _lobed(design: TeapotDesign, vertices: np.ndarray, depth: np.ndarray) -> np.
 
 
 def lid_vertices(design: TeapotDesign) -> np.ndarray:
-    """The lid as a closed surface over LID_LOFT, (V, 3)."""
+    """Return the lid as a closed surface over LID_LOFT, (V, 3)."""
     d = design
     rim_radius, rim_height = rim(d)
     radius = rim_radius + d.lid_overhang
@@ -151,12 +153,12 @@ def lid_vertices(design: TeapotDesign) -> np.ndarray:
 
 
 def lid_top(design: TeapotDesign) -> float:
-    """Height of the top of the lid's dome, metres."""
+    """Return the height of the top of the lid's dome, metres."""
     return rim(design)[1] + design.lid_thickness + design.lid_height
 
 
 def knob_vertices(design: TeapotDesign) -> np.ndarray:
-    """The knob as a closed surface over KNOB_LOFT, its foot sunk into the lid, (V, 3)."""
+    """Return the knob as a closed surface over KNOB_LOFT, its foot sunk into the lid, (V, 3)."""
     d = design
     foot = lid_top(d)
     waist = np.array([d.knob_radius * d.knob_waist, foot + 0.35 * d.knob_bulge * d.knob_height])
@@ -180,7 +182,9 @@ def knob_vertices(design: TeapotDesign) -> np.ndarray:
 
 
 def _revolve(loft: Loft, profile: np.ndarray, square: np.ndarray, aspect: float) -> np.ndarray:
-    """Vertices (V, 3) of a profile (rings, 2) of (radius, height), with each ring's squareness (rings,)."""
+    """Return vertices (V, 3) of a profile (rings, 2) of (radius, height), with each ring's squareness
+    (rings,).
+    """
     rings = []
     for count, (radius, height), squareness in zip(loft.counts, profile, square, strict=True):
         angle = 2.0 * np.pi * np.arange(count) / count

@@ -33,7 +33,9 @@ _DENSE_FRACTIONS = np.linspace(0.0, 1.0, 400)
 
 
 def spout_vertices(design: TeapotDesign, wall: BodyProfile) -> np.ndarray:
-    """The spout as a closed surface over SPOUT_LOFT, from inside the body to the mouth's dimple, (V, 3)."""
+    """Return the spout as a closed surface over SPOUT_LOFT, from inside the body to the mouth's dimple, (V,
+    3).
+    """
     d = design
     base_slope, tip_slope = np.radians(d.spout_base_angle), np.radians(d.spout_tip_angle)
     base_radius = (1.0 + _SPOUT_FLARE) * d.spout_base_radius
@@ -67,7 +69,7 @@ def spout_vertices(design: TeapotDesign, wall: BodyProfile) -> np.ndarray:
 
 
 def handle_vertices(design: TeapotDesign, wall: BodyProfile) -> np.ndarray:
-    """The handle as a closed surface over HANDLE_LOFT, both ends inside the body, (V, 3).
+    """Return the handle as a closed surface over HANDLE_LOFT, both ends inside the body, (V, 3).
 
     Its rings run from the lower end to the upper one; above the lid, from the back to the front, which is the
     ear turned about the pot: the two blend into each other.
@@ -158,7 +160,9 @@ def _grip(d: TeapotDesign, wall: BodyProfile) -> np.ndarray:
 def _inside(
     d: TeapotDesign, wall: BodyProfile, height: float, half_height: float, half_width: float
 ) -> float:
-    """Largest x at which an upright elliptic section round `height` lies wholly inside the body."""
+    """Return the largest x at which an upright elliptic section round `height` lies wholly inside the
+    body.
+    """
     angle = np.linspace(0.0, np.pi, 33)
     radius = wall.radius(height + half_height * np.cos(angle))
     across = np.minimum(half_width * np.sin(angle) / d.belly_aspect, 0.95 * radius)
@@ -166,7 +170,7 @@ def _inside(
 
 
 def _centre_line(dense: np.ndarray, fractions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points and unit tangents (M, 2) of (x, z) at fractions of a polyline's arc length."""
+    """Return points and unit tangents (M, 2) of (x, z) at fractions of a polyline's arc length."""
     even = resample(dense, _DENSE_FRACTIONS)
     direction = np.stack([np.interp(fractions, _DENSE_FRACTIONS, t) for t in tangents(even).T], axis=1)
     return resample(dense, fractions), direction / np.linalg.norm(direction, axis=1, keepdims=True)
@@ -181,7 +185,7 @@ def _section(
     lean: float,
     squareness: float = 0.0,
 ) -> np.ndarray:
-    """A ring (count, 3) across a tangent (x, z): angle 0 lies to its right (below a rising spout).
+    """Return a ring (count, 3) across a tangent (x, z): angle 0 lies to its right (below a rising spout).
 
     `lean` shears the section along the tangent: by that much per length on the right.
     """
@@ -194,6 +198,6 @@ def _section(
 
 
 def _cap(ring: np.ndarray, count: int) -> list[np.ndarray]:
-    """A pole and a ring of `count`, half the vertices, that close a ring with a flat cap."""
+    """Return a pole and a ring of `count`, half the vertices, that close a ring with a flat cap."""
     centre = ring.mean(axis=0, keepdims=True)
     return [centre, centre + 0.5 * (ring[:: len(ring) // count] - centre)]

@@ -95,7 +95,7 @@ def packaged_furniture(split: Split) -> dict[str, tuple[FurnitureModel, ...]]:
 
 
 def _by_family(role: str, split: Split) -> dict[str, list[tuple[int, ModelRow]]]:
-    """Numbers and rows by family, in alphabetical order, on which random draws depend."""
+    """Return numbers and rows by family, in alphabetical order, on which random draws depend."""
     families: dict[str, list[tuple[int, ModelRow]]] = {}
     for number, row in enumerate(rows()):
         if row.role == role and row.split == split:

@@ -40,5 +40,5 @@ def draw_mug(rng: np.random.Generator, name: str = "drawn") -> MugDesign:
 
 
 def drawn_mugs(count: int, seed: int = 0) -> tuple[MugDesign, ...]:
-    """The first `count` random mugs of a seed; a longer list begins with the shorter one."""
+    """Return the first `count` random mugs of a seed; a longer list begins with the shorter one."""
     return drawn_in_order(draw_mug, count, seed)

@@ -27,7 +27,7 @@ _LEAST_ANGLE = 2.5
 
 
 def flaws(design: MugDesign) -> list[str]:
-    """What makes a design no mug, a sentence each; empty for a sound one."""
+    """Return the flaws that make a design no mug, a sentence each; empty for a sound one."""
     outer, inner = outside(design), inside(design)
     flaws_found = []
     if np.diff(wall_rows(design, outer)).min() * outer.length < _LEAST_ROW:
@@ -73,7 +73,7 @@ def flaws(design: MugDesign) -> list[str]:
 
 
 def thinnest(vertices: np.ndarray) -> float:
-    """The least angle of any face of a mug (V, 3), degrees."""
+    """Return the least angle of any face of a mug (V, 3), degrees."""
     corners = vertices[MUG_FACES]
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
     twice = np.linalg.norm(face_normals(vertices, MUG_FACES), axis=1)

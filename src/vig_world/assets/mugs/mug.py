@@ -35,19 +35,21 @@ _LOWER, _UPPER = (_UNDERSIDE + sum(_SPANS[:count]) + _HALF for count in (1, 3))
 
 
 def _loop(ring: int, sign: int) -> np.ndarray:
-    """Vertices (AROUND,) of the loft on the loop round a ring's first vertex; sign -1 for the upper loop."""
+    """Return vertices (AROUND,) of the loft on the loop round a ring's first vertex; sign -1 for the upper
+    loop.
+    """
     across, up = (np.clip(AROUND // 4 - _away(place), -_HALF, _HALF) for place in (0, AROUND // 4))
     return _LOFT.starts[ring + sign * up] + across % _COLUMNS
 
 
 def _away(place: int) -> np.ndarray:
-    """Steps (AROUND,) round the loop from each of its vertices to one of them."""
+    """Return steps (AROUND,) round the loop from each of its vertices to one of them."""
     half = AROUND // 2
     return np.abs((np.arange(AROUND) - place + half) % AROUND - half)
 
 
 def _covered(ring: int) -> np.ndarray:
-    """Vertices of the loft on the loop round a ring and within it."""
+    """Return vertices of the loft on the loop round a ring and within it."""
     rows, columns = np.meshgrid(np.arange(-_HALF, _HALF + 1), np.arange(-_HALF, _HALF + 1))
     return (_LOFT.starts[ring + rows] + columns % _COLUMNS).ravel()
 
@@ -108,7 +110,8 @@ POINTS = {
 
 
 def mug_vertices(design: MugDesign) -> np.ndarray:
-    """Vertices of a design, (V, 3) float32 in metres, standing on z = 0 with the body's axis at x = y = 0.
+    """Return vertices of a design, (V, 3) float32 in metres, standing on z = 0 with the body's axis at x = y
+    = 0.
 
     Exactly mirror symmetric in y (see MUG_MIRROR); the topology is MUG_FACES for every design.
     """
@@ -137,7 +140,7 @@ def mug_vertices(design: MugDesign) -> np.ndarray:
 
 
 def wall_rows(design: MugDesign, outer: Profile) -> np.ndarray:
-    """Fractions (rings,) of the outer wall's arc length at its rings; growing for a sound design."""
+    """Return fractions (rings,) of the outer wall's arc length at its rings; growing for a sound design."""
     places = [0.0]
     for upper, height in enumerate((design.handle_bottom, design.handle_top)):
         middle, half = outer.fraction(height), half_sizes(design, bool(upper))[1] / outer.length
@@ -151,14 +154,18 @@ def wall_rows(design: MugDesign, outer: Profile) -> np.ndarray:
 
 
 def _half_angles(design: MugDesign, outer: Profile) -> np.ndarray:
-    """Angle (2,) about the axis from the middle of the lower and the upper loop to its side, radians."""
+    """Return the angle (2,) about the axis from the middle of the lower and the upper loop to its side,
+    radians.
+    """
     radii = [float(outer.radius(z)) for z in (design.handle_bottom, design.handle_top)]
     widths = [half_sizes(design, upper)[0] for upper in (False, True)]
     return np.arcsin(np.minimum(0.9, np.array(widths) / np.maximum(radii, 1e-6)))
 
 
 def _columns(count: int, half_angle: float) -> np.ndarray:
-    """Angles (count,) about the axis of a ring's vertices, those by the handle as far apart as it is wide."""
+    """Return angles (count,) about the axis of a ring's vertices, those by the handle as far apart as it is
+    wide.
+    """
     column = np.arange(count) * (_COLUMNS // count)
     column = np.where(column > _COLUMNS // 2, column - _COLUMNS, column)
     rest = (np.abs(column) - _HALF) / (_COLUMNS // 2 - _HALF)
@@ -169,6 +176,6 @@ def _columns(count: int, half_angle: float) -> np.ndarray:
 
 
 def _on_wall(design: MugDesign, angle: np.ndarray, radius: np.ndarray, height: np.ndarray) -> np.ndarray:
-    """Points (N, 3) at angles about the axis, of sections of a radius, (N,) each."""
+    """Return points (N, 3) at angles about the axis, of sections of a radius, (N,) each."""
     reach = radius * squared_circle(angle, design.squareness)
     return np.stack([reach * np.cos(angle), reach * np.sin(angle), height], axis=1)

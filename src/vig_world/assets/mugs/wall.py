@@ -25,24 +25,24 @@ class Profile:
 
     @property
     def length(self) -> float:
-        """Arc length, metres."""
+        """Return arc length, metres."""
         return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
 
     def at(self, fraction: np.ndarray) -> np.ndarray:
-        """Points (..., 2) at fractions (...) of the arc length."""
+        """Return points (..., 2) at fractions (...) of the arc length."""
         along = arc_fraction(self.points)
         return np.stack([np.interp(fraction, along, self.points[:, k]) for k in range(2)], axis=-1)
 
     def fraction(self, height: float) -> float:
-        """Fraction of the arc length at a height, metres."""
+        """Return fraction of the arc length at a height, metres."""
         return float(np.interp(height, self.points[:, 1], arc_fraction(self.points)))
 
     def radius(self, height: float | np.ndarray) -> np.ndarray:
-        """Radius at heights, metres."""
+        """Return the radius at heights, metres."""
         return np.interp(height, self.points[:, 1], self.points[:, 0])
 
     def tangent(self, fraction: float) -> np.ndarray:
-        """Unit tangent (2,), upwards."""
+        """Return unit tangent (2,), upwards."""
         way: np.ndarray = np.diff(
             self.at(np.array([max(0.0, fraction - 0.01), min(1.0, fraction + 0.01)])), axis=0
         )[0]
@@ -50,13 +50,13 @@ class Profile:
 
 
 def rim_rounding(design: MugDesign) -> tuple[float, float]:
-    """Half the rim's thickness, and the height over which it is rounded, metres."""
+    """Return half the rim's thickness, and the height over which it is rounded, metres."""
     half = 0.5 * (design.lip * design.wall + design.rim_bead)
     return half, design.rim_roundness * half
 
 
 def outside(design: MugDesign) -> Profile:
-    """The outer wall from the foot's top to where the rim begins."""
+    """Return the outer wall from the foot's top to where the rim begins."""
     top = design.height - 2.2 * rim_rounding(design)[1]
     heights = _heights(design.foot_height, design.corner_height, top)
     corner = _corner(heights - design.foot_height, design.corner_height, design.corner_inset)
@@ -64,7 +64,7 @@ def outside(design: MugDesign) -> Profile:
 
 
 def inside(design: MugDesign) -> Profile:
-    """The inner wall from the floor's edge to where the rim begins."""
+    """Return the inner wall from the floor's edge to where the rim begins."""
     floor = design.foot_height + design.floor
     top = design.height - rim_rounding(design)[1]
     height = max(design.corner_height, _LEAST_CORNER)
@@ -76,7 +76,7 @@ def inside(design: MugDesign) -> Profile:
 
 
 def underside(design: MugDesign) -> np.ndarray:
-    """Points (7, 2) from the middle of the underside round the foot's ring to the wall."""
+    """Return points (7, 2) from the middle of the underside round the foot's ring to the wall."""
     start = outside(design).points[0, 0]
     foot = start - design.foot_inset
     return np.array(
@@ -93,7 +93,7 @@ def underside(design: MugDesign) -> np.ndarray:
 
 
 def rim(design: MugDesign) -> np.ndarray:
-    """Points (4, 2) over the rim, from outside to inside."""
+    """Return points (4, 2) over the rim, from outside to inside."""
     half, rounding = rim_rounding(design)
     height = design.height - rounding
     middle = float(_radius(design, np.array([height]))[0]) + design.rim_bead - half
@@ -102,7 +102,7 @@ def rim(design: MugDesign) -> np.ndarray:
 
 
 def _radius(design: MugDesign, heights: np.ndarray) -> np.ndarray:
-    """Outer radius (N,) at heights (N,), without the corner at the bottom."""
+    """Return outer radius (N,) at heights (N,), without the corner at the bottom."""
     t, peak = heights / design.height, design.bulge_height
     bump = 1.0 - ((t - peak) / np.where(t < peak, peak, 1.0 - peak)) ** 2
     flare = np.clip((t - design.flare_start) / (1.0 - design.flare_start), 0.0, None) ** 2
@@ -111,12 +111,12 @@ def _radius(design: MugDesign, heights: np.ndarray) -> np.ndarray:
 
 
 def _corner(above: np.ndarray, height: float, inset: float) -> np.ndarray:
-    """How far a quarter ellipse takes the wall back at heights (N,) above its lower end."""
+    """Return how far a quarter ellipse takes the wall back at heights (N,) above its lower end."""
     left = np.clip(1.0 - above / height, 0.0, 1.0)
     return inset * (1.0 - np.sqrt(1.0 - left**2))
 
 
 def _heights(low: float, corner: float, top: float) -> np.ndarray:
-    """Heights from `low` to `top`, dense where a corner of a height is level."""
+    """Return heights from `low` to `top`, dense where a corner of a height is level."""
     end = min(low + corner, top)
     return np.concatenate([low + (end - low) * (1.0 - _CORNER[::-1]), np.linspace(end, top, 129)[1:]])

@@ -58,7 +58,7 @@ def shape_copies(
 
 
 def _read_name(name: str, hull: re.Pattern[str]) -> tuple[tuple[str, ...], str]:
-    """The words of a name that stay the same from copy to copy, and what copy it says to be."""
+    """Return the words of a name that stay the same from copy to copy, and what copy it says to be."""
     plain, levels = _LEVEL.subn(" ", name)
     key: list[str] = []
     kind = "level" if levels else ""

@@ -43,7 +43,7 @@ def refuse_huge(path: Path) -> None:
 
 
 def _obj(path: Path) -> int:
-    """The larger of the triangles that an OBJ file's polygons make and a third of its vertices.
+    """Return the larger of the triangles that an OBJ file's polygons make and a third of its vertices.
 
     Stops at the first line at which there are too many: a polygon may have millions of corners.
     """
@@ -70,7 +70,7 @@ def _stl(path: Path, size: int) -> int:
 
 
 def _ply(path: Path) -> int:
-    """The larger of the counts of faces and of a third of the vertices."""
+    """Return the larger of the counts of faces and of a third of the vertices."""
     with path.open("rb") as file:
         header = file.read(_HEADER).split(b"end_header")[0].split()
     counts = [int(header[i + 2]) // share for i, word in enumerate(header) if word == b"element"
@@ -96,7 +96,7 @@ def _glb_json(path: Path) -> bytes:
 
 
 def _gltf(text: bytes) -> int:
-    """Faces of all nodes' meshes, an instanced mesh counted as often as it is placed."""
+    """Return faces of all nodes' meshes, an instanced mesh counted as often as it is placed."""
     tree = parse_json(text)
     accessors = tree.get("accessors", [])
     total = sum(int(accessor["count"]) for accessor in accessors)

@@ -36,7 +36,9 @@ class OwnPanorama:
     path: Path
 
     def sharp(self) -> np.ndarray:
-        """The panorama at up to 256 x 512, read from its file again: (H, 2 H, 3) float32 linear radiance."""
+        """Return the panorama at up to 256 x 512, read from its file again: (H, 2 H, 3) float32 linear
+        radiance.
+        """
         image = read_panorama(self.path)
         return resized(image, min(len(image), MOST_ROWS))
 
@@ -77,7 +79,8 @@ def read_envmaps(
 
 
 def bpy_panoramas(python: str | Path | None = None) -> Path:
-    """The folder of panoramas in the wheel `bpy` of an interpreter (None: this one); nothing is imported.
+    """Return the folder of panoramas in the wheel `bpy` of an interpreter (None: this one); nothing is
+    imported.
 
     Raises:
         UserError: When the interpreter cannot be run or has no such wheel.
@@ -103,7 +106,7 @@ def bpy_panoramas(python: str | Path | None = None) -> Path:
 
 
 def resized(image: np.ndarray, height: int) -> np.ndarray:
-    """A panorama (H, 2 H, 3) at (height, 2 height, 3): means over the new pixels' solid angles."""
+    """Return a panorama (H, 2 H, 3) at (height, 2 height, 3): means over the new pixels' solid angles."""
     rows = _overlaps(
         -np.cos(np.linspace(0, np.pi, len(image) + 1)), -np.cos(np.linspace(0, np.pi, height + 1))
     )

@@ -80,7 +80,7 @@ def _refuse_unlisted(error: OSError) -> NoReturn:
 
 
 def fingerprint(files: Mapping[str, bytes | Path]) -> str:
-    """sha256 (64 hexadecimal digits) of files by name, given as bytes or as paths to read."""
+    """Return sha256 (64 hexadecimal digits) of files by name, given as bytes or as paths to read."""
     total = hashlib.sha256()
     for name in sorted(files):
         content = files[name]

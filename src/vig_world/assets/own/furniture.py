@@ -56,7 +56,7 @@ def _made(name: str, mark: str, parts: Parts, settings: FileSettings) -> tuple[F
 
 
 def _support(area: Area, family: str, zones: tuple[str, ...], number: int) -> Support:
-    """An area with its zone: from the settings (in turn, if several), the family, or its height."""
+    """Return an area with its zone: from the settings (in turn, if several), the family, or its height."""
     height = area.centre[2]
     if zones:
         zone = zones[number % len(zones)]

@@ -45,7 +45,9 @@ def read_props(folder: str | Path) -> tuple[list[PropModel], list[str]]:
 
 
 def _called(name: str) -> str:
-    """The name of a thing: its file's stem, or its folder's name if the stem is generic, such as `model`."""
+    """Return the name of a thing: its file's stem, or its folder's name if the stem is generic, such as
+    `model`.
+    """
     path = Path(name)
     return path.parent.name if path.stem.lower() in _GENERIC and path.parent.name else path.stem
 
@@ -86,7 +88,7 @@ def read_each(
 def standing_parts(
     path: Path, pieces: list[MeshPiece], settings: FileSettings, kind: SizedKind
 ) -> tuple[Parts, list[str]]:
-    """What a mesh file holds, upright in metres and of `MOST_FACES` at most, and the guesses made.
+    """Return the parts of a mesh file, upright in metres and of `MOST_FACES` at most, and the guesses made.
 
     Raises UserError when it has no triangle with an area, or no usual unit makes it one of this kind.
     """
@@ -103,7 +105,7 @@ def standing_parts(
 
 
 def parts_of(pieces: list[MeshPiece]) -> Parts:
-    """Pieces as meshes with materials; files do not name these, so they are plastic."""
+    """Return pieces as meshes with materials; files do not name these, so they are plastic."""
     return tuple(
         (
             Mesh(

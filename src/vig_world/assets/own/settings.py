@@ -68,7 +68,7 @@ def settings_of(root: Path, path: Path, cache: dict[Path, dict[str, Any]]) -> Fi
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """A checked `vig.toml`, its lists made tuples; empty when there is none."""
+    """Return a checked `vig.toml`, its lists made tuples; empty when there is none."""
     try:
         text = read_bytes(path, MOST_BYTES).decode()
         if max(map(len, text.splitlines()), default=0) > MOST_LINE:
@@ -103,7 +103,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _checked(path: Path, where: str, settings: dict[str, Any]) -> dict[str, Any]:
-    """Settings of one table with the right types, or UserError."""
+    """Return settings of one table with the right types, or UserError."""
     names = [field.name for field in fields(FileSettings)]
     result: dict[str, Any] = {}
     for key, value in settings.items():

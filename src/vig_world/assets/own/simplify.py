@@ -13,7 +13,7 @@ _UV_CELLS = 16
 
 
 def simplified(pieces: list[MeshPiece], most: int) -> list[MeshPiece]:
-    """The pieces with at most `most` faces together: vertices that share a cell of a grid become one.
+    """Return the pieces with at most `most` faces together: vertices that share a cell of a grid become one.
 
     The grid is the finest found that gives few enough faces. Faces without area are dropped always.
     """
@@ -36,7 +36,7 @@ def simplified(pieces: list[MeshPiece], most: int) -> list[MeshPiece]:
 
 
 def without_empty(piece: MeshPiece) -> MeshPiece:
-    """The piece without triangles that have no area, and without vertices that no triangle uses."""
+    """Return the piece without triangles that have no area, and without vertices that no triangle uses."""
     a, b, c = (piece.vertices[piece.faces[:, i]] for i in range(3))
     area = (np.cross(b - a, c - a) ** 2).sum(1)
     longest = np.maximum(((b - a) ** 2).sum(1), ((c - a) ** 2).sum(1))
@@ -68,7 +68,9 @@ def _clustered(piece: MeshPiece, low: np.ndarray, cell: float) -> MeshPiece:
 
 
 def signed_volume(pieces: list[MeshPiece]) -> float | None:
-    """Volume within the pieces' surface, negative when it is inside out; None when it is not closed."""
+    """Return the volume within the pieces' surface, negative when it is inside out; None when it is not
+    closed.
+    """
     points = np.concatenate([piece.vertices for piece in pieces])
     starts = np.cumsum([0] + [len(piece.vertices) for piece in pieces[:-1]])
     faces = np.concatenate([piece.faces + start for piece, start in zip(pieces, starts, strict=True)])
@@ -85,7 +87,9 @@ def signed_volume(pieces: list[MeshPiece]) -> float | None:
 
 
 def outward(pieces: list[MeshPiece], most: int) -> list[MeshPiece]:
-    """The pieces facing outwards, with at most `most` faces; open ones with a back side of their own."""
+    """Return the pieces facing outwards, with at most `most` faces; open ones with a back side of their
+    own.
+    """
     pieces = simplified(pieces, most)
     volume = signed_volume(pieces) if pieces else None
     if volume:

@@ -81,7 +81,9 @@ def _turned(pieces: list[MeshPiece], rotation: np.ndarray) -> list[MeshPiece]:
 
 
 def _guessed_up(pieces: list[MeshPiece], suffix: str, kind: SizedKind) -> tuple[str, bool]:
-    """Which of y and z points up, by the side on which it can stand, and whether that is beyond doubt."""
+    """Return which of y and z points up, by the side on which it can stand, and whether that is beyond
+    doubt.
+    """
     steady = {up: _base(_turned(pieces, np.array(_UPRIGHT[up], np.float64))) for up in ("z", "y")}
     standing = [up for up, share in steady.items() if share > _STEADY]
     if len(standing) == 1:
@@ -96,7 +98,7 @@ def _guessed_up(pieces: list[MeshPiece], suffix: str, kind: SizedKind) -> tuple[
 
 
 def _base(pieces: list[MeshPiece]) -> float:
-    """Share of the footprint that touches the ground; 0 where the centre is not above it."""
+    """Return the share of the footprint that touches the ground; 0 where the centre is not above it."""
     points = np.concatenate([piece.vertices for piece in pieces])
     height = points[:, 2] - points[:, 2].min()
     centre = (points.min(0) + points.max(0))[:2] / 2
@@ -110,7 +112,7 @@ def _base(pieces: list[MeshPiece]) -> float:
 
 
 def _level(pieces: list[MeshPiece]) -> float:
-    """Area of the faces that look straight up."""
+    """Return the area of the faces that look straight up."""
     normals = np.concatenate([face_normals(piece.vertices, piece.faces) for piece in pieces])
     length = np.linalg.norm(normals, axis=1)
     return float(length[normals[:, 2] > 0.98 * length].sum() / 2)

@@ -45,7 +45,8 @@ class _Hits:
 
 
 def level_areas(vertices: np.ndarray, faces: np.ndarray) -> list[Area]:
-    """Level rectangles along the axes, at least LEAST_SIDE long with LEAST_CLEARANCE above, largest first.
+    """Return level rectangles along the axes, at least LEAST_SIDE long with LEAST_CLEARANCE above, largest
+    first.
 
     vertices (V, 3) metres, Z up; faces (F, 3), counter-clockwise seen from outside. At most MOST_SUPPORTS.
     """
@@ -122,7 +123,8 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def largest_rectangle(grid: np.ndarray) -> tuple[int, int, int, int]:
-    """The largest rectangle of true cells (H, W): first and end row, first and end column; zeros if none.
+    """Return the largest rectangle of true cells (H, W): first and end row, first and end column; zeros if
+    none.
 
     Per row, columns of true cells are the bars of a histogram, and a stack of rising bars gives the largest
     rectangle under it.
@@ -145,7 +147,7 @@ def largest_rectangle(grid: np.ndarray) -> tuple[int, int, int, int]:
 def _opened(
     vertices: np.ndarray, faces: np.ndarray, low: np.ndarray, high: np.ndarray, z: float, clearance: float
 ) -> Area | None:
-    """The rectangle from low to high (2,) with the first open side for its front: -y, +x, +y, -x.
+    """Return the rectangle from low to high (2,) with the first open side for its front: -y, +x, +y, -x.
 
     None when no side is open, as inside a cupboard with its doors shut.
     """
@@ -164,7 +166,9 @@ def _opened(
 
 
 def _front_is_open(corners: np.ndarray, centre: np.ndarray, half: np.ndarray, clearance: float) -> bool:
-    """Whether most horizontal lines from above a rectangle towards -y meet none of the faces (F, 3, 3)."""
+    """Return whether most horizontal lines from above a rectangle towards -y meet none of the faces (F, 3,
+    3).
+    """
     height = centre[2] + 0.5 * min(clearance, _REACH)
     free = 0
     for share in (-0.7, -0.35, 0.0, 0.35, 0.7):
@@ -180,7 +184,9 @@ def _front_is_open(corners: np.ndarray, centre: np.ndarray, half: np.ndarray, cl
 
 
 def _behind(vertices: np.ndarray, faces: np.ndarray, low: np.ndarray, high: np.ndarray, z: float) -> float:
-    """Metres from a rectangle's +y edge to the first face above it that looks towards -y; inf if none."""
+    """Return metres from a rectangle's +y edge to the first face above it that looks towards -y; inf if
+    none.
+    """
     normals = face_normals(vertices, faces)
     corners = vertices[faces]
     facing = normals[:, 1] < -0.7 * np.linalg.norm(normals, axis=1)

@@ -12,7 +12,7 @@ Cells = NDArray[np.int_]
 
 
 def hashed(*cells: Cells) -> Array:
-    """A number in [0, 1) for each tuple of whole numbers, the same everywhere."""
+    """Return a number in [0, 1) for each tuple of whole numbers, the same everywhere."""
     value = np.full(np.shape(cells[0]), 0x9E3779B9, np.uint64)
     for cell in cells:
         value = (value ^ np.asarray(cell).astype(np.int64).astype(np.uint64)) * np.uint64(0xBF58476D1CE4E5B9)
@@ -22,7 +22,7 @@ def hashed(*cells: Cells) -> Array:
 
 
 def grain(points: Array) -> Array:
-    """A factor (N,) near 1 that varies over centimetres and decimetres of points (N, 3)."""
+    """Return a factor (N,) near 1 that varies over centimetres and decimetres of points (N, 3)."""
     fine = hashed(*np.floor(points.T / 0.06).astype(np.int64))
     coarse = np.sin(points @ np.array([3.1, 5.3, 4.1], np.float32)) + np.sin(
         points @ np.array([-7.3, 4.7, 6.1], np.float32)
@@ -31,7 +31,7 @@ def grain(points: Array) -> Array:
 
 
 def outdoors(seed: int, way: Array) -> Array:
-    """What is seen out of a window along directions (N, 3): sky 1, ground and a skyline darker; (N,)."""
+    """Return the view out of a window along directions (N, 3): sky 1, ground and a skyline darker; (N,)."""
     azimuth = np.arctan2(way[:, 1], way[:, 0])
     block = np.floor(azimuth * 6).astype(int)
     roofs = 0.35 * hashed(block, np.full_like(block, seed)) ** 2
@@ -45,7 +45,7 @@ def outdoors(seed: int, way: Array) -> Array:
 
 
 def albedo_of(room: PanoramaRoom, points: Array, owner: Cells, side: Cells, size: Array) -> Array:
-    """Albedo (N, 3) of the boxes (owner >= 0) and the room's sides at points (N, 3).
+    """Return the albedo (N, 3) of the boxes (owner >= 0) and the room's sides at points (N, 3).
 
     Args:
         size: Metres (N,) that a pixel spans there; lines thinner than it fade into what is round them.
@@ -83,12 +83,14 @@ def albedo_of(room: PanoramaRoom, points: Array, owner: Cells, side: Cells, size
 
 
 def _line(result: Array, where: Array, width: float, size: Array, factor: float) -> Array:
-    """Albedo (N, 3) darkened on a line of a width in metres, the less the more of a pixel (N,) is no line."""
+    """Return the albedo (N, 3) darkened on a line of a width in metres, the less the more of a pixel (N,) is
+    no line.
+    """
     return result * np.where(where, 1 - (1 - factor) * np.minimum(width / size, 1), 1)[:, None]
 
 
 def _pattern(finish: Finish, at: Array, side: Cells, size: Array) -> Array:
-    """Albedo (N, 3) of a finish at places (N, 3), metres from a corner, on sides (N,)."""
+    """Return the albedo (N, 3) of a finish at places (N, 3), metres from a corner, on sides (N,)."""
     x, y, z = at.T
     upright = side < CEILING
     along = np.where(side // 2 == 0, y, x)

@@ -18,14 +18,14 @@ _WOODS = np.array([[0.5, 0.3, 0.15], [0.25, 0.13, 0.06], [0.65, 0.48, 0.3], [0.1
 
 
 def wood(rng: Generator) -> Array:
-    """Albedo (3,) of a wood, or of painted furniture."""
+    """Return the albedo (3,) of a wood, or of painted furniture."""
     if rng.uniform() < 0.35:
         return near(np.full(3, rng.choice([0.06, 0.7, 0.8])), rng, 0.15)
     return near(_WOODS[rng.integers(len(_WOODS))], rng, 0.25)
 
 
 def muted(rng: Generator, strength: float = 0.6) -> Array:
-    """Albedo (3,) of cloth or paint: seldom as gaudy as small things are."""
+    """Return the albedo (3,) of cloth or paint: seldom as gaudy as small things are."""
     drawn = colour(rng)
     return (drawn.mean() + rng.uniform(0, strength) * (drawn - drawn.mean())).astype(np.float32)
 
@@ -139,7 +139,7 @@ def _plant(rng: Generator) -> list[Box]:
 
 
 def _counter(rng: Generator) -> list[Box]:
-    """A run of kitchen cupboards, its upper row too."""
+    """Return a run of kitchen cupboards, its upper row too."""
     w, albedo = rng.uniform(1.5, 3.6), wood(rng)
     finish = Finish(albedo, "doors", 0.4 * albedo, 0.5)
     boxes = [
@@ -190,7 +190,7 @@ def furnish(rng: Generator, room: PanoramaRoom, makers: tuple[Maker, ...], count
 
 
 def _placed(rng: Generator, reach: Array, piece: list[Box]) -> list[Box]:
-    """A piece with its back to a random wall, or free in the room, turned by quarters."""
+    """Return a piece with its back to a random wall, or free in the room, turned by quarters."""
     side = int(rng.integers(4))
     quarter = (3, 1, 0, 2)[side]  # turns +y to the side
     c, s = ((1, 0), (0, 1), (-1, 0), (0, -1))[quarter]

@@ -38,7 +38,7 @@ def light_parts(radiance: Array) -> NDArray[np.float64]:
 
 
 def local_light(radiance: Array, ground_albedo: float) -> NDArray[np.float64]:
-    """Grey light (9,) at a place on a level support of this albedo, at the paper's exposure.
+    """Return grey light (9,) at a place on a level support of this albedo, at the paper's exposure.
 
     Args:
         radiance: (H, W, 3), H even, or its `light_parts` (2, 9).
@@ -56,7 +56,7 @@ def local_light(radiance: Array, ground_albedo: float) -> NDArray[np.float64]:
 
 
 def project_panorama(radiance: np.ndarray) -> np.ndarray:
-    """SH coefficients of an equirectangular panorama, per channel.
+    """Return SH coefficients of an equirectangular panorama, per channel.
 
     radiance: (H, W, 3) linear, row 0 straight up (+Z), column u at azimuth 2 pi (u + 0.5) / W
     counter-clockwise from +X. Result (9, 3) float64. Exact solid angle per row.
@@ -79,13 +79,13 @@ def project_panorama(radiance: np.ndarray) -> np.ndarray:
 
 
 def grey(light_rgb: np.ndarray) -> np.ndarray:
-    """Luminance (Rec. 709) of RGB light coefficients: (..., 3) to (...)."""
+    """Return luminance (Rec. 709) of RGB light coefficients: (..., 3) to (...)."""
     luminance: np.ndarray = np.asarray(light_rgb) @ np.array([0.2126, 0.7152, 0.0722])
     return luminance
 
 
 def exposed(light: np.ndarray) -> np.ndarray:
-    """A grey light scaled so that its L00 is the exposure of the paper: (9,) to (9,)."""
+    """Return a grey light scaled so that its L00 is the exposure of the paper: (9,) to (9,)."""
     if not light[0] > 0:
         raise ValueError(f"a light needs a positive mean radiance to be exposed; L00 is {light[0]}")
     scaled: np.ndarray = light * (EXPOSURE_L00 / light[0])

@@ -14,7 +14,8 @@ LEAST_BLUR = 0.01
 def mirror(
     radiance: np.ndarray, angle: float, ground_albedo: float
 ) -> Callable[[np.ndarray, float], np.ndarray]:
-    """Radiance from unit directions (N, 3), as a mirror of some roughness shows it, above a level ground.
+    """Return the radiance from unit directions (N, 3), as a mirror of some roughness shows it, above a level
+    ground.
 
     Args:
         radiance: (H, 2H, 3) equirectangular, as in `project_panorama`.

@@ -52,7 +52,7 @@ def panorama(rng: np.random.Generator, height: int = 64) -> Array:
 
 
 def paint(room: PanoramaRoom, height: int) -> Array:
-    """A room's panorama, (height, 2 height, 3) float32 linear radiance."""
+    """Return a room's panorama, (height, 2 height, 3) float32 linear radiance."""
     way = directions(height).reshape(-1, 3)
     solid_angle = np.hypot(way[:, 0], way[:, 1]) * (np.pi / height) ** 2
     distance, owner, side = first_met(way, room.reach, room.boxes)
@@ -87,7 +87,7 @@ def paint(room: PanoramaRoom, height: int) -> Array:
 
 
 def _places(room: PanoramaRoom) -> list[_Place]:
-    """Windows and lamps as points: two for what is longer than a metre."""
+    """Return windows and lamps as points: two for what is longer than a metre."""
     places = []
     for panel in room.panels:
         half = panel.half
@@ -102,7 +102,7 @@ def _places(room: PanoramaRoom) -> list[_Place]:
 
 
 def _arriving(place: _Place, points: Array, normals: Array) -> Array:
-    """Irradiance / pi (N, 3) from a place at points (N, 3), nothing being in the way."""
+    """Return the irradiance / pi (N, 3) from a place at points (N, 3), nothing being in the way."""
     way = place.point - points
     square = np.einsum("ni,ni->n", way, way) + 0.08
     cosines = np.maximum(np.einsum("ni,ni->n", way, normals), 0)
@@ -112,14 +112,14 @@ def _arriving(place: _Place, points: Array, normals: Array) -> Array:
 
 
 def _flux(place: _Place) -> Array:
-    """Light that reaches the viewpoint from a place, as a vector (3,) towards it."""
+    """Return light that reaches the viewpoint from a place, as a vector (3,) towards it."""
     reach = float(np.linalg.norm(place.point))
     cosine = 1.0 if place.facing is None else max(float(-place.point @ place.facing) / reach, 0.0)
     return place.intensity.mean() * cosine / max(reach, 0.3) ** 3 * place.point
 
 
 def _sunlight(room: PanoramaRoom, points: Array, normals: Array, casting: list) -> Array:
-    """Irradiance / pi (N, 3) of the sun where it shines in through a window."""
+    """Return the irradiance / pi (N, 3) of the sun where it shines in through a window."""
     result = np.zeros_like(points)
     if room.sun is None:
         return result
@@ -132,7 +132,7 @@ def _sunlight(room: PanoramaRoom, points: Array, normals: Array, casting: list) 
 
 
 def _through_glass(room: PanoramaRoom, points: Array, direction: Array) -> NDArray[np.bool_]:
-    """From which points (N, 3) a direction leads out through a pane without a veil."""
+    """Return from which points (N, 3) a direction leads out through a pane without a veil."""
     through = np.zeros(len(points), bool)
     for panel in room.panels:
         against = float(direction @ panel.normal)
@@ -193,7 +193,7 @@ def _show_sources(
 
 
 def _panel(room: PanoramaRoom, panel: Panel, way: Array, distance: Array) -> tuple[NDArray[np.int_], Array]:
-    """Which rays (M,) end on a panel, and the radiance (M, 3) they see there."""
+    """Return which rays (M,) end on a panel, and the radiance (M, 3) they see there."""
     against = way @ panel.normal
     ahead = np.nonzero((against < -1e-4) if panel.centre @ panel.normal < 0 else against > 1e-4)[0]
     reach = float(panel.centre @ panel.normal) / against[ahead]
@@ -214,13 +214,13 @@ def _panel(room: PanoramaRoom, panel: Panel, way: Array, distance: Array) -> tup
 
 
 def _to_bar(share: Array, panes: int, size: float) -> Array:
-    """Metres to the next bar of a window `size` metres across, at shares in [-1, 1] of its half."""
+    """Return metres to the next bar of a window `size` metres across, at shares in [-1, 1] of its half."""
     pane = (share + 1) / 2 * panes
     return np.abs(pane - np.round(pane)) * size / panes
 
 
 def _spot(image: Array, way: Array, solid_angle: Array, direction: Array, angle: float, flux: Array) -> None:
-    """A disc of an angular radius, no smaller than a pixel, that holds the flux (3,)."""
+    """Paint a disc of an angular radius, no smaller than a pixel, that holds the flux (3,)."""
     cosines = way @ direction.astype(np.float32)
     height = np.sqrt(len(way) / 2)
     shown = cosines > min(np.cos(max(angle, np.pi / height)), cosines.max() - 1e-6)

@@ -80,12 +80,12 @@ class Panel:
 
     @cached_property
     def normal(self) -> Array:
-        """Unit vector (3,) in which it shines."""
+        """Return unit vector (3,) in which it shines."""
         return np.cross(self.across, self.over)
 
     @property
     def area(self) -> float:
-        """Square metres."""
+        """Return the square metres."""
         return float(4 * self.half[0] * self.half[1])
 
 

@@ -31,7 +31,7 @@ _SHARES = (0.40, 0.12, 0.16, 0.17, 0.15)
 
 
 def draw(rng: Generator) -> PanoramaRoom:
-    """One random room with its furniture and lights."""
+    """Return one random room with its furniture and lights."""
     kind = str(rng.choice(_KINDS, p=_SHARES))
     make = {"home": _home, "kitchen": _kitchen, "work": _work, "hall": _hall, "studio": _studio}[kind]
     room = make(rng)
@@ -46,7 +46,7 @@ def _log_uniform(rng: Generator, low: float, high: float) -> float:
 
 
 def _shell(rng: Generator, widest: float, height: tuple[float, float]) -> PanoramaRoom:
-    """An empty room: its viewpoint at 0.7 to 1.3 m, at least 0.7 m from the walls."""
+    """Return an empty room: its viewpoint at 0.7 to 1.3 m, at least 0.7 m from the walls."""
     eye = rng.uniform(0.7, 1.3)
     reach = np.append(rng.uniform(0.7, widest, 4), [max(rng.uniform(*height) - eye, 0.9), eye])
     paint = near(np.full(3, rng.uniform(0.35, 0.85), np.float32), rng, 0.2)
@@ -94,7 +94,7 @@ def _rectangle(
 
 
 def _windows(rng: Generator, room: PanoramaRoom, radiance: float, most: int = 4, tall: float = 2.2) -> None:
-    """Windows, mostly in one wall, some from the floor up; with curtains, and perhaps the sun behind."""
+    """Add windows, mostly in one wall, some from the floor up; with curtains, and perhaps the sun behind."""
     main = int(rng.integers(4))
     tint = near(_DAYLIGHT[rng.integers(len(_DAYLIGHT))], rng, 0.1)
     bars = (int(rng.integers(1, 4)), int(rng.integers(1, 4)))
@@ -122,7 +122,7 @@ def _windows(rng: Generator, room: PanoramaRoom, radiance: float, most: int = 4,
 
 
 def _curtains(rng: Generator, room: PanoramaRoom, window: Panel) -> None:
-    """Curtains that hang to the floor on both sides of a window."""
+    """Add curtains that hang to the floor on both sides of a window."""
     finish = Finish(muted(rng), "cushions", period=0.12)
     top = min(window.centre[2] + window.half[1] + 0.15, room.reach[CEILING])
     for sign in (-1, 1):
@@ -135,7 +135,7 @@ def _curtains(rng: Generator, room: PanoramaRoom, window: Panel) -> None:
 
 
 def _decorate(rng: Generator, room: PanoramaRoom, most: int = 6) -> None:
-    """A door or two, pictures, and perhaps a rug."""
+    """Add a door or two, pictures, and perhaps a rug."""
     reach = room.reach
     for _ in range(rng.integers(0, 3)):
         frame = near(np.full(3, rng.choice([0.1, 0.6, 0.75])), rng, 0.1)
@@ -161,7 +161,7 @@ def _patch(
 
 
 def _bulbs(rng: Generator, room: PanoramaRoom, power: float, count: int) -> None:
-    """Lamps: under the ceiling, or standing about with a foot; at least 0.8 m away."""
+    """Add lamps: under the ceiling, or standing about with a foot; at least 0.8 m away."""
     reach = room.reach
     tint = near(_LAMPLIGHT[rng.integers(len(_LAMPLIGHT))], rng, 0.1)
     dark = Finish(np.full(3, rng.choice([0.04, 0.3, 0.6]), np.float32))
@@ -187,7 +187,7 @@ def _bulbs(rng: Generator, room: PanoramaRoom, power: float, count: int) -> None
 def _ceiling_panels(
     rng: Generator, room: PanoramaRoom, radiance: float, size: ArrayLike, spacing: float
 ) -> None:
-    """A grid of lamps in the ceiling, some of them off."""
+    """Add a grid of lamps in the ceiling, some of them off."""
     reach, half = room.reach, np.asarray(size, np.float32) / 2
     tint = near(_LAMPLIGHT[rng.integers(1, len(_LAMPLIGHT))], rng, 0.06)
     lit = rng.uniform(0.5, 1.0)
@@ -203,7 +203,7 @@ def _ceiling_panels(
 
 
 def _downlights(rng: Generator, room: PanoramaRoom) -> None:
-    """Small bright spots let into the ceiling."""
+    """Add small bright spots let into the ceiling."""
     _ceiling_panels(rng, room, _log_uniform(rng, 20.0, 200.0), [0.08, 0.08], rng.uniform(0.9, 1.6))
 
 
@@ -249,7 +249,7 @@ def _work(rng: Generator) -> PanoramaRoom:
 
 
 def _hall(rng: Generator) -> PanoramaRoom:
-    """A large room: columns, beams, many lamps or high windows or a glass roof."""
+    """Return a large room: columns, beams, many lamps or high windows or a glass roof."""
     room = _shell(rng, 11.0, (3.6, 7.0))
     reach = room.reach
     draw = rng.uniform()
@@ -288,7 +288,7 @@ def _hall(rng: Generator) -> PanoramaRoom:
 
 
 def _studio(rng: Generator) -> PanoramaRoom:
-    """A photo studio: one to three large lamps close by, walls white, grey or black."""
+    """Return a photo studio: one to three large lamps close by, walls white, grey or black."""
     room = _shell(rng, 4.5, (2.6, 4.0))
     tone = float(rng.choice([0.02, 0.03, 0.05, 0.2, 0.8]))
     room.sides = [Finish(near(np.full(3, tone), rng, 0.15)) for _ in range(5)] + [_floor(rng)]

@@ -14,7 +14,9 @@ Array = np.ndarray
 
 @lru_cache(maxsize=4)
 def directions(height: int) -> Array:
-    """Unit directions (height, 2 height, 3) of the pixels: row 0 up, columns counter-clockwise from +X."""
+    """Return unit directions (height, 2 height, 3) of the pixels: row 0 up, columns counter-clockwise from
+    +X.
+    """
     theta = (np.arange(height) + 0.5) * np.pi / height
     phi = (np.arange(2 * height) + 0.5) * np.pi / height
     ring = np.sin(theta)[:, None]
@@ -25,7 +27,7 @@ def directions(height: int) -> Array:
 
 
 def first_met(way: Array, reach: Array, boxes: list[Box]) -> tuple[Array, NDArray[np.int_], NDArray[np.int_]]:
-    """What rays from the origin along `way` (N, 3) meet first in a room of sides at `reach` (6,).
+    """Return the first hits of rays from the origin along `way` (N, 3) in a room of sides at `reach` (6,).
 
     Returns:
         Distances (N,); the box's index (N,), -1 for the room itself; and the side (N,) of the box or room, in
@@ -50,7 +52,7 @@ def first_met(way: Array, reach: Array, boxes: list[Box]) -> tuple[Array, NDArra
 
 
 def seen(points: Array, target: Array, boxes: list[Box]) -> NDArray[np.bool_]:
-    """Which points (N, 3) see the target: a place (3,), or places (N, 3), past the boxes."""
+    """Return which points (N, 3) see the target: a place (3,), or places (N, 3), past the boxes."""
     start = np.ascontiguousarray(points.T)
     inverse = _inverse(target.reshape(-1, 3).T - start)
     free = np.ones(len(points), bool)
@@ -61,7 +63,7 @@ def seen(points: Array, target: Array, boxes: list[Box]) -> NDArray[np.bool_]:
 
 
 def _toward(box: Box, way: Array) -> NDArray[np.int_]:
-    """Which rays from the origin (N, 3) point to the ball round a box."""
+    """Return which rays from the origin (N, 3) point to the ball round a box."""
     centre, half = (box.low + box.high) / 2, (box.high - box.low) / 2
     sine = float(np.linalg.norm(half) / np.linalg.norm(centre))
     if sine >= 1:
@@ -78,7 +80,9 @@ def _inverse(way: Array) -> Array:
 
 
 def _slabs(box: Box, start: Array, inverse: Array) -> tuple[Array, Array]:
-    """Where rays (3, N) enter and leave the three slabs of a box: (3, N) each, in the rays' own units."""
+    """Return where rays (3, N) enter and leave the three slabs of a box: (3, N) each, in the rays' own
+    units.
+    """
     a = (box.low[:, None] - start) * inverse
     b = (box.high[:, None] - start) * inverse
     return np.minimum(a, b), np.maximum(a, b)

@@ -33,7 +33,7 @@ _LMS_BACK, _LAB_BACK = np.linalg.inv(_LMS), np.linalg.inv(_LAB)
 
 
 def colour(rng: np.random.Generator) -> Array:
-    """One random albedo (3,), linear RGB in [0.02, 0.95], as household things have them.
+    """Return one random albedo (3,), linear RGB in [0.02, 0.95], as household things have them.
 
     A quarter are uniform in [0.2, 0.8] per channel (the range an explained object's own albedo has, so that
     props can look like it), two fifths whites, greys, woods and blacks, a quarter muted, a tenth pigments.
@@ -49,31 +49,36 @@ def colour(rng: np.random.Generator) -> Array:
 
 
 def neutral(rng: np.random.Generator) -> Array:
-    """One albedo (3,) of the whites, greys, beiges, browns and blacks."""
+    """Return one albedo (3,) of the whites, greys, beiges, browns and blacks."""
     return shade(_NEUTRAL[rng.integers(len(_NEUTRAL))], rng, 0.22)
 
 
 def accent(rng: np.random.Generator) -> Array:
-    """One albedo (3,) with a hue: muted mostly, vivid now and then."""
+    """Return one albedo (3,) with a hue: muted mostly, vivid now and then."""
     if rng.uniform() < 0.65:
         return near(_MUTED[rng.integers(len(_MUTED))], rng, 0.25)
     return near(_VIVID[rng.choice(len(_VIVID), p=_VIVID_ODDS)], rng, 0.25)
 
 
 def near(base: ArrayLike, rng: np.random.Generator, spread: float = 0.15) -> Array:
-    """A colour (3,) close to `base` (3,): brightness and, half as much, tint scaled by up to 1 +- spread."""
+    """Return a colour (3,) close to `base` (3,): brightness and, half as much, tint scaled by up to 1 +-
+    spread.
+    """
     factor = 1 + rng.uniform(-spread, spread) + 0.5 * rng.uniform(-spread, spread, 3)
     return np.clip(np.asarray(base) * factor, DARKEST, BRIGHTEST).astype(np.float32)
 
 
 def shade(base: ArrayLike, rng: np.random.Generator, spread: float = 0.2) -> Array:
-    """A colour (3,) like `base` (3,) but brighter or darker by up to 1 +- spread; its tint stays, nearly."""
+    """Return a colour (3,) like `base` (3,) but brighter or darker by up to 1 +- spread; its tint stays,
+    nearly.
+    """
     factor = (1 + rng.uniform(-spread, spread)) * (1 + rng.uniform(-0.025, 0.025, 3))
     return np.clip(np.asarray(base) * factor, DARKEST, BRIGHTEST).astype(np.float32)
 
 
 def partner(base: ArrayLike, rng: np.random.Generator) -> Array:
-    """A colour (3,) that goes with `base` (3,): of other lightness, of the same, a near or the opposite hue.
+    """Return a colour (3,) that goes with `base` (3,): of other lightness, of the same, a near or the
+    opposite hue.
 
     Chosen in the perceptual space Oklab; always distinguishable from `base`.
     """

@@ -57,7 +57,7 @@ def _over(layer: Array, cover: Array, tint: Array, row: int = 0, column: int = 0
 
 
 def _ring(rng: np.random.Generator, layer: Array, at: float, width: float, tint: Array) -> None:
-    """A painted line round the pot at height 1 - `at`, of a brush that trembles."""
+    """Paint a line round the pot at height 1 - `at`, of a brush that trembles."""
     height, around = layer.shape[:2]
     turn = 2 * np.pi * np.arange(around) / around
     wobble = 0.06 * width * np.sin(int(rng.integers(2, 6)) * turn + rng.uniform(0, 6))
@@ -86,7 +86,7 @@ def _dots(rng: np.random.Generator, layer: Array, tint: Array) -> None:
 
 
 def _stamped(rng: np.random.Generator, layer: Array, tints: tuple[Array, Array, Array], count: int) -> None:
-    """Flowers of one kind round the pot, evenly with some play."""
+    """Stamp flowers of one kind round the pot, evenly with some play."""
     height, around = layer.shape[:2]
     side = int(height * rng.uniform(0.3, 0.6))
     middle = rng.uniform(0.35, 0.65) * height

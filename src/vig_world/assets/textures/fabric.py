@@ -11,7 +11,7 @@ from vig_world.assets.textures.kinds import kind
 
 
 def _threads(rng: np.random.Generator, size: int) -> Array:
-    """The shade of woven threads, about 1."""
+    """Return the shade of woven threads, about 1."""
     v, u = grid(size)
     count = max(1, size // int(rng.choice([4, 4, 6, 8])))
     weave = np.sin(np.pi * 2 * count * u) * np.sin(np.pi * 2 * count * v)
@@ -20,7 +20,7 @@ def _threads(rng: np.random.Generator, size: int) -> Array:
 
 @kind(metres=(0.15, 0.5), needs_base=True)
 def cloth(rng: np.random.Generator, size: int, base: Array) -> Array:
-    """Plain, striped or checked cloth in two colours that go together."""
+    """Return plain, striped or checked cloth in two colours that go together."""
     second = partner(base, rng)
     bands = np.repeat(rng.uniform(size=16) < 0.35, -(-size // 16))[:size].astype(np.float32)
     style = rng.integers(4)
@@ -32,7 +32,7 @@ def cloth(rng: np.random.Generator, size: int, base: Array) -> Array:
 
 @kind(metres=(0.3, 0.8), needs_base=True)
 def stripes(rng: np.random.Generator, size: int, base: Array) -> Array:
-    """Cloth or paper with stripes of up to four colours along v, thin beside broad."""
+    """Return cloth or paper with stripes of up to four colours along v, thin beside broad."""
     colours = np.stack([base, partner(base, rng), near(base, rng, 0.4), partner(base, rng)])
     widths = rng.integers(1, 5, 14) ** 2
     order = np.where(np.arange(14) % 2, rng.integers(1, 4, 14), 0)
@@ -43,7 +43,7 @@ def stripes(rng: np.random.Generator, size: int, base: Array) -> Array:
 
 @kind(metres=(0.1, 0.25))
 def weave(rng: np.random.Generator, size: int, base: Array | None) -> Array:
-    """Wickerwork or rattan: strands that go over and under each other."""
+    """Return wickerwork or rattan: strands that go over and under each other."""
     base = shaded(np.array([[0.45, 0.29, 0.14], [0.58, 0.44, 0.26], [0.24, 0.13, 0.06], [0.6, 0.57, 0.5]])[
         rng.integers(4)], rng) if base is None else base  # fmt: skip
     v, u = grid(size)
@@ -69,7 +69,7 @@ def leather(rng: np.random.Generator, size: int, base: Array | None) -> Array:
 
 @kind(metres=(0.4, 1.0), needs_base=True)
 def wallpaper(rng: np.random.Generator, size: int, base: Array) -> Array:
-    """Stripes or a repeated motif, mostly in a near colour."""
+    """Return stripes or a repeated motif, mostly in a near colour."""
     v, u = grid(size)
     second = near(base, rng, 0.4) if rng.uniform() < 0.6 else partner(base, rng)
     n = int(rng.integers(3, 11))
@@ -85,7 +85,7 @@ def wallpaper(rng: np.random.Generator, size: int, base: Array) -> Array:
 
 @kind(metres=(0.4, 0.9))
 def floral(rng: np.random.Generator, size: int, base: Array | None) -> Array:
-    """Flowers scattered on a quiet ground."""
+    """Return flowers scattered on a quiet ground."""
     base = shaded([0.72, 0.68, 0.58], rng, 0.2) if base is None else base
     petal, leaf = partner(base, rng), near([0.16, 0.24, 0.12], rng, 0.4)
     heart = near([0.65, 0.42, 0.08], rng, 0.3)
@@ -109,7 +109,7 @@ def floral(rng: np.random.Generator, size: int, base: Array | None) -> Array:
 
 @kind(metres=(0.3, 1.0), needs_base=True)
 def checker(rng: np.random.Generator, size: int, base: Array) -> Array:
-    """A chequered board of two colours."""
+    """Return a chequered board of two colours."""
     v, u = grid(size)
     n = int(rng.integers(1, 7))
     odd = (np.floor(2 * n * u) + np.floor(2 * n * v)) % 2

@@ -22,7 +22,7 @@ def _filter(size: int, slope: float, stretch: float, cutoff: float) -> Array:
 def noise(
     rng: np.random.Generator, size: int, slope: float = 1.5, stretch: float = 1.0, cutoff: float = 1.0
 ) -> Array:
-    """Periodic Gaussian noise (size, size) of mean 0 and deviation 1.
+    """Return periodic Gaussian noise (size, size) of mean 0 and deviation 1.
 
     Amplitude falls as frequency^-slope above `cutoff` cycles; `stretch` > 1 draws the grain out along rows'
     direction v.
@@ -36,20 +36,20 @@ def noise(
 
 @lru_cache(maxsize=16)
 def grid(size: int) -> tuple[Array, Array]:
-    """Texture coordinates (size, 1) down and (1, size) right, pixel centres in (0, 1)."""
+    """Return texture coordinates (size, 1) down and (1, size) right, pixel centres in (0, 1)."""
     t = ((np.arange(size) + 0.5) / size).astype(np.float32)
     return t[:, None], t[None, :]
 
 
 def mix(a: Array, b: Array, weight: Array) -> Array:
-    """Colours a where weight (H, W) is 0, b where it is 1."""
+    """Return colours a where weight (H, W) is 0, b where it is 1."""
     return a + (b - a) * weight[..., None]
 
 
 def cells(
     rng: np.random.Generator, size: int, rows: int, columns: int, shift: float, joint: float
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """A random number in [-1, 1] per cell of a (running-bond) grid, and where the joints are."""
+    """Return a random number in [-1, 1] per cell of a (running-bond) grid, and where the joints are."""
     v, u = grid(size)
     row = np.floor(v * rows).astype(int)
     x = u * columns + shift * row
@@ -62,7 +62,9 @@ def cells(
 def ellipse(
     x: Array, y: Array, centre: tuple[float, float], radii: tuple[float, float], angle: float = 0.0
 ) -> Array:
-    """Coverage of an ellipse at points x, y (broadcast), its edge soft over a tenth of its radius."""
+    """Return the coverage of an ellipse at points x, y (broadcast), its edge soft over a tenth of its
+    radius.
+    """
     dx, dy = x - centre[0], y - centre[1]
     c, s = np.cos(angle), np.sin(angle)
     distance = np.sqrt(((c * dx + s * dy) / radii[0]) ** 2 + ((c * dy - s * dx) / radii[1]) ** 2)
@@ -72,7 +74,7 @@ def ellipse(
 def blossom(
     size: int, rng: np.random.Generator, petals: int, leaves: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    """Coverages (size, size) of a flower's leaves, petals and heart, upright, filling the square."""
+    """Return coverages (size, size) of a flower's leaves, petals and heart, upright, filling the square."""
     v, u = grid(size)
     middle, reach = (0.5, rng.uniform(0.3, 0.42)), rng.uniform(0.1, 0.13)
     angles = 2 * np.pi * np.arange(petals) / petals + rng.uniform(0, 2)

@@ -27,7 +27,8 @@ BLANK = 26
 
 @lru_cache(maxsize=64)
 def alphabet(height: int, small: bool, weight: float) -> NDArray[np.float32]:
-    """Coverage (27, height, width) of the letters a to z and a blank, each with its space on the right.
+    """Return the coverage (27, height, width) of the letters a to z and a blank, each with its space on the
+    right.
 
     Args:
         weight: Thickness of a stroke as a share of the height.
@@ -53,7 +54,7 @@ def alphabet(height: int, small: bool, weight: float) -> NDArray[np.float32]:
 
 
 def word(rng: np.random.Generator, length: int) -> NDArray[np.int_]:
-    """Letters (length,) in 0 .. 25 of a word that could be spoken."""
+    """Return letters (length,) in 0 .. 25 of a word that could be spoken."""
     letters = _CONSONANTS[rng.integers(len(_CONSONANTS), size=length)]
     start = int(rng.integers(2))
     vowels = letters[start::2]
@@ -62,7 +63,7 @@ def word(rng: np.random.Generator, length: int) -> NDArray[np.int_]:
 
 
 def title(rng: np.random.Generator, width: int, height: int) -> NDArray[np.float32]:
-    """Coverage (h, w) of a word in large type, at most `width` x `height` pixels."""
+    """Return the coverage (h, w) of a word in large type, at most `width` x `height` pixels."""
     length = int(rng.integers(4, 9))
     height = max(4, min(height, int(width / (0.64 * length))))
     letters = alphabet(height, rng.uniform() < 0.3, float(rng.choice([0.12, 0.17, 0.21])))
@@ -72,7 +73,9 @@ def title(rng: np.random.Generator, width: int, height: int) -> NDArray[np.float
 def paragraph(
     rng: np.random.Generator, width: int, height: int, letter: int, filled: float = 0.95
 ) -> NDArray[np.float32]:
-    """Coverage (height, width) of lines of small type, `letter` pixels high; ragged on the right."""
+    """Return the coverage (height, width) of lines of small type, `letter` pixels high; ragged on the
+    right.
+    """
     glyphs = alphabet(letter, True, 0.16)
     step = letter + max(1, round(0.5 * letter))
     lines, columns = max(1, height // step), max(1, width // glyphs.shape[2])

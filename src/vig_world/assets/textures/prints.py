@@ -13,7 +13,7 @@ _WHITE, _BLACK = np.array([0.82, 0.81, 0.78], np.float32), np.array([0.03, 0.03,
 
 
 def _ink(rng: np.random.Generator, paper: Array) -> Array:
-    """A colour in which to write on `paper` (3,)."""
+    """Return a colour in which to write on `paper` (3,)."""
     plain = _BLACK if paper.mean() > 0.25 else _WHITE
     tint = 0.4 * accent(rng) if paper.mean() > 0.25 else accent(rng) + 0.25
     return tint if rng.uniform() < 0.4 and abs(tint.mean() - paper.mean()) > 0.2 else plain
@@ -29,7 +29,7 @@ def _lay(image: Array, mask: Array, top: int, left: int, fill: Array) -> None:
 def _write(
     rng: np.random.Generator, image: Array, top: float, height: float, ink: Array, centred: bool
 ) -> None:
-    """A word across the image, centred or from the left, `top` and `height` shares of its height."""
+    """Write a word across the image, centred or from the left, `top` and `height` shares of its height."""
     size = len(image)
     mask = title(rng, int(0.84 * size), int(height * size))
     left = (size - mask.shape[1]) // 2 if centred else int(0.08 * size)
@@ -37,7 +37,7 @@ def _write(
 
 
 def scenery(rng: np.random.Generator, size: int) -> Array:
-    """A landscape, (size, size, 3): a sky, ridges that grow darker, perhaps a sun and water."""
+    """Return a landscape, (size, size, 3): a sky, ridges that grow darker, perhaps a sun and water."""
     v, u = grid(size)
     sky = near(
         np.array([[0.35, 0.50, 0.66], [0.66, 0.52, 0.40], [0.6, 0.6, 0.58]])[rng.integers(3)], rng, 0.3
@@ -80,7 +80,7 @@ def _still_life(rng: np.random.Generator, size: int) -> Array:
 
 
 def _abstract(rng: np.random.Generator, size: int) -> Array:
-    """Fields, discs and bars of colours that go together."""
+    """Return fields, discs and bars of colours that go together."""
     v, u = grid(size)
     base = neutral(rng)
     image = base * np.ones((size, size, 1), np.float32)
@@ -93,7 +93,7 @@ def _abstract(rng: np.random.Generator, size: int) -> Array:
 
 @kind(metres=(0.2, 0.5), periodic=False)
 def picture(rng: np.random.Generator, size: int, base: Array | None) -> Array:
-    """A picture: landscape, still life or abstract, with a passe-partout of colour `base` if given."""
+    """Return a picture: landscape, still life or abstract, with a passe-partout of colour `base` if given."""
     draw = (scenery, _still_life, _abstract)[rng.integers(3)]
     image = np.clip(draw(rng, size), 0.02, 0.95).astype(np.float32)
     if base is not None:
@@ -105,7 +105,9 @@ def picture(rng: np.random.Generator, size: int, base: Array | None) -> Array:
 
 @kind(metres=(0.2, 0.4), periodic=False)
 def print_(rng: np.random.Generator, size: int, base: Array | None) -> Array:
-    """A label, a packet's face or a cover: bands of colour, a picture or an emblem, a name, small print."""
+    """Return a label, a packet's face or a cover: bands of colour, a picture or an emblem, a name, small
+    print.
+    """
     base = (shade(_WHITE, rng, 0.1) if rng.uniform() < 0.4 else colour(rng)) if base is None else base
     v, u = grid(size)
     second = partner(base, rng)
@@ -158,7 +160,7 @@ def print_(rng: np.random.Generator, size: int, base: Array | None) -> Array:
 
 @kind(metres=(0.3, 0.5), periodic=False)
 def news(rng: np.random.Generator, size: int, base: Array | None) -> Array:
-    """A newspaper's page: a headline over three to five columns, some with a picture."""
+    """Return a newspaper's page: a headline over three to five columns, some with a picture."""
     return page(rng, size, shade([0.62, 0.60, 0.55], rng, 0.08) if base is None else base, (3, 4, 5))
 
 
@@ -166,7 +168,7 @@ def news(rng: np.random.Generator, size: int, base: Array | None) -> Array:
 def page(
     rng: np.random.Generator, size: int, base: Array | None, layouts: tuple[int, ...] = (1, 1, 2, 3)
 ) -> Array:
-    """A page of text on paper, a letter or a page of a book.
+    """Return a page of text on paper, a letter or a page of a book.
 
     Args:
         layouts: How many columns it may have.

@@ -16,13 +16,13 @@ _BRICKS = np.array(
 
 @kind(metres=(0.6, 1.5), needs_base=True)
 def paint(rng: np.random.Generator, size: int, base: Array) -> Array:
-    """One colour, a little uneven."""
+    """Return one colour, a little uneven."""
     return base * (1 + rng.uniform(0.01, 0.05) * noise(rng, size, 1.6))[..., None]
 
 
 @kind(metres=(0.6, 1.5))
 def plaster(rng: np.random.Generator, size: int, base: Array | None) -> Array:
-    """Whitewash with the marks of the trowel."""
+    """Return whitewash with the marks of the trowel."""
     if base is None:
         base = shaded([0.74, 0.71, 0.65], rng, 0.2)
     return (
@@ -42,7 +42,7 @@ def concrete(rng: np.random.Generator, size: int, base: Array | None) -> Array:
 
 @kind(metres=(0.5, 1.2), needs_base=True)
 def tiles(rng: np.random.Generator, size: int, base: Array) -> Array:
-    """Square tiles, all alike or in two colours, and grout."""
+    """Return the square tiles, all alike or in two colours, and grout."""
     n = int(rng.integers(2, 7))
     value, joint = cells(rng, size, n, n, 0.0, rng.uniform(0.008, 0.02))
     shade = 1 + rng.uniform(0.0, 0.12) * value + rng.uniform(0.0, 0.05) * noise(rng, size)
@@ -55,7 +55,7 @@ def tiles(rng: np.random.Generator, size: int, base: Array) -> Array:
 
 @kind(metres=(0.7, 1.2))
 def brick(rng: np.random.Generator, size: int, base: Array | None) -> Array:
-    """A brick wall in running bond, bare or painted over."""
+    """Return a brick wall in running bond, bare or painted over."""
     clay = shaded(_BRICKS[rng.integers(len(_BRICKS))], rng, 0.25) if base is None else base
     rows = 2 * int(rng.integers(3, 7))
     value, joint = cells(rng, size, rows, rows // 2, 0.5, rng.uniform(0.012, 0.022))
@@ -67,7 +67,7 @@ def brick(rng: np.random.Generator, size: int, base: Array | None) -> Array:
 
 @kind(metres=(0.5, 1.2))
 def marble(rng: np.random.Generator, size: int, base: Array | None) -> Array:
-    """Veined stone."""
+    """Return veined stone."""
     if base is None:
         base = shaded(np.full(3, rng.choice([0.08, 0.4, 0.75, 0.8]), np.float32), rng, 0.15)
     vein = shaded(np.full(3, 0.75 if base.mean() < 0.25 else 0.2), rng, 0.3)
@@ -79,7 +79,7 @@ def marble(rng: np.random.Generator, size: int, base: Array | None) -> Array:
 
 @kind(metres=(0.25, 0.5))
 def granite(rng: np.random.Generator, size: int, base: Array | None) -> Array:
-    """Stone of three kinds of grains."""
+    """Return stone of three kinds of grains."""
     if base is None:
         base = shaded(np.full(3, rng.choice([0.1, 0.3, 0.5])) * [1.05, 1.0, 0.95], rng, 0.15)
     field, grain = noise(rng, size, 0.7), noise(rng, size, 0.5)
@@ -89,7 +89,7 @@ def granite(rng: np.random.Generator, size: int, base: Array | None) -> Array:
 
 @kind(metres=(0.3, 0.7))
 def terrazzo(rng: np.random.Generator, size: int, base: Array | None) -> Array:
-    """Chips of several stones in a ground."""
+    """Return chips of several stones in a ground."""
     base = neutral(rng) if base is None else base
     image = base * (1 + 0.03 * noise(rng, size))[..., None]
     for _ in range(rng.integers(2, 4)):  # each kind of chip: the peaks of its own band of noise
@@ -101,7 +101,7 @@ def terrazzo(rng: np.random.Generator, size: int, base: Array | None) -> Array:
 
 @kind(metres=(0.2, 0.6), needs_base=True)
 def speckle(rng: np.random.Generator, size: int, base: Array) -> Array:
-    """A colour broken up by grains of a near one, or a glaze with dark spots."""
+    """Return a colour broken up by grains of a near one, or a glaze with dark spots."""
     spotted = rng.uniform() < 0.5
     grain = noise(rng, size, 0.4 if spotted else round(rng.uniform(0.3, 0.9), 1))
     if spotted:
@@ -112,7 +112,7 @@ def speckle(rng: np.random.Generator, size: int, base: Array) -> Array:
 
 @kind(metres=(0.4, 1.0))
 def linoleum(rng: np.random.Generator, size: int, base: Array | None) -> Array:
-    """Streaked flooring of two near tones, perhaps in large squares."""
+    """Return streaked flooring of two near tones, perhaps in large squares."""
     base = near(colour(rng) * 0.6 + 0.1, rng) if base is None else base
     streaks = np.clip(0.5 + 0.5 * noise(rng, size, 1.1, stretch=3.0), 0, 1)
     image = mix(base, near(base, rng, 0.35), streaks)
@@ -124,7 +124,7 @@ def linoleum(rng: np.random.Generator, size: int, base: Array | None) -> Array:
 
 @kind(metres=(0.3, 0.6))
 def cork(rng: np.random.Generator, size: int, base: Array | None) -> Array:
-    """Pressed cork: brown crumbs of many tones."""
+    """Return pressed cork: brown crumbs of many tones."""
     base = shaded([0.45, 0.27, 0.13], rng, 0.25) if base is None else base
     crumbs = noise(rng, size, 2.0, cutoff=round(size / 8))
     image = base * (1 + 0.18 * crumbs)[..., None]

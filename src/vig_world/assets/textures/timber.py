@@ -16,13 +16,13 @@ _WOODS = np.array(
 
 
 def tone(rng: np.random.Generator) -> Array:
-    """The albedo (3,) of a kind of wood."""
+    """Return the albedo (3,) of a kind of wood."""
     return shaded(_WOODS[rng.integers(len(_WOODS))], rng, 0.25)
 
 
 @kind(metres=(0.3, 1.0))
 def wood(rng: np.random.Generator, size: int, base: Array | None) -> Array:
-    """One to six boards side by side, the grain along v."""
+    """Return one to six boards side by side, the grain along v."""
     v, u = grid(size)
     base = tone(rng) if base is None else base
     planks = int(rng.choice([1, 1, 2, 3, 4, 6]))
@@ -45,7 +45,7 @@ def wood(rng: np.random.Generator, size: int, base: Array | None) -> Array:
 def _laid(
     rng: np.random.Generator, size: int, base: Array | None, along_v: Array, strip: Array, edge: Array
 ) -> Array:
-    """Strips of wood: which way each runs, a number in [-1, 1] of each, and where their joints are."""
+    """Return strips of wood: which way each runs, a number in [-1, 1] of each, and where their joints are."""
     base = tone(rng) if base is None else base
     grain = noise(rng, size, 0.9, stretch=8.0)
     grain = np.where(along_v, grain, grain.T)
@@ -55,7 +55,7 @@ def _laid(
 
 @kind(metres=(0.4, 0.9))
 def parquet(rng: np.random.Generator, size: int, base: Array | None) -> Array:
-    """Squares of four or five strips, turned from square to square."""
+    """Return squares of four or five strips, turned from square to square."""
     v, u = grid(size)
     squares, strips = 2 * int(rng.integers(1, 3)), int(rng.integers(4, 6))
     row, column = np.floor(v * squares).astype(int), np.floor(u * squares).astype(int)
@@ -71,7 +71,7 @@ def parquet(rng: np.random.Generator, size: int, base: Array | None) -> Array:
 
 @kind(metres=(0.6, 1.2))
 def herringbone(rng: np.random.Generator, size: int, base: Array | None) -> Array:
-    """Strips four times as long as wide, laid in steps."""
+    """Return strips four times as long as wide, laid in steps."""
     v, u = grid(size)
     cells = 8 * int(rng.integers(1, 3))
     x, y = np.floor(u * cells).astype(int), np.floor(v * cells).astype(int)

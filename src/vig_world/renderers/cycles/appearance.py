@@ -77,7 +77,8 @@ def appearance(
     texture: str | None,
     rng: np.random.Generator,
 ) -> dict[str, Any]:
-    """A thing's material as plain data: kind, roughness and emission of `vig_world.assets.things.Material`.
+    """Return a thing's material as plain data: kind, roughness and emission of
+    `vig_world.assets.things.Material`.
 
     Args:
         texture: Name of the array that holds its albedo; None for a single `colour` (3,), linear.
@@ -104,7 +105,7 @@ def appearance(
 
 
 def lambertian(albedo: np.ndarray) -> dict[str, Any]:
-    """The object's material in the finish `diffuse`: albedo (3,), as in vig's model."""
+    """Return the object's material in the finish `diffuse`: albedo (3,), as in vig's model."""
     return {
         "lambertian": True,
         "texture": None,
@@ -117,7 +118,7 @@ def lambertian(albedo: np.ndarray) -> dict[str, Any]:
 
 
 def coated(albedo: np.ndarray, roughness: float, texture: str | None) -> dict[str, Any]:
-    """A Lambertian base under a clear coat of index 1.5 and the given roughness."""
+    """Return a Lambertian base under a clear coat of index 1.5 and the given roughness."""
     principled = {"Specular IOR Level": 0.0, "Coat Weight": 1.0, "Coat Roughness": roughness, "Coat IOR": 1.5}
     return {
         "lambertian": False,
@@ -131,7 +132,7 @@ def coated(albedo: np.ndarray, roughness: float, texture: str | None) -> dict[st
 
 
 def coat_material(coat: Coat, texture: str) -> dict[str, Any]:
-    """The material of an object with a coat, whose albedo is in a texture."""
+    """Return the material of an object with a coat, whose albedo is in a texture."""
     if coat.metal:
         principled = {"Metallic": 1.0}
     else:
@@ -151,7 +152,8 @@ def coat_material(coat: Coat, texture: str) -> dict[str, Any]:
 def baked(
     coat: Coat, vertices: np.ndarray, model: ShapeModel, texels: int = TEXELS
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The albedo of a coat as a texture (h, w, 3), linear, row 0 on top, and corners' coordinates (F, 3, 2).
+    """Return the albedo of a coat as a texture (h, w, 3), linear, row 0 on top, and corners' coordinates (F,
+    3, 2).
 
     Each face has a square of `texels` a side to itself, of which it fills the lower left half but for a rim.
     """
@@ -176,14 +178,17 @@ def baked(
 
 
 def painted(albedo: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """The albedo (3,) with a painted decoration over it: (h, w, 3) linear, u round the axis, row 0 on top."""
+    """Return the albedo (3,) with a painted decoration over it: (h, w, 3) linear, u round the axis, row 0 on
+    top.
+    """
     layer = decoration(rng, DECORATION_SIZE)
     cover = layer[..., 3:]
     return ((1 - cover) * albedo + cover * layer[..., :3]).astype(np.float32)
 
 
 def cylindrical_uv(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Texture coordinates (F, 3, 2) of the faces' corners: u once round the +Z axis, v from foot to top.
+    """Return texture coordinates (F, 3, 2) of the faces' corners: u once round the +Z axis, v from foot to
+    top.
 
     A face that crosses the seam goes on past u = 1, where the texture repeats.
     """
@@ -197,6 +202,8 @@ def cylindrical_uv(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def painted_faces(model: ShapeModel) -> np.ndarray:
-    """Faces (F,) bool that a decoration covers: of the part `body`, or of the first where there is none."""
+    """Return faces (F,) bool that a decoration covers: of the part `body`, or of the first where there is
+    none.
+    """
     part = model.part_names.index("body") if "body" in model.part_names else 0
     return (model.parts == part)[model.faces].all(axis=1)

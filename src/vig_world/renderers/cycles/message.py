@@ -45,7 +45,7 @@ def compose(
     finish: Finish,
     size: tuple[int, int] = (IMAGE_SIZE, IMAGE_SIZE),
 ) -> Message:
-    """Header and arrays of everything in the scene, seen in an image of width x height pixels.
+    """Return header and arrays of everything in the scene, seen in an image of width x height pixels.
 
     The renderer adds sampling settings.
 
@@ -121,7 +121,7 @@ class _SceneMessage:
             self.arrays[f"{number}_uv"] = np.asarray(corners, np.float32)
 
     def texture(self, pixels: np.ndarray) -> str:
-        """The name under which a texture (h, w, 3) is sent, once however often it is used."""
+        """Return the name under which a texture (h, w, 3) is sent, once however often it is used."""
         name = self._textures.setdefault(id(pixels), f"texture_{len(self._textures)}")
         self.arrays[name] = np.asarray(pixels, np.float32)
         return name

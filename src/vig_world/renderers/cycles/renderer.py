@@ -103,7 +103,7 @@ class CyclesRenderer:
         """Seconds of the last scene as the worker saw it: `build_s`, `image_s`, `probe_s`, `cpu_s`."""
 
     def render(self, spec: SceneSpec) -> TracedPicture:
-        """Path trace a scene; the same spec gives the same bytes, whatever was rendered before.
+        """Return the path trace a scene; the same spec gives the same bytes, whatever was rendered before.
 
         Raises:
             SampleError: When Blender failed to answer twice, or no light reaches the object.
@@ -145,7 +145,7 @@ class CyclesRenderer:
     def _ask(
         self, header: dict[str, Any], arrays: dict[str, np.ndarray], name: str
     ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-        """The worker's answer; a dead worker is replaced once."""
+        """Return the worker's answer; a dead worker is replaced once."""
         why = ""
         for _ in range(2):
             if self._worker is None:
@@ -177,7 +177,7 @@ class CyclesRenderer:
 
 
 def arriving(probe: np.ndarray, panorama: np.ndarray, angle: float) -> np.ndarray:
-    """SH (9, 3) of the light at a probe, world frame.
+    """Return SH (9, 3) of the light at a probe, world frame.
 
     Args:
         probe: (h, 2h, 4), what it sees of the scene, with coverage.
@@ -193,7 +193,7 @@ def arriving(probe: np.ndarray, panorama: np.ndarray, angle: float) -> np.ndarra
 
 
 def find_python(python: str | None = None) -> str:
-    """The interpreter for Blender: `python`, `VIG_BLENDER_PYTHON`, or the running one if it has bpy.
+    """Return the interpreter for Blender: `python`, `VIG_BLENDER_PYTHON`, or the running one if it has bpy.
 
     Raises:
         UserError: When there is none, or the named one is missing.

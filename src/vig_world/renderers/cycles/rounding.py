@@ -17,7 +17,7 @@ LEAST_BEND, MOST_BEND = 1e-5, 0.6
 def rounded(
     vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, uv: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]:
-    """A mesh whose curved faces are cubic patches, cut into `CUTS` x `CUTS` triangles.
+    """Return a mesh whose curved faces are cubic patches, cut into `CUTS` x `CUTS` triangles.
 
     Curved PN triangles (Vlachos et al. 2001): edges leave their ends at a right angle to the normal; where
     two faces meet at a crease, along both. Flat faces stay as they are. Shading normals are interpolated.
@@ -60,7 +60,7 @@ def rounded(
 def _edge_controls(
     vertices: np.ndarray, faces: np.ndarray, points: np.ndarray, directions: np.ndarray
 ) -> np.ndarray:
-    """The two inner control points (F, 3, 2, 3) of the edges from each corner to the next."""
+    """Return the two inner control points (F, 3, 2, 3) of the edges from each corner to the next."""
     place = np.unique(np.round(vertices / WELD).astype(np.int64), axis=0, return_inverse=True)[1].ravel()
     start, end = place[faces].ravel(), np.roll(place[faces], -1, 1).ravel()
     own = np.stack([directions.reshape(-1, 3), np.roll(directions, -1, 1).reshape(-1, 3)], 1)
@@ -89,7 +89,9 @@ def _edge_controls(
 
 
 def _pattern() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of a cut patch's M points the weights of its 10 control points and 3 corners; and its triangles."""
+    """Return for a cut patch's M points the weights of its 10 control points and 3 corners; and its
+    triangles.
+    """
     i, j = (grid.ravel() for grid in np.meshgrid(np.arange(CUTS + 1), np.arange(CUTS + 1), indexing="ij"))
     inside = i + j <= CUTS
     i, j = i[inside], j[inside]

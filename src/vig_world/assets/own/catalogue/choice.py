@@ -24,7 +24,7 @@ class Choice:
     words: tuple[str, ...] = ()
 
     def models(self) -> list[CatalogueModel]:
-        """The models, in the order of the catalogues.
+        """Return the models, in the order of the catalogues.
 
         Raises:
             UserError: A catalogue cannot be read or lists nothing, or a word picks nothing.
@@ -46,7 +46,8 @@ class Choice:
 
 
 def choice_of(source: str | Path) -> Choice | None:
-    """The choice that an argument names; None when it names a folder of meshes, or nothing that exists.
+    """Return the choice that an argument names; None when it names a folder of meshes, or nothing that
+    exists.
 
     Args:
         source: `catalogue.sh3f`, a folder of catalogues, or either with `:word,word`.
@@ -106,7 +107,7 @@ def _words(text: str) -> list[str]:
 
 
 def _holds(text: list[str], phrase: list[str]) -> bool:
-    """Whether words stand one after another in a text; a plural s or es counts for nothing."""
+    """Return whether words stand one after another in a text; a plural s or es counts for nothing."""
     starts = range(len(text) - len(phrase) + 1)
     return any(all(map(_same, text[start:], phrase)) for start in starts)
 

@@ -48,12 +48,12 @@ class CatalogueModel:
 
     @property
     def is_mounted(self) -> bool:
-        """Whether it hangs on a wall or from a ceiling, or is a part of the house."""
+        """Return whether it hangs on a wall or from a ceiling, or is a part of the house."""
         is_of_house = self.fields.get("doorOrWindow") == "true" or "staircaseCutOutShape" in self.fields
         return is_of_house or _number(self.fields.get("elevation", "0")) > 0
 
     def size(self) -> np.ndarray:
-        """Width, height, depth: (3,) metres. UserError when one is missing or out of range."""
+        """Return the width, height, depth: (3,) metres. UserError when one is missing or out of range."""
         sides = [self.fields.get(key, "nothing") for key in ("width", "height", "depth")]
         size = np.array([_number(side) for side in sides])
         if not ((size > 0) & (size <= MOST_SIDE)).all():
@@ -63,7 +63,9 @@ class CatalogueModel:
         return size / 100
 
     def rotation(self) -> np.ndarray:
-        """From the file's axes to the catalogue's: (3, 3). UserError when it is not a rotation."""
+        """Return the rotation (3, 3) from the file's axes to the catalogue's. UserError when it is not a
+        rotation.
+        """
         text = self.fields.get("modelRotation", "1 0 0 0 1 0 0 0 1")
         matrix = np.array([_number(word) for word in text.split()])
         if len(matrix) == 9:
@@ -152,7 +154,7 @@ def _unescaped(text: str) -> str:
 
 
 def _number(text: str) -> float:
-    """A number, or NaN for what is none."""
+    """Return a number, or NaN for what is none."""
     try:
         number = float(text)
     except ValueError:

@@ -46,7 +46,7 @@ class Sources:
     vig_sources: int = _FORMAT
 
     def of(self, files: set[str]) -> tuple[Source, ...]:
-        """The origins of these files."""
+        """Return the origins of these files."""
         return tuple(source for source in self.models if source.file in files)
 
     def write(self, folder: Path) -> None:

@@ -38,7 +38,8 @@ _DAY = 86_400.0
 
 
 def mesh_folder(source: str | Path) -> Path:
-    """The folder of meshes that an argument names: itself, or the unpacked models of furniture catalogues.
+    """Return the folder of meshes that an argument names: itself, or the unpacked models of furniture
+    catalogues.
 
     Models are unpacked to the user's cache folder when they are first asked for: an OBJ file each, in metres,
     Z up, front -Y, of the catalogue's size, with materials and pictures, a `vig.toml` with what it is and
@@ -158,7 +159,7 @@ class _Unpacker:
         return path, data
 
     def _entry(self, catalogue: Path, path: str) -> str | None:
-        """The name of an entry of a zip; where none is written alike, capitals do not matter."""
+        """Return the name of an entry of a zip; where none is written alike, capitals do not matter."""
         return self.entries[catalogue].get(path) or self.entries[catalogue].get(path.lower())
 
     def _read(self, catalogue: Path, path: str) -> bytes:
@@ -177,7 +178,7 @@ class _Unpacker:
 
 
 def _settings(model: CatalogueModel) -> str:
-    """The `vig.toml` of one model."""
+    """Return the `vig.toml` of one model."""
     words = "_".join(_ascii(word) for word in head_words(model.name))
     thing = re.sub(r"[^a-z0-9_]", "", words).strip("_")[:_LONGEST_NAME] or "model"
     furniture = family_of_thing(thing)
@@ -191,7 +192,9 @@ def _settings(model: CatalogueModel) -> str:
 
 
 def _inside(path: str) -> str:
-    """A model's path in the zip, without the slash that it begins with. UserError when it leads elsewhere."""
+    """Return a model's path in the zip, without the slash that it begins with. UserError when it leads
+    elsewhere.
+    """
     plain = path.removeprefix("/")
     if not _is_plain(plain):
         raise UserError(f"expected a path within the catalogue; got '{path[:100]}'.")
@@ -199,13 +202,13 @@ def _inside(path: str) -> str:
 
 
 def _is_plain(path: str) -> bool:
-    """Whether a path with `/` between leads nowhere but down, on any system."""
+    """Return whether a path with `/` between leads nowhere but down, on any system."""
     climbs = any(part in ("", ".", "..") or len(part) > _LONGEST_PART for part in path.split("/"))
     return not climbs and not re.search(r"[:\\\0]", path)
 
 
 def _unique_names(models: list[CatalogueModel]) -> list[str]:
-    """A name for each model's folder: `cup`, or `cup-1`, `cup-2` where several are called so."""
+    """Return a name for each model's folder: `cup`, or `cup-1`, `cup-2` where several are called so."""
     names = [_slug(model.name) for model in models]
     total, given, taken = Counter(names), Counter[str](), set(names)
     result = []
@@ -220,7 +223,7 @@ def _unique_names(models: list[CatalogueModel]) -> list[str]:
 
 
 def _described(model: CatalogueModel, others: dict[str, str]) -> str:
-    """A model's name for a message, unlike those of others."""
+    """Return a model's name for a message, unlike those of others."""
     name = f"{model.name} of {model.catalogue.name}"
     return name if name not in others else f"{name} ({model.path or len(others)})"
 

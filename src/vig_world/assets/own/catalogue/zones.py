@@ -42,7 +42,7 @@ _ZONES = {word: zones for zones, words in _WORDS.items() for word in words.split
 
 
 def head_words(name: str) -> list[str]:
-    """The words of a thing's name that say what it is: `bowl` of "Bowl with fruits, red".
+    """Return the words of a thing's name that say what it is: `bowl` of "Bowl with fruits, red".
 
     Returns:
         Lower-case words of letters, not one of them after a comma or a preposition.
@@ -52,7 +52,7 @@ def head_words(name: str) -> list[str]:
 
 
 def zones_of(name: str, tags: tuple[str, ...], category: str) -> tuple[str, ...]:
-    """The zones in which a thing belongs: some of `ZONE_NAMES`; empty for any.
+    """Return the zones in which a thing belongs: some of `ZONE_NAMES`; empty for any.
 
     Args:
         name: Such as "Coffee cup".

@@ -81,7 +81,7 @@ def _without_copies(meshes: list[SurfaceMesh], siblings: Siblings) -> list[Surfa
 
 
 def _opened(data: bytes) -> tuple[dict[str, Any], bytes]:
-    """The JSON of a file, and the binary chunk of a GLB."""
+    """Return the JSON of a file, and the binary chunk of a GLB."""
     if data[:4] != b"glTF":
         return parse_json(data.removeprefix(b"\xef\xbb\xbf")), b""
     tree, chunk, place = None, b"", 12
@@ -203,7 +203,7 @@ class _Reader:
         return content, view
 
     def _raw(self, accessor: dict[str, Any]) -> np.ndarray:
-        """The stored numbers (count, size) of an accessor, its sparse ones in their places."""
+        """Return the stored numbers (count, size) of an accessor, its sparse ones in their places."""
         count, size = int(accessor["count"]), SIZES[accessor["type"]]
         kind = np.dtype(COMPONENTS[accessor["componentType"]])
         values = np.zeros((count, size), kind)
@@ -227,7 +227,9 @@ class _Reader:
         return values
 
     def _numbers(self, number: int) -> np.ndarray:
-        """An accessor's values (count, size) as floats: whole numbers as fractions where it says so."""
+        """Return an accessor's values (count, size) as floats: whole numbers as fractions where it says
+        so.
+        """
         accessor = self.tree["accessors"][number]
         values = self._raw(accessor)
         if accessor["componentType"] == 5126:
@@ -271,7 +273,9 @@ class _Reader:
         return SurfaceMesh(positions, faces, uv, surface, colours, linear=True)
 
     def _check_bounds(self, accessor: dict[str, Any], positions: np.ndarray) -> None:
-        """ValueError where positions lie elsewhere than the file states: they were not read as they are."""
+        """Raise ValueError where positions lie elsewhere than the file states: they were not read as
+        they are.
+        """
         if not len(positions) or "min" not in accessor or "max" not in accessor:
             return
         low, high = np.array(accessor["min"], float), np.array(accessor["max"], float)
@@ -289,7 +293,7 @@ class _Reader:
     def _draco(
         self, compressed: dict[str, Any], attributes: dict[str, int]
     ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Triangle corners and arrays of a Draco-compressed primitive."""
+        """Return triangle corners and arrays of a Draco-compressed primitive."""
         try:
             import DracoPy
         except ImportError:
@@ -358,7 +362,7 @@ def _use_diffuse(material: dict[str, Any]) -> None:
 def _strided(
     content: bytes, start: int, stride: int | None, kind: np.dtype, count: int, size: int
 ) -> np.ndarray:
-    """Numbers (count, size) of a view, its rows `stride` bytes apart or one behind the other."""
+    """Return numbers (count, size) of a view, its rows `stride` bytes apart or one behind the other."""
     stride = stride or kind.itemsize * size
     last = start + stride * (count - 1) + kind.itemsize * size
     if count < 0 or start < 0 or (count and last > len(content)):
@@ -368,7 +372,7 @@ def _strided(
 
 
 def _faces(indices: np.ndarray, mode: int) -> np.ndarray:
-    """Triangles (F, 3) of a primitive's indices."""
+    """Return triangles (F, 3) of a primitive's indices."""
     if mode == TRIANGLES:
         return indices[: len(indices) // 3 * 3].reshape(-1, 3)
     count = max(len(indices) - 2, 0)

@@ -56,7 +56,7 @@ def read_obj(data: bytes, siblings: Siblings) -> list[SurfaceMesh]:
 
 
 def plain_obj(data: bytes) -> bytes:
-    """The same file with triangles alone, in a form that any reader reads alike.
+    """Return the same file with triangles alone, in a form that any reader reads alike.
 
     Raises:
         ValueError: A face has an index of 0 or beyond the vertices, as in files that count from 0.
@@ -91,7 +91,9 @@ def plain_obj(data: bytes) -> bytes:
 
 
 def _absolute(corner: bytes, counts: dict[bytes, int]) -> bytes:
-    """A corner v/vt/vn with its indices counted from 1; ValueError for 0 and for what is not there yet."""
+    """Return a corner v/vt/vn with its indices counted from 1; ValueError for 0 and for what is not there
+    yet.
+    """
     parts = corner.split(b"/")
     for place, (part, kind) in enumerate(zip(parts, (b"v", b"vt", b"vn"), strict=False)):
         if not part:

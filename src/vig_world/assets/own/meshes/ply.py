@@ -84,14 +84,14 @@ def _values(element: np.ndarray, name: str) -> np.ndarray | None:
 
 
 def _corners(element: np.ndarray) -> np.ndarray:
-    """The lists of corners of an element's rows; none where it has no such property."""
+    """Return the lists of corners of an element's rows; none where it has no such property."""
     names = [name for name in CORNERS if name in (element.dtype.names or ())]
     corners: np.ndarray = element[names[0]] if names else np.zeros(0)
     return corners
 
 
 def strip_triangles(indices: np.ndarray) -> list[np.ndarray]:
-    """Triangles of a strip, every other turned over; -1 begins the next strip."""
+    """Return triangles of a strip, every other turned over; -1 begins the next strip."""
     triangles: list[np.ndarray] = []
     for strip in np.split(indices, np.flatnonzero(indices < 0)):
         strip = strip[strip >= 0]

@@ -8,13 +8,14 @@ import numpy as np
 
 
 def owners(polygons: Sequence[np.ndarray], places: np.ndarray) -> np.ndarray:
-    """Which polygon (F,) each triangle is of, from the places that `triangles_of` gives."""
+    """Return which polygon (F,) each triangle is of, from the places that `triangles_of` gives."""
     ends = np.cumsum([len(polygon) for polygon in polygons])
     return np.searchsorted(ends, places[:, 0], side="right")
 
 
 def triangulated(vertices: np.ndarray, polygons: Sequence[np.ndarray]) -> np.ndarray:
-    """Triangles (F, 3) of polygons, each a row of indices of vertices (V, 3), the corners in their order.
+    """Return triangles (F, 3) of polygons, each a row of indices of vertices (V, 3), the corners in their
+    order.
 
     A convex polygon becomes a fan; one whose fan would turn over somewhere is cut into ears.
     """
@@ -23,7 +24,9 @@ def triangulated(vertices: np.ndarray, polygons: Sequence[np.ndarray]) -> np.nda
 
 
 def triangles_of(vertices: np.ndarray, polygons: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """As `triangulated`; also of each triangle the places (F, 3) of its corners in all polygons' corners."""
+    """Triangulate as `triangulated` does; also return the places (F, 3) of the triangles' corners in all
+    polygons' corners.
+    """
     lengths = np.array([len(polygon) for polygon in polygons], np.int64)
     starts = np.concatenate([[0], np.cumsum(lengths)])
     flat = np.concatenate([lengths[:0], *(np.asarray(polygon, np.int64) for polygon in polygons)])
@@ -50,7 +53,7 @@ def triangles_of(vertices: np.ndarray, polygons: Sequence[np.ndarray]) -> tuple[
 
 
 def _ears(outline: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Triangles (n - 2, 3) of a concave polygon (n, 3), as corners of it, turning as it does."""
+    """Return triangles (n - 2, 3) of a concave polygon (n, 3), as corners of it, turning as it does."""
     import mapbox_earcut
 
     axis = int(np.abs(normal).argmax())

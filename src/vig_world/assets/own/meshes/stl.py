@@ -13,7 +13,7 @@ _VERTEX = re.compile(rb"\bvertex\s+" + rb"\s+".join([_NUMBER] * 3))
 
 
 def count_stl(head: bytes, size: int) -> int | None:
-    """Triangles of a binary STL file of `size` bytes by its first 1,024; None for an ASCII one.
+    """Return triangles of a binary STL file of `size` bytes by its first 1,024; None for an ASCII one.
 
     A binary file may begin with "solid", and an ASCII one with a byte order mark or blanks.
     """
@@ -28,7 +28,7 @@ def count_stl(head: bytes, size: int) -> int | None:
 
 
 def read_stl(data: bytes) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (3 F, 3) float64 and faces (F, 3); ValueError for a damaged file."""
+    """Return vertices (3 F, 3) float64 and faces (F, 3); ValueError for a damaged file."""
     count = count_stl(data[:1024], len(data))
     if count is not None:
         if len(data) < 84 + _FACET.itemsize * count:

@@ -9,12 +9,12 @@ import numpy as np
 
 
 def pictures(arrays: dict[str, np.ndarray]) -> dict[str, bpy.types.Image]:
-    """Every array `texture_*` as an image."""
+    """Return every array `texture_*` as an image."""
     return {name: float_image(name, array) for name, array in arrays.items() if name.startswith("texture_")}
 
 
 def float_image(name: str, pixels: np.ndarray) -> bpy.types.Image:
-    """Linear RGB (H, W, 3), row 0 on top, as an image of Blender, used as it is."""
+    """Return linear RGB (H, W, 3), row 0 on top, as an image of Blender, used as it is."""
     height, width = pixels.shape[:2]
     image = bpy.data.images.new(name, width, height, float_buffer=True)
     image.colorspace_settings.name = "Non-Color"
@@ -28,7 +28,9 @@ def float_image(name: str, pixels: np.ndarray) -> bpy.types.Image:
 def make(
     name: str, about: dict[str, Any], images: dict[str, bpy.types.Image], one_sided: bool
 ) -> bpy.types.Material:
-    """A material as `vig_world.renderers.cycles.appearance` describes it; one-sided ones have no back."""
+    """Return a material as `vig_world.renderers.cycles.appearance` describes it; one-sided ones have no
+    back.
+    """
     result = bpy.data.materials.new(name)
     result.use_nodes = True
     result.cycles.emission_sampling = "NONE"  # panes and shades are large and dim: to aim at them adds noise

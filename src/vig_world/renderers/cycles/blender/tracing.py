@@ -19,7 +19,7 @@ SUN_MAP = 512
 
 
 def version() -> str:
-    """Blender's version."""
+    """Return blender's version."""
     return bpy.app.version_string
 
 
@@ -106,7 +106,7 @@ def surround(scene: bpy.types.Scene, panorama: np.ndarray) -> None:
 
 
 def mirrored(image: np.ndarray) -> np.ndarray:
-    """An equirectangular image (H, W, C) between vig's columns and Blender's; its own inverse.
+    """Return an equirectangular image (H, W, C) between vig's columns and Blender's; its own inverse.
 
     vig's column j of W lies at azimuth 2 pi (j + 0.5) / W; Blender's middle column is +X and azimuth falls
     from left to right.
@@ -122,7 +122,7 @@ def add(
     arrays: dict[str, np.ndarray],
     pictures: dict[str, bpy.types.Image],
 ) -> bpy.types.Object:
-    """Thing `number` of the scene, with its normals and material and its ray-visibility flags set."""
+    """Return thing `number` of the scene, with its normals and material and its ray-visibility flags set."""
     name = f"{number:04d}"
     vertices, faces = arrays[f"{number}_vertices"], arrays[f"{number}_faces"]
     mesh = bpy.data.meshes.new(name)
@@ -148,7 +148,7 @@ def add(
 
 
 def pinhole(scene: bpy.types.Scene, about: dict[str, Any], turn: np.ndarray) -> bpy.types.Object:
-    """An OpenCV camera (`camera_from_world`); Blender's looks along -Z with Y up."""
+    """Return an OpenCV camera (`camera_from_world`); Blender's looks along -Z with Y up."""
     width, height, focal = about["width"], about["height"], about["focal"]
     scene.render.resolution_x, scene.render.resolution_y = width, height
     data = bpy.data.cameras.new("camera")
@@ -164,7 +164,7 @@ def pinhole(scene: bpy.types.Scene, about: dict[str, Any], turn: np.ndarray) -> 
 
 
 def probe(scene: bpy.types.Scene, about: dict[str, Any]) -> bpy.types.Object:
-    """A camera at (0, 0, `z`) that sees all directions, the panorama's +X in the middle."""
+    """Return a camera at (0, 0, `z`) that sees all directions, the panorama's +X in the middle."""
     scene.render.resolution_x, scene.render.resolution_y = 2 * about["height"], about["height"]
     data = bpy.data.cameras.new("probe")
     data.type, data.panorama_type = "PANO", "EQUIRECTANGULAR"

@@ -41,7 +41,7 @@ def receive(stream: Readable) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
 
 
 def _exactly(stream: Readable, count: int) -> bytearray:
-    """`count` bytes. Raises EOFError when there are no more."""
+    """Read `count` bytes. Raises EOFError when there are no more."""
     data = bytearray(count)
     view, got = memoryview(data), 0
     while got < count:
