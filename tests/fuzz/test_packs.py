@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import struct
 from dataclasses import replace
@@ -102,6 +103,17 @@ def test_damaged_calibrations(pack: Path) -> None:
         assert np.isfinite(widened).all()
 
     read_damaged(pack / "calibration.json", damaged_json, used, 100, 4, 40)
+
+
+@pytest.mark.parametrize(
+    ("changed", "why"),
+    [({"format": 99}, "it is of format 99"), ({"scale": [[-1.0] * 16] * 2}, "must not be negative")],
+)
+def test_calibrations_of_another_format_or_sign(changed: dict[str, Any], why: str, pack: Path) -> None:
+    path = pack / "calibration.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | changed))
+    with pytest.raises(UserError, match=why):
+        FitCalibration.load(path)
 
 
 @pytest.mark.parametrize(

@@ -162,6 +162,7 @@ def test_the_other_explanation_is_told(fit: Fit, teapot: ObjectClass) -> None:
     explanation = Explanation(photo, Window.of(150, 150), ambiguous, teapot)
     (found,) = explanation.alternatives
     assert found.latents is other and found.probability == 0.3
+    assert found.azimuth_deg == pytest.approx(math.degrees(2.0), abs=1e-4)
     assert found.camera.roll == 0 and found.camera_from_object.shape == (4, 4)
     said = explanation.to_dict()
     assert said["verdict"] == "ambiguous" and said["reason"] == "two"

@@ -95,6 +95,14 @@ def test_a_divided_photo_has_the_density_of_the_photo(studio, teapot: ObjectClas
     assert one.of_one(point, 0.03).value == objective.of_one(point, 0.03).value
 
 
+def test_where_nothing_is_visible_all_stays(studio, teapot: ObjectClass) -> None:
+    photo, truth, prediction = shaded(studio)
+    objective = objective_of(0.01 * photo, prediction, teapot, SETTINGS)
+    begun = selected(objective.point(truth))
+    divided, refined = with_shading_gain(objective, begun, SETTINGS)
+    assert divided is objective and np.array_equal(refined.point, begun.point)
+
+
 @dataclass(frozen=True)
 class WithoutCurvature:
     """The default optimiser, which says nothing of the curvature and the path, as searches of first order."""
