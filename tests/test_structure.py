@@ -51,7 +51,7 @@ PLACES = [f"{package}.{name}" for package, names in ORDER.items() for name in na
 # The budget. A commit may lower a number; one that raises it says in CHANGELOG what was taken out for it.
 LINES = {
     "vig_native": 7_249, "vig_renderer": 1_684, "vig": 13_324, "vig_app": 7_041, "vig_world": 19_081,
-    "vig_train": 12_499, "vig_paper": 2_755,
+    "vig_train": 12_499, "vig_paper": 2_752,
 }  # fmt: skip
 CONSTANTS = 1_273
 REACHED_LINES = {"vig.explainer": 11_449, "vig_app.cli.fit": 18_477}
