@@ -39,14 +39,10 @@ def test_they_are_varied_and_small() -> None:
 
 
 @each
-def test_photo_is_8_bit_rgb_of_150_by_150(example: Example) -> None:
+def test_photo_truth_and_masks_are_complete_and_belong_together(example: Example) -> None:
     with Image.open(example.photo) as image:
         assert (image.mode, image.size) == ("RGB", (150, 150))
         assert 0.05 < np.asarray(image).mean() / 255 < 0.95
-
-
-@each
-def test_truth_is_complete_and_in_range(example: Example) -> None:
     truth = example.truth
     modes = ObjectClass.load(example.class_name).shape_model.modes
     assert truth.to_vector().shape == (1, modes + 14)
@@ -55,20 +51,11 @@ def test_truth_is_complete_and_in_range(example: Example) -> None:
     assert 0.05 <= float(truth.elevation[0]) <= np.pi / 2
     assert truth.albedo.min() >= 0.2 and truth.albedo.max() <= 0.8
     assert float(truth.light[0, 0]) == pytest.approx(EXPOSURE_L00, rel=1e-6)
-
-
-@each
-def test_occlusion_is_what_the_masks_say(example: Example) -> None:
     visible, amodal = mask(example.visible_mask), mask(example.amodal_mask)
     assert visible.shape == amodal.shape == (150, 150)
     assert not (visible & ~amodal).any()
     assert example.occlusion == pytest.approx(1 - visible.sum() / amodal.sum(), abs=1e-9)
-
-
-@each
-def test_object_is_whole_within_the_frame(example: Example) -> None:
-    amodal = mask(example.amodal_mask)
-    assert not (amodal[[0, -1]].any() or amodal[:, [0, -1]].any())
+    assert not (amodal[[0, -1]].any() or amodal[:, [0, -1]].any()), "it is whole within the frame"
 
 
 @each

@@ -50,11 +50,11 @@ PLACES = [f"{package}.{name}" for package, names in ORDER.items() for name in na
 
 # The budget. A commit may lower a number; one that raises it says in CHANGELOG what was taken out for it.
 LINES = {
-    "vig_native": 7_249, "vig_renderer": 1_684, "vig": 13_324, "vig_app": 7_041, "vig_world": 19_081,
-    "vig_train": 12_499, "vig_paper": 2_752,
+    "vig_native": 7_249, "vig_renderer": 1_684, "vig": 13_277, "vig_app": 7_022, "vig_world": 19_063,
+    "vig_train": 12_405, "vig_paper": 2_752,
 }  # fmt: skip
-CONSTANTS = 1_273
-REACHED_LINES = {"vig.explainer": 11_449, "vig_app.cli.fit": 18_477}
+CONSTANTS = 1_268
+REACHED_LINES = {"vig.explainer": 11_402, "vig_app.cli.fit": 18_414}
 """Lines of the modules that one imports, directly and indirectly: what is read to change it."""
 
 PICKLERS = {"pickle", "cPickle", "_pickle", "dill", "cloudpickle", "joblib", "shelve", "marshal"}

@@ -18,7 +18,6 @@ from vig.inference import (
     ExpectedStart,
     ExplainSettings,
     Fit,
-    OtherView,
     Verdict,
     explain,
     resolve,
@@ -36,7 +35,7 @@ from vig.photo.images import coded_photo
 from vig.photo.lens import camera_as_shown
 from vig.photo.window import DISTANCE_RATIO_BOUNDS
 from vig.recognition import WEIGHTS_FILE, Recognizer, UninformedRecognizer, find, upright
-from vig.scene import Latents, ObjectClass
+from vig.scene import ObjectClass
 from vig.scene.functions import numpy_of_tensor
 from vig_renderer.defaults import with_default_settings
 
@@ -274,8 +273,7 @@ class Explainer:
     def _received(self, answer: Any) -> Explanation | UserError:
         if isinstance(answer, UserError):
             return answer
-        picture, window, fit, *others = answer
-        return Explanation(picture, window, _unpacked(fit), self.object_class, *others)
+        return Explanation(object_class=self.object_class, **answer)
 
 
 @with_default_settings
@@ -387,30 +385,6 @@ def _prepare(shared: tuple[Path, ExplainSettings]) -> Callable[[Any], Any]:
         explanation = explainer._tried(item)
         if isinstance(explanation, UserError):
             return explanation
-        return (
-            explanation.picture,
-            explanation.window,
-            _packed(explanation.fit),
-            explanation.camera_distance_ratio,
-            explanation.focal_from,
-            explanation.hints,
-        )
+        return {name: value for name, value in vars(explanation).items() if name != "object_class"}
 
     return work
-
-
-def _packed(fit: Fit) -> dict[str, Any]:
-    """A fit's fields as arrays and plain values, to go to another process."""
-    views = [
-        (view.latents.to_vector(), view.framing, view.probability, view.behind) for view in fit.alternatives
-    ]
-    return vars(fit) | {"latents": fit.latents.to_vector(), "alternatives": views}
-
-
-def _unpacked(fields: dict[str, Any]) -> Fit:
-    """The inverse of `_packed`."""
-    alternatives = tuple(
-        OtherView(Latents.from_vector(latents), *others) for latents, *others in fields["alternatives"]
-    )
-    latents = Latents.from_vector(fields["latents"])
-    return Fit(**{**fields, "latents": latents, "alternatives": alternatives})

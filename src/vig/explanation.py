@@ -31,9 +31,6 @@ from vig.scene.camera import FOCAL_OVER_WIDTH
 from vig.scene.functions import numpy_of_tensor
 from vig_renderer.defaults import with_default_settings
 
-UNKNOWN_DISTANCE = 1.0
-"""Standard deviation of a distance, as a share of it, where the focal length is a guess."""
-
 
 @dataclass(frozen=True)
 class Alternative:
@@ -398,11 +395,24 @@ class Explanation:
         layout = latent_layout(self.object_class.shape_model.modes).split(self.fit.deviation)
         deviation = np.concatenate([layout["azimuth"], layout["elevation"], self.fit.framing_deviation])
         covariance = self._geometry.covariance(matrix, self.latents, self.fit.framing, deviation)
-        axes = sight_axes(pose)
-        deviations = self.fit.position_deviation.astype(np.float64)
-        deviations[2] = deviations[2] if self.distance_known else UNKNOWN_DISTANCE
-        covariance[:3, :3] += (axes * (deviations * self.position_units) ** 2) @ axes.T
+        covariance[:3, :3] += self.position_covariance(pose, self.distance_known)
         return covariance
+
+    def position_covariance(self, pose: np.ndarray, distance_known: bool) -> np.ndarray:
+        """Return what `Fit.position_deviation` says of the position in a pose (4, 4), metres: (3, 3).
+
+        Where the distance is a guess its standard deviation is as large as the distance.
+        """
+        axes, deviations = sight_axes(pose), self.fit.position_deviation.astype(np.float64)
+        deviations[2] = deviations[2] if distance_known else 1.0
+        covariance: np.ndarray = (axes * (deviations * self.position_units) ** 2) @ axes.T
+        return covariance
+
+    @property
+    def position_units(self) -> np.ndarray:
+        """(3,) metres of the units of `Fit.position_deviation`: the object's length, twice, its distance."""
+        length = float(np.ptp(self.vertices, axis=0).max())
+        return np.array([length, length, float(np.linalg.norm(self._pinhole[1][:3, 3]))])
 
     @cached_property
     def _pinhole(self) -> tuple[np.ndarray, np.ndarray]:
@@ -415,12 +425,6 @@ class Explanation:
             focal = self.camera_distance_ratio * FOCAL_OVER_WIDTH * self.window.side
         matrix = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1.0]])
         return matrix, self._geometry.pose_before(matrix, self.latents, self.fit.framing)
-
-    @property
-    def position_units(self) -> np.ndarray:
-        """(3,) metres of the units of `Fit.position_deviation`: the object's length, twice, its distance."""
-        length = float(np.ptp(self.vertices, axis=0).max())
-        return np.array([length, length, float(np.linalg.norm(self._pinhole[1][:3, 3]))])
 
     @property
     def distance_known(self) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import fields
+from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 import msgspec
@@ -17,6 +18,7 @@ from vig.inference.settings import Verdict
 from vig.io.checks import decode
 from vig.record import Explanation
 from vig_app.cli.schema import schema_of
+from vig_app.results import COLUMNS, POSE, kind_of
 
 
 @pytest.fixture(scope="module")
@@ -63,3 +65,18 @@ def test_verdicts_and_hints_are_those_of_the_core() -> None:
     )
     described = full.described()
     assert msgspec.to_builtins(decode(record.Hints, described)) == described and len(described) == 8
+
+
+def test_the_docs_name_every_field_and_every_column() -> None:
+    docs = Path(__file__).parents[2] / "docs"
+    fields_text, columns_text = ((docs / name).read_text() for name in ("explanation.md", "many.md"))
+    names = [each.encode_name for each in msgspec.structs.fields(Explanation)]
+    assert [name for name in names if f"`{name}`" not in fields_text] == []
+    assert [name for name in COLUMNS.keys() - POSE.keys() if f"`{name}`" not in columns_text] == []
+
+
+def test_columns_have_the_types_of_the_record() -> None:
+    kinds = {name: kind_of(column) for name, column in COLUMNS.items()}
+    assert {kinds[name] for name in POSE} == {kinds["confidence"]} == {float}
+    assert {kinds["class"], kinds["focal_from"]} == {str} and kinds["mask_trusted"] is bool
+    assert kinds["box_x"] is kinds["width"] is int

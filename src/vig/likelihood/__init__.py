@@ -5,7 +5,7 @@ from dataclasses import replace
 from vig.likelihood.densities import NAMES as _DENSITIES
 from vig.likelihood.evaluate import Evaluation, Likelihood, Photos
 from vig.likelihood.geometry import Geometry
-from vig.likelihood.pixel import GAUSSIAN, ROBUST, SPATIAL, PixelModel, log_colour_density, mixture
+from vig.likelihood.pixel import GAUSSIAN, ROBUST, SPATIAL, PixelModel, log_colour_density
 from vig.likelihood.spatial import NEVER, SpatialMask, spatial_posterior
 
 LIKELIHOODS: dict[str, PixelModel] = {"robust": ROBUST, "gaussian": GAUSSIAN, "spatial": SPATIAL}
@@ -25,6 +25,5 @@ __all__ = [
     "PixelModel",
     "SpatialMask",
     "log_colour_density",
-    "mixture",
     "spatial_posterior",
 ]

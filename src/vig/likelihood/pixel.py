@@ -73,23 +73,3 @@ teapot that is visible in the training images. The paper's code has 0.9."""
 
 SPATIAL = replace(ROBUST, mask=SpatialMask())
 """The robust model, and in the mask of a finished fit neighbours that agree."""
-
-
-def mixture(
-    observed: np.ndarray,
-    rendered: np.ndarray,
-    log_prior: np.ndarray,
-    sigma: float,
-    density: str = DEFAULT_DENSITY,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Log-likelihood of pixels that the object covers and the posterior of their being visible (Eq. 3).
-
-    observed, rendered: (..., 3) linear RGB. log_prior: (..., 3) as `PixelModel.log_prior`. Both results
-    (...). The plain reference of what the library computes.
-    """
-    visible = density_of(density)
-    s = ((observed - rendered) ** 2).sum(-1) / (2 * sigma**2)
-    # Three channels: the normaliser of the Gaussian is -3 log(sigma).
-    inlier = log_prior[..., 0] + visible.log_density(s) - 3 * math.log(sigma) - visible.LOG_UNIT
-    both = np.logaddexp(inlier, log_prior[..., 1])
-    return both, np.exp(inlier - both)

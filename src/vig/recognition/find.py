@@ -123,7 +123,7 @@ def _tried(
             seen = prediction[i : i + 1]
             agreement = 1.0 if clues is None else clues.agreement(windows[i], seen)
             present[i] = max(present[i], agreement * _present(start.present, seen))
-        moved = _all_moved(windows, prediction)
+        moved = [_moved(window, prediction[i : i + 1]) for i, window in enumerate(windows)]
         # 0.4: overlap with the window that it began as, from which one that was moved is of the same object
         windows = [
             window
@@ -263,10 +263,6 @@ def _moved(window: Window, prediction: Prediction) -> Window:
     w, h = box[2] * window.side, box[3] * window.side
     turn = window.roll + (roll if abs(roll) > LEAST_ROLL else 0.0)
     return Window.round_box((centre[0] - w / 2, centre[1] - h / 2, w, h), turn)
-
-
-def _all_moved(windows: list[Window], prediction: Prediction) -> list[Window]:
-    return [_moved(window, prediction[i : i + 1]) for i, window in enumerate(windows)]
 
 
 def _present(at_place: float, prediction: Prediction) -> float:

@@ -190,25 +190,27 @@ class _Refit:
             if index != self.index
         ]
         # math.radians(5.0): standard deviation of an elevation as another object tells it
-        place, precision = prediction.layout["elevation"], len(elevations) / math.radians(5.0) ** 2
-        numbers, deviation = prediction.numbers.copy(), prediction.deviation.copy()
-        own = deviation[:, place] ** -2.0
-        numbers[:, place] = (own * numbers[:, place] + precision * float(np.mean(elevations))) / (
-            own + precision
-        )
-        deviation[:, place] = 1 / np.sqrt(own + precision)
-        return replace(prediction, numbers=numbers, deviation=deviation)
+        precision = len(elevations) / math.radians(5.0) ** 2
+        return _with_gaussian(prediction, "elevation", np.mean(elevations), precision)
 
     def _lit(self, prediction: Prediction, power: float) -> Prediction:
         """The prediction with the other objects' light as a second Gaussian; `power` is the first one's."""
         others = [heading_light(each) for index, each in enumerate(self.alone) if index != self.index]
-        place, precision = prediction.layout["light"], LIGHT_PRECISION * len(others)
-        numbers, deviation = prediction.numbers.copy(), prediction.deviation.copy()
-        own = power / deviation[:, place] ** 2
-        mean = np.stack(others).mean(0)
-        numbers[:, place] = (own * numbers[:, place] + precision * mean) / (own + precision)
-        deviation[:, place] = np.sqrt(power / (own + precision))
-        return replace(prediction, numbers=numbers, deviation=deviation)
+        return _with_gaussian(
+            prediction, "light", np.mean(others, axis=0), LIGHT_PRECISION * len(others), power
+        )
+
+
+def _with_gaussian(
+    prediction: Prediction, block: str, mean: Any, precision: float, power: float = 1.0
+) -> Prediction:
+    """Return a prediction times a second Gaussian of a block; `power` is that of the first one."""
+    place = prediction.layout[block]
+    numbers, deviation = prediction.numbers.copy(), prediction.deviation.copy()
+    own = power / deviation[:, place] ** 2
+    numbers[:, place] = (own * numbers[:, place] + precision * mean) / (own + precision)
+    deviation[:, place] = np.sqrt(power / (own + precision))
+    return replace(prediction, numbers=numbers, deviation=deviation)
 
 
 def _agreed(one: Prediction, other: Prediction) -> Prediction:

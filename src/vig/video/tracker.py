@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 
 from vig.explainer import Box, Explainer, Photo
-from vig.explanation import UNKNOWN_DISTANCE, Explanation
+from vig.explanation import Explanation
 from vig.hints import Hints
 from vig.inference.settings import UNIFORM_TURN
 from vig.io.errors import UserError
 from vig.photo.images import coded_photo
 from vig.photo.lens import camera_as_shown
-from vig.photo.pinhole import pose_covariance, sight_axes
+from vig.photo.pinhole import pose_covariance
 from vig.scene import Camera, ObjectClass
 from vig.scene.camera import FOCAL_OVER_WIDTH
 from vig.video.following import Follower, Sighting
@@ -240,7 +240,5 @@ class Tracker:
 
         camera, here = posed(numbers / units)
         covariance = pose_covariance(lambda at: posed(at)[1], numbers / units, deviations / units)
-        axes, spread = sight_axes(here), explanation.fit.position_deviation.astype(np.float64)
-        spread[2] = spread[2] if self._distance_known else UNKNOWN_DISTANCE
-        covariance[:3, :3] += (axes * (spread * explanation.position_units) ** 2) @ axes.T
+        covariance[:3, :3] += explanation.position_covariance(here, self._distance_known)
         return camera, covariance

@@ -6,6 +6,7 @@ import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from safetensors.numpy import load_file
@@ -15,16 +16,18 @@ from vig.scene.latents import Latents
 FOLDER = Path(__file__).parent
 
 
-@dataclass(frozen=True)
-class Example:
-    """A photo and everything that is true of it.
+@dataclass(frozen=True, kw_only=True)
+class PackagedPhoto:
+    """A photo that comes with vig, and what is true of it.
 
-    photo: 8-bit sRGB PNG, 150 x 150, taken with `Camera.standard` of the class. visible_mask, amodal_mask:
-    8-bit grey PNGs, 255 where at least half of the pixel shows the object, and where it would without
-    occluders. truth: one set of latents (B = 1); the light is what arrives at the object's place with the
-    object removed, and the shape the model's nearest to the object's. vertices: (V, 3) float32, metres, the
-    object's own, which the model does not reach.
-    occlusion: 1 - visible / amodal pixels, in [0, 1].
+    Attributes:
+        name: Of the file.
+        class_name: What is to be looked for in it.
+        photo: 8-bit sRGB file.
+        visible_mask: 8-bit PNG, 255 where at least half of the pixel shows the object.
+        amodal_mask: The same without what is before the object.
+        occlusion: 1 - visible / amodal pixels, in [0, 1].
+        vertices: (V, 3) float32, metres, the object's own, which the class's shape model does not reach.
     """
 
     name: str
@@ -32,34 +35,54 @@ class Example:
     photo: Path
     visible_mask: Path
     amodal_mask: Path
-    truth: Latents
-    vertices: np.ndarray
     occlusion: float
+    vertices: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Example(PackagedPhoto):
+    """A PNG of 150 x 150 pixels, taken with `Camera.standard` of the class, and all that is true of it.
+
+    truth: One set of latents (B = 1); the light is what arrives at the object's place with the object
+    removed, and the shape the model's nearest to the object's.
+    """
+
+    truth: Latents
+
+
+def described_photos(folder: Path, ending: str) -> list[tuple[dict[str, Any], dict[str, Any]]]:
+    """Return what truth.json of a folder says of each photo, and its fields of `PackagedPhoto` but class."""
+    shapes = load_file(folder / "shapes.safetensors")
+    described = json.loads((folder / "truth.json").read_text())
+    return [
+        (
+            described | about,
+            {
+                "name": (name := about["name"]),
+                "photo": folder / f"{name}.{ending}",
+                "visible_mask": folder / "masks" / f"{name}_visible.png",
+                "amodal_mask": folder / "masks" / f"{name}_amodal.png",
+                "occlusion": about["occlusion"],
+                "vertices": shapes[name].astype(np.float32),
+            },
+        )
+        for about in described["photos"]
+    ]
 
 
 def example_photos() -> list[Example]:
-    """The packaged examples, the least hidden first."""
-    described = json.loads((FOLDER / "truth.json").read_text())
-    shapes = load_file(FOLDER / "shapes.safetensors")
-    return [_example(about, described["class"], shapes[about["name"]]) for about in described["photos"]]
-
-
-def _example(about: dict, class_name: str, vertices: np.ndarray) -> Example:
-    name = about["name"]
-    truth = Latents(
-        shape=np.array([about["shape"]], np.float32),
-        azimuth=np.array([math.radians(about["azimuth_deg"])], np.float32),
-        elevation=np.array([math.radians(about["elevation_deg"])], np.float32),
-        albedo=np.array([about["albedo"]], np.float32),
-        light=np.array([about["light"]], np.float32),
-    )
-    return Example(
-        name=name,
-        class_name=class_name,
-        photo=FOLDER / f"{name}.png",
-        visible_mask=FOLDER / "masks" / f"{name}_visible.png",
-        amodal_mask=FOLDER / "masks" / f"{name}_amodal.png",
-        truth=truth,
-        vertices=vertices,
-        occlusion=about["occlusion"],
-    )
+    """Return the packaged examples, the least hidden first."""
+    return [
+        Example(
+            **fields,
+            class_name=about["class"],
+            truth=Latents(
+                shape=np.array([about["shape"]], np.float32),
+                azimuth=np.array([math.radians(about["azimuth_deg"])], np.float32),
+                elevation=np.array([math.radians(about["elevation_deg"])], np.float32),
+                albedo=np.array([about["albedo"]], np.float32),
+                light=np.array([about["light"]], np.float32),
+            ),
+        )
+        for about, fields in described_photos(FOLDER, "png")
+    ]

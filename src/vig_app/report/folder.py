@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -72,13 +72,17 @@ def save_entry(
     small = overlay(explanation, reduced(shown))
     entry = Entry(name, folder.name, described, small, "report.html" in files)
     texture = bake(explanation) if TEXTURED & set(files) else None
-    for file in FILES[1:]:
-        if file == "overlay.png" and file in files:
-            write_png(folder / file, overlay(explanation, picture))
-        elif file == "object.glb" and file in files:
-            write_object(folder / file, explanation, texture)
-        elif file in files:
-            _write(explanation, folder / file, photo, entry.picture, described, shown)
+    writers: dict[str, Callable[[Path], None]] = {
+        "overlay.png": lambda path: write_png(path, overlay(explanation, picture)),
+        "thumbnail.jpg": lambda path: write_thumbnail(path.parent, small),
+        "mask.png": lambda path: write_png(path, mask_picture(explanation.amodal, explanation.mask)),
+        "render.png": lambda path: write_png(path, panels(explanation)),
+        "object.glb": lambda path: write_object(path, explanation, texture),
+        "report.html": lambda path: write_page(path, page_of(explanation, photo, described, shown)),
+    }
+    for file, write in writers.items():
+        if file in files:
+            write(folder / file)
     if "texture_seen.png" in files:
         if texture is None:  # nor may that of an earlier object stay
             (folder / "texture_seen.png").unlink(missing_ok=True)
@@ -98,26 +102,6 @@ def check_files(files: Sequence[str]) -> None:
     for name in files:
         if name not in FILES + OPTIONAL_FILES:
             raise UserError(f"{wanted}; got {name!r}. Leave it out (photos come before --files).")
-
-
-def _write(
-    explanation: Explanation,
-    path: Path,
-    photo: str,
-    thumbnail: np.ndarray,
-    described: dict[str, Any],
-    shown: np.ndarray,
-) -> None:
-    """Write one of `FILES` but overlay.png and object.glb, by its name; `shown` is the `page_photo`."""
-    match path.name:
-        case "thumbnail.jpg":
-            write_thumbnail(path.parent, thumbnail)
-        case "mask.png":
-            write_png(path, mask_picture(explanation.amodal, explanation.mask))
-        case "render.png":
-            write_png(path, panels(explanation))
-        case "report.html":
-            write_page(path, page_of(explanation, photo, described, shown))
 
 
 def mask_picture(amodal: np.ndarray, visible: np.ndarray) -> np.ndarray:

@@ -18,8 +18,7 @@ from vig_train.building.pack import save_shape_sheets, save_source_meshes, sourc
 from vig_train.building.reading import folder_of, read_scans
 from vig_train.building.result import BuildResult
 from vig_train.building.settings import BuildSettings
-from vig_train.building.stage_cache import StageCache
-from vig_train.building.stages import StandingMesh, register, surface_of, template_of
+from vig_train.building.stages import StageCache, StandingMesh, register, surface_of, template_of
 from vig_train.building.upright import upright_poses
 from vig_world.assets.own.catalogue import read_sources
 from vig_world.threads import one_linear_algebra_thread

@@ -48,7 +48,7 @@ def dark_part(
     ratios = np.stack([_ratios(mesh, areas) for mesh in meshes])
     # Averaged with its neighbours', so that a part has no holes.
     dark_share = neighbour_mean(faces, len(vertices)) @ (ratios < DARK_RATIO).mean(0)
-    # Share of the meshes on which a vertex is dark, from which it belongs to the dark part
+    # A vertex belongs to the dark part that is dark on .6 of the meshes.
     dark = dark_share >= 0.6
     share = areas[dark].sum() / areas.sum()
     if not AREA_BOUNDS[0] <= share <= AREA_BOUNDS[1]:
@@ -73,7 +73,7 @@ def _ratios(mesh: SourceMesh, areas: np.ndarray) -> np.ndarray:
         column = np.floor(uv[mine, 0] * width).astype(int) % width
         row = np.floor((1 - uv[mine, 1]) * height).astype(int) % height
         luminance[mine] = texture[row, column] @ LUMINANCE
-        # Opacity from which a material is no glass
+        # Glass.
         if mesh.opacity[number] < 0.9:
             luminance[mine] = np.nan
     _, nearest = cKDTree(points).query(mesh.registered, NEAREST)

@@ -27,7 +27,6 @@ class Components:
         ratio: (K,) shares of the variance.
         amplitude: Of the smooth deformations added, in sizes.
         errors: Leave-one-out error by number of components 0 to K, in sizes; empty for one mesh.
-        smooth_errors: The same least error by amplitude that was tried.
     """
 
     mean: np.ndarray
@@ -35,7 +34,6 @@ class Components:
     ratio: np.ndarray
     amplitude: float
     errors: tuple[float, ...]
-    smooth_errors: dict[float, float]
 
 
 def fit_components(
@@ -50,20 +48,19 @@ def fit_components(
     symmetrise: Takes deformations (M, V, 3) to those that keep the class's symmetry; None where it has none.
     """
     if len(shapes) == 1:
-        return Components(shapes[0], np.zeros_like(shapes), np.zeros(1), 0.0, (), {})
+        return Components(shapes[0], np.zeros_like(shapes), np.zeros(1), 0.0, ())
     mean = shapes.mean(0)
     size = float(np.ptp(mean, axis=0).max())
     deformations = smooth_deformations(mean, size)
     deformations = size * (deformations if symmetrise is None else symmetrise(deformations))
     span = _Span.of(shapes - mean, deformations, np.sqrt(areas)[:, None])
     if len(shapes) < 3:
-        chosen, count, curve, least = AMPLITUDES[2], MAX_COMPONENTS, np.zeros(0), {}
+        chosen, count, curve = AMPLITUDES[2], MAX_COMPONENTS, np.zeros(0)
     else:
         curves = {amplitude: span.leave_one_out(amplitude, MAX_COMPONENTS) / size for amplitude in AMPLITUDES}
-        least = {amplitude: float(curve.min()) for amplitude, curve in curves.items()}
-        chosen = min(least, key=least.__getitem__)
+        chosen = min(curves, key=lambda amplitude: float(curves[amplitude].min()))
         curve = curves[chosen]
-        # The fewest components are kept whose leave-one-out error is within this factor of the least
+        # The fewest components are kept whose leave-one-out error is within 5 % of the least.
         count = max(1, int(np.flatnonzero(curve <= 1.05 * curve.min())[0]))
     components, singular = _components(span.shapes, chosen * span.deformations, count)
     basis = span.fields(components)
@@ -71,7 +68,7 @@ def fit_components(
     signs = np.sign(basis.reshape(len(basis), -1)[np.arange(len(basis)), largest])
     basis = basis * (signs * singular[: len(basis)])[:, None, None]
     ratio = singular[: len(basis)] ** 2 / max(float((singular**2).sum()), 1e-30)
-    return Components(mean, basis, ratio, chosen, tuple(curve.tolist()), least)
+    return Components(mean, basis, ratio, chosen, tuple(curve.tolist()))
 
 
 @dataclass(frozen=True)
@@ -131,7 +128,7 @@ def smooth_deformations(mean: np.ndarray, size: float) -> np.ndarray:
     """Return smooth deformations (M, V, 3) of a shape (V, 3); squares add up to about one at each vertex."""
     # Computed from 400 vertices (Nystroem approximation).
     landmarks = np.unique(np.linspace(0, len(mean) - 1, min(400, len(mean))).astype(int))
-    # Standard deviation of the Gaussian process's kernel, in sizes of the object
+    # The kernel's standard deviation is a quarter of the object's size.
     scale = 0.25 * size
 
     def kernel(a: np.ndarray, b: np.ndarray) -> np.ndarray:

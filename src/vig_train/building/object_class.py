@@ -11,8 +11,7 @@ from vig.scene import Family, ObjectClass, ShapeModel, Symmetry
 from vig_train.building.model import Components, SymmetryProjection, families_of, fit_components
 from vig_train.building.pose import ClassSymmetry
 from vig_train.building.settings import BuildSettings
-from vig_train.building.stage_cache import StageCache
-from vig_train.building.stages import RegisteredMeshes, Template
+from vig_train.building.stages import RegisteredMeshes, StageCache, Template
 from vig_train.building.surface import vertex_areas
 from vig_train.building.symmetries import MIRROR_Y, mirror_map, mirror_projection, rotation_projection
 from vig_train.packs.lights import packaged_light_prior
@@ -113,9 +112,8 @@ def object_class_of(
     model = _shape_model(shapes, dark)
     mean, covariance = packaged_light_prior()
     size = np.ptp(shapes.components.mean, axis=0)
-    # `view_weight` of fits where a class has a dark part: evidence then tells front from back by itself. On
-    # 205 photos of real cars views are as good as with 3,000, and those that are turned have a lower
-    # confidence
+    # With a dark part evidence tells front from back by itself: on 205 photos of real cars views are as good
+    # with a `view_weight` of 1,000 as with 3,000, and those that are turned have a lower confidence.
     # The standard camera is 1.5 longest sides of the mean shape away.
     return ObjectClass(
         settings.name,

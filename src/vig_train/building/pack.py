@@ -12,7 +12,7 @@ from vig.recognition import WEIGHTS_FILE
 from vig_train.building import pictures
 from vig_train.building.object_class import ClassShapes
 from vig_train.building.result import BuildResult, card
-from vig_train.building.stage_cache import StageCache
+from vig_train.building.stages import StageCache
 from vig_train.packs.card import read_sections, write_card
 from vig_train.packs.transfer import write_transfer
 from vig_world.assets.held_out import HeldOutDesigns

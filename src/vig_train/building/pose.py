@@ -47,7 +47,7 @@ class PointCloud:
     @staticmethod
     def from_surface(surface: SurfaceSample) -> PointCloud:
         """Make one about the mean of its points; the unit is their root mean square distance from it."""
-        # Points of a surface among which nearest ones are searched
+        # Nearest points are searched among 2,000.
         some = surface.some(2000)
         points = some.points - some.points.mean(0)
         points = points / math.sqrt((points**2).sum(1).mean())
@@ -58,12 +58,12 @@ class PointCloud:
     def distance(self, other: PointCloud, rotation: np.ndarray) -> float:
         """Return the mean distance, both ways, to another cloud turned by a rotation (3, 3)."""
         there, back = self.distances(other, rotation), other.distances(self, rotation.T)
-        # Root mean square radii; longer distances are truncated, lest a part of one mesh alone dominates
+        # Truncated at .3 root mean square radii, lest a part of one mesh alone dominates.
         return float(sum(0.5 * np.minimum(each, 0.3).mean() for each in (there, back)))
 
     def distances(self, other: PointCloud, rotation: np.ndarray) -> np.ndarray:
         """Return distances (M,) of another cloud's points, turned by a rotation (3, 3), to the nearest."""
-        # Points of a surface, at most about, for which the nearest point of another is searched
+        # The nearest point is searched for about 250 of the other's points.
         step = max(1, len(other.points) // 250)
         features = np.concatenate(
             [other.points[::step] @ rotation.T, NORMAL_WEIGHT * other.normals[::step] @ rotation.T], axis=1
@@ -135,13 +135,13 @@ def align_clouds(
                 costs[row, number] = min(clouds[anchor].distance(cloud, turn) for turn in turns)
             advance(1)
     medoid = int(anchors[np.median(costs, axis=1).argmin()])
-    # Starts besides the turns of a cube, evenly spread over all rotations
+    # The turns of a cube, and 400 starts evenly spread over all rotations.
     starts = turns + spread_rotations(400)
     candidates: list[list[np.ndarray]] = []
     rotations, medoid_costs = [], np.zeros(len(clouds))
     for number, cloud in enumerate(clouds):
         start_costs = [clouds[medoid].distance(cloud, start) for start in starts]
-        # Starts of least distance that are refined by ICP (iterative closest points)
+        # The eight nearest starts are refined by ICP (iterative closest points).
         order = np.argsort(start_costs, kind="stable")[:8]
         candidates.append(turns + [clouds[medoid].refine_rotation(cloud, starts[index]) for index in order])
         candidate_costs = [clouds[medoid].distance(cloud, candidate) for candidate in candidates[-1]]
@@ -149,7 +149,7 @@ def align_clouds(
         medoid_costs[number] = 0.0 if number == medoid else min(candidate_costs)
         advance(1)
     # A mesh may match the medoid upside down but not most others: the meshes nearest to the medoid decide.
-    # Meshes nearest to the medoid, with which every pose is compared at last
+    # Every pose is compared at last with the six meshes nearest to the medoid.
     usual_turn, references = usual_axes(rotations), np.argsort(medoid_costs, kind="stable")[:6]
     chosen, final_costs = [], np.zeros(len(clouds))
     for number, cloud in enumerate(clouds):
@@ -198,7 +198,7 @@ def stance_breadth(surface: SurfaceSample, rotation: np.ndarray, up: np.ndarray)
     height = points @ up
     flat = points[:, np.abs(up) < 0.5]
     low = height <= height.min() + 0.015 * np.ptp(height)
-    # Share of its height below which the width of a thing makes it likely to lie
+    # A thing whose width is less than a tenth of its height is likely to lie.
     slenderness = 0.1 * np.ptp(height) / max(np.ptp(flat, axis=0).min(), 1e-12)
     return _hull_area(flat[low]) / max(_hull_area(flat), 1e-12) / max(1.0, slenderness)
 
@@ -249,7 +249,7 @@ def levelling_rotation(surface: SurfaceSample) -> np.ndarray:
     normals = hull.equations[:, :3]
     corners = surface.points[hull.simplices]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    # Radians; a foot within this of level is put level
+    # A foot within 15 degrees of level is put level.
     faces_down = -normals[:, 2] > math.cos(math.radians(15.0))
     if not faces_down.any():
         return np.eye(3)
@@ -280,15 +280,11 @@ class ClassSymmetry:
         symmetry: "none", "half-turn" or "any-turn".
         mirror: Whether a mesh is its own mirror image in a plane through +Z.
         mirror_plane: Angle of that plane about +Z, radians.
-        turn_changes: Least and greatest change of the shape by a turn about +Z, in root mean square radii.
-        mirror_change: Change by the best mirror, in root mean square radii.
     """
 
     symmetry: str
     mirror: bool
     mirror_plane: float
-    turn_changes: tuple[float, float]
-    mirror_change: float
 
 
 def class_symmetry(clouds: list[PointCloud]) -> ClassSymmetry:
@@ -307,10 +303,7 @@ def class_symmetry(clouds: list[PointCloud]) -> ClassSymmetry:
     )
     plane = float(angles[mirrors.argmin()])
     symmetry = "any-turn" if same.all() else "half-turn" if same[-1] else "none"
-    worst = (float(changes.min()), float(changes.max()))
-    return ClassSymmetry(
-        symmetry, bool(mirrors.min() < 1.5 * SYMMETRY_TOLERANCE), plane, worst, float(mirrors.min())
-    )
+    return ClassSymmetry(symmetry, bool(mirrors.min() < 1.5 * SYMMETRY_TOLERANCE), plane)
 
 
 def _detail_change(cloud: PointCloud, turn: float) -> float:

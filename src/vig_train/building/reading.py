@@ -161,7 +161,7 @@ def _weld(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarr
     corners = merged.ravel()[faces]
     points = unit[representative]
     spread = np.sqrt(np.linalg.eigvalsh(np.cov(points[np.unique(corners)].T)).clip(0))
-    # Share of its length that a mesh is wide at least; what is narrower is a line
+    # What is narrower than a thousandth of its length is a line.
     if not spread[1] > 1e-3 * spread[2]:
         raise UserError("expected triangles with an area; all of them lie on a line.")
     area = np.linalg.norm(face_normals(points, corners), axis=1)

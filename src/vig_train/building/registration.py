@@ -111,7 +111,7 @@ def edge_graph(vertices: np.ndarray, faces: np.ndarray) -> sp.csr_matrix:
 def spread_nodes(vertices: np.ndarray, graph: sp.csr_matrix, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Return vertices (G,) that are far from each other, and distances (G, V) from them along the surface."""
     chosen = [int(np.linalg.norm(vertices - vertices.mean(0), axis=1).argmax())]
-    # Up to so many nodes are spread by distances along the surface; more by distances in space, for speed
+    # More than 200 nodes are spread by distances in space, not along the surface, for speed.
     if count <= 200:
         rows = [dijkstra(graph, directed=False, indices=chosen[0])]
         while len(chosen) < count:
@@ -260,7 +260,7 @@ class Registration:
         gap, normal = target.points[index] - moved, target.normals[index]
         agree = np.clip((normal * moved_surface.normals).sum(1), 0, 1)
         weight = self.area * agree / (1 + (gap**2).sum(1) / reach**2) ** 2
-        # Points of the target for which the nearest vertex of the template is searched
+        # The nearest vertex of the template is searched for 6,000 points of the target.
         samples = target.some(6000)
         _, vertex = cKDTree(moved_surface.features(NORMAL_WEIGHT)).query(samples.features(NORMAL_WEIGHT))
         pull_vector = samples.points - moved[vertex]

@@ -101,7 +101,7 @@ def fills_unit_cube(length: float) -> bool:
     """Return whether a longest side is that of meshes that fill [-0.5, 0.5] or [-1, 1], as generators write
     them.
     """
-    # Share by which the longest side of a mesh scaled into a unit cube may differ from it: some leave 1 %
+    # Some that scale meshes into a unit cube leave 1 %.
     return min(abs(length - 1), abs(length / 2 - 1)) < 0.011
 
 

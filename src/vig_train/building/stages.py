@@ -2,21 +2,52 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
+from safetensors.numpy import load_file
 
+from vig.io.files import write_arrays
 from vig.io.progress import Meter
 from vig_train.building.acceptance import Quality, judged, quality_of
 from vig_train.building.pose import PointCloud
 from vig_train.building.reading import Scan
 from vig_train.building.registration import Registration
-from vig_train.building.stage_cache import StageCache
 from vig_train.building.surface import SurfaceSample, visible_surface
 from vig_train.building.template import closed_template, genus
+
+
+@dataclass(frozen=True)
+class StageCache:
+    """Arrays by stage and inputs, a file for each.
+
+    Attributes:
+        folder: Of the files, made where it is missing.
+    """
+
+    folder: Path
+
+    def result(
+        self, stage: str, inputs: list[str], compute: Callable[[], Mapping[str, np.ndarray]]
+    ) -> dict[str, np.ndarray]:
+        """Return a stage's result for these inputs, from the cache where an earlier run left it there."""
+        # 1 is the version of the results; those of another are computed again.
+        key = hashlib.sha256(json.dumps([1, stage, inputs]).encode()).hexdigest()[:24]
+        path = self.folder / f"{stage}-{key}.safetensors"
+        if path.exists():
+            try:
+                return load_file(path)
+            except Exception:  # a damaged file is made again
+                path.unlink()
+        result = {name: np.ascontiguousarray(value) for name, value in compute().items()}
+        write_arrays(path, result)
+        return result
 
 
 def surface_of(scan: Scan, cache: StageCache) -> SurfaceSample:

@@ -138,16 +138,15 @@ def thin_indices(points: np.ndarray, normals: np.ndarray, count: int) -> np.ndar
     side = np.argmax(np.abs(normals), axis=1) * 2 + (
         np.take_along_axis(normals, np.abs(normals).argmax(1)[:, None], 1)[:, 0] > 0
     )
-    for _ in range(14):
+
+    def keys(cell: float) -> np.ndarray:
+        corner = np.floor(points / cell).astype(np.int64)
+        return np.asarray(corner @ np.array([73856093, 19349663, 83492791]) + side * 50331653)
+
+    for _ in range(13):
         cell = math.sqrt(low * high)
-        keys = np.concatenate([np.floor(points / cell).astype(np.int64), side[:, None]], axis=1)
-        mixed = keys @ np.array([73856093, 19349663, 83492791, 50331653])
-        _, first = np.unique(mixed, return_index=True)
-        if len(first) > count:
-            low = cell
-        else:
-            high = cell
-    return np.sort(first)
+        low, high = (cell, high) if len(np.unique(keys(cell))) > count else (low, cell)
+    return np.sort(np.unique(keys(math.sqrt(low * high)), return_index=True)[1])
 
 
 def vertex_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

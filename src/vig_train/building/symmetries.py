@@ -24,13 +24,13 @@ class SurfaceLookup:
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray):
         self.vertices, self.normals = vertices, vertex_normals(vertices, faces)
-        # Samples of each face, among which the place of a moved vertex is searched
+        # The place of a moved vertex is searched among 60 samples of each face.
         face, self.weights = sample_surface(vertices, faces, 60 * len(faces))
         self.corners = faces[face]
         sampled = (
             np.einsum("nk,nkd->nd", self.weights, values[self.corners]) for values in (vertices, self.normals)
         )
-        # Sizes of the object that a difference of normals of length one counts as
+        # A difference of normals of length one counts as .05 sizes of the object.
         self.scale = 0.05 * float(np.ptp(vertices, axis=0).max())
         self.tree = cKDTree(SurfaceSample(*sampled).features(self.scale))
 

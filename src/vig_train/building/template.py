@@ -38,7 +38,7 @@ def remesh(
     normals, smooth = vertex_normals(points, corners), neighbour_mean(corners, len(points))
     for _ in range(4):
         normals = smooth @ normals
-    # Sizes of the object that a difference of normals of length one counts as; separates the sides of a wall
+    # A difference of normals of length one counts as .03 sizes, which separates the sides of a wall.
     features = np.concatenate([points, 0.03 * size * normals], axis=1)
     areas = vertex_areas(points, corners)
     # Normals weigh .1 where areas decide the density of vertices, so that curved places grow.
@@ -47,7 +47,7 @@ def remesh(
     ) / areas.clip(1e-12)
     for _ in range(40):
         curvature = smooth @ curvature
-    # Greatest density of vertices where the surface curves, over that of flat places
+    # Vertices are at most three times as dense where the surface curves as on flat places.
     areas = areas * curvature.clip(1, 3.0)
     for attempt in range(3):
         cluster = _partition(features, areas, edges, count, attempt)

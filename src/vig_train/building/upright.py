@@ -28,7 +28,7 @@ from vig_train.building.pose import (
 )
 from vig_train.building.reading import Scan
 from vig_train.building.settings import BuildSettings, axis_vector
-from vig_train.building.stage_cache import StageCache
+from vig_train.building.stages import StageCache
 from vig_train.building.surface import SurfaceSample
 from vig_world.rotations import about_z
 

@@ -235,7 +235,7 @@ def logistic(
     """Return weights (C,), of the signs given, and bias of a ridge logistic regression of right (N,) on
     features.
     """
-    # Least standard deviation by which a feature is standardised: a constant one would get a huge weight
+    # A constant feature would get a huge weight.
     mean, deviation = features.mean(0), np.maximum(features.std(0), 1e-3)
     standard, sign = (features - mean) / deviation, np.where(right, 1.0, -1.0)
 

@@ -1,24 +1,24 @@
-"""Fits of validation photos, and of photos out of distribution, as samples for a calibration."""
+"""Fits of validation photos, and of photos out of distribution: samples for a calibration, and errors."""
 
 from __future__ import annotations
 
 import math
-import os
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import rotate
 
-from vig.inference import ExplainSettings, FitCalibration, FitSettings, resolve
+from vig.inference import ExplainSettings, FitCalibration, resolve
 from vig.inference.settings import MASK_RIGHT
 from vig.recognition import Recognizer
 from vig.recognition.network import latents_of
 from vig.scene import Latents, ObjectClass, Symmetry, angle_difference, layout_of_width, linear_from_srgb
 from vig_train.calibration.learning import FOLDS, CalibrationSamples, learn
-from vig_train.evaluation.fits import Fits, cache_key, fit_all, fit_settings, frame_images
+from vig_train.evaluation.fits import FitRun, Fits, fit_settings, frame_images
 from vig_train.evaluation.metrics import segmentation_iou
 from vig_train.training.drawing import examples_of
 from vig_train.training.examples import Examples
@@ -133,18 +133,7 @@ def calibrate_fits(
         The calibration, and the samples that it was learned on.
     """
     uncalibrated = replace(settings or ExplainSettings(free_framing=True), calibrated=False, widened=False)
-    workers = workers or os.cpu_count() or 1
-
-    def fitted(images: np.ndarray, name: str, photo_settings: FitSettings, recognizer: Recognizer) -> Fits:
-        key = cache_key(recognizer, object_class, photo_settings)
-        photos = linear_from_srgb(images.astype(np.float32) / 255)
-        folder = None if cache is None else cache / name
-        predicted = recognizer(photos)
-        return fit_all(
-            images, photos, predicted, object_class, photo_settings, workers, advance, folder, key, processes
-        )
-
-    parts = []
+    run, parts = FitRun(object_class, workers, advance, cache, processes), []
     recognizers = [recognizer] * len(datasets) if isinstance(recognizer, Recognizer) else recognizer
     for dataset, own_recognizer in zip(datasets, recognizers, strict=True):
         name = f"{len(dataset)}_{zlib.crc32(dataset.latents.tobytes()):08x}"
@@ -157,10 +146,10 @@ def calibrate_fits(
             photo_settings = fit_settings(uncalibrated, object_class, dataset)
             origin = photos_to_roll(dataset)
             photos = roll_photos(images[origin], roll_angles(len(origin)))
-        fits = fitted(images, name, photo_settings, own_recognizer)
+        fits = run.fit(images, own_recognizer, photo_settings, name)
         rolled_features = fits.confidence_features[:0]
         if len(origin):
-            outside = fitted(photos, name + "_outside", photo_settings, own_recognizer)
+            outside = run.fit(photos, own_recognizer, photo_settings, name + "_outside")
             rolled_features = outside.confidence_features
         symmetry = object_class.symmetry
         parts.append(samples_of(fits, dataset, visible, origin, rolled_features, symmetry))
@@ -248,3 +237,63 @@ def samples_of(
     return CalibrationSamples(
         features, right, mask_right, error, deviation, weight, fold, model, rolled_features, origin % FOLDS
     )
+
+
+def studio_errors(
+    parts: Sequence[tuple[StudioPhotos, Recognizer]],
+    object_class: ObjectClass,
+    settings: ExplainSettings,
+    workers: int,
+    advance: Callable[[int], None] = lambda done: None,
+    cache: Path | None = None,
+) -> dict[str, Any]:
+    """Return errors on photos that show the object, and the precision of the verdict "trusted".
+
+    Args:
+        parts: Photos, each with a network that has not seen their meshes.
+        object_class: What they show.
+        settings: Of the fits.
+        workers: Processes.
+        advance: Called with the number of fits made since the last call.
+        cache: Folder that keeps fits, so that an interrupted run resumes.
+
+    Returns:
+        `photos`, `trusted`, `trusted_right` (None where none is trusted), and in `methods` for "network" and
+        "fit" medians of errors, degrees, shares of views within 15 and 30 degrees and turned by more than
+        150, and the mean IoU of the visible pixels. Where any turn looks the same there is no azimuth, and a
+        view is right by its elevation.
+    """
+    chosen, symmetry = resolve(settings, object_class, photo=True), object_class.symmetry
+    run = FitRun(object_class, workers, advance, cache, processes=True)
+    columns: dict[str, list[np.ndarray]] = {"network": [], "fit": []}  # turn, tilt and IoU (3, N) each
+    verdicts: list[str] = []
+    for number, (photos, recognizer) in enumerate(parts):
+        predicted = recognizer(linear_from_srgb(photos.images.astype(np.float32) / 255))
+        fits = run.fit(photos.images, recognizer, chosen, str(number), predicted)
+        verdicts += fits.verdicts
+        true = Latents.from_vector(photos.latents)
+        network = predicted.best(), predicted.mask.argmax(3) == 0
+        for name, (found, mask) in {
+            "network": network,
+            "fit": (Latents.from_vector(fits.latents), fits.masks),
+        }.items():
+            turn = np.degrees(np.abs(symmetry.difference(found.azimuth, true.azimuth)))
+            tilt = np.degrees(np.abs(found.elevation - true.elevation))
+            columns[name].append(np.stack([turn, tilt, segmentation_iou(mask, photos.visible)]))
+    methods = {}
+    for name, values in columns.items():
+        turn, tilt, iou = np.concatenate(values, axis=1)
+        row = {"elevation_deg": float(np.median(tilt)), "visible_iou": float(iou.mean())}
+        if symmetry.fold:
+            row["azimuth_deg"] = float(np.median(turn))
+            row |= {f"within_{most}": float((turn <= most).mean()) for most in (15, 30)}
+            row["turned"] = float((turn > 150).mean())
+        methods[name] = row
+    trusted = np.array(verdicts) == "trusted"
+    right = (turn if symmetry.fold else tilt)[trusted] <= 15  # of the fits, which come last
+    return {
+        "photos": len(trusted),
+        "methods": methods,
+        "trusted": float(trusted.mean()),
+        "trusted_right": float(right.mean()) if trusted.any() else None,
+    }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from math import inf
 
 from vig.inference.calibration import FILE
 from vig.io.errors import UserError
@@ -19,7 +20,7 @@ from vig_train.calibration import (
     describe,
     fit_count,
 )
-from vig_train.cli.common import check_workers, check_writable
+from vig_train.cli.common import check_ranges, check_writable
 from vig_train.cli.settings import Calibrate
 from vig_train.evaluation.protocol import check_class
 from vig_train.plots import calibrate_and_plot as calibrate_network
@@ -31,10 +32,7 @@ def calibrate(settings: Calibrate) -> int:
     """Calibrate the weights in place, then fits that start from them; returns the exit code."""
     if not settings.datasets:
         raise UserError("expected at least one dataset to calibrate on; got none")
-    check_workers(settings.workers)
-    for name in ("studio", "seed"):
-        if getattr(settings, name) < 0:
-            raise UserError(f"expected --{name} of at least 0; got {getattr(settings, name)}.")
+    check_ranges(settings, workers=(1, inf), studio=(0, inf), seed=(0, inf))
     object_class = ObjectClass.load(settings.object_class)
     datasets = [read_dataset(path, settings.split).at_network_size() for path in settings.datasets]
     for dataset in datasets:

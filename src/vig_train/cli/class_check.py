@@ -7,6 +7,7 @@ import json
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from vig.io.progress import Meter
 from vig.photo.masks import read_mask
 from vig.scene import ObjectClass, angle_difference
 from vig.scene.object_class import PACKAGED
-from vig_train.cli.common import check_workers, check_writable
+from vig_train.cli.common import check_ranges, check_writable
 from vig_train.cli.settings import CheckClass
 from vig_train.packs.card import replace_section, table_lines
 
@@ -92,9 +93,7 @@ def check_class(settings: CheckClass) -> int:
     """Run `vig class check`."""
     object_class = ObjectClass.load(settings.pack)
     labels = read_labels(settings.photos, settings.labels or settings.photos / "labels.json")
-    check_workers(settings.workers)
-    if not 0 < settings.tolerance <= 180:
-        raise UserError(f"expected --tolerance from 0 to 180 degrees; got {settings.tolerance:g}.")
+    check_ranges(settings, workers=(1, inf), tolerance=(0.1, 180))
     pack = object_class.folder
     if pack is not None and pack.parent == PACKAGED:
         pack = None  # its card is not the user's

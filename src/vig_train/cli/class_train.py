@@ -5,16 +5,14 @@ from __future__ import annotations
 import contextlib
 import json
 import sys
+from math import inf
 
 from vig.io.errors import UserError
 from vig.io.printing import end
 from vig.scene import ObjectClass
 from vig_train.class_training import ClassTraining
-from vig_train.cli.common import check_workers, check_writable
+from vig_train.cli.common import check_ranges, check_writable
 from vig_train.cli.settings import TrainClass
-
-LEAST_MINUTES = 1.0
-MOST_MINUTES = 10_000.0
 
 
 def train_class(settings: TrainClass) -> int:
@@ -23,13 +21,7 @@ def train_class(settings: TrainClass) -> int:
         raise UserError(
             f"expected the folder of a class pack; got '{settings.pack}'. `vig class build` makes one."
         )
-    if not LEAST_MINUTES <= settings.minutes <= MOST_MINUTES:
-        raise UserError(
-            f"expected --minutes from {LEAST_MINUTES:g} to {MOST_MINUTES:g}; got {settings.minutes:g}."
-        )
-    if settings.seed < 0:
-        raise UserError(f"expected --seed of at least 0; got {settings.seed}.")
-    check_workers(settings.workers)
+    check_ranges(settings, minutes=(1, 10_000), seed=(0, inf), workers=(1, inf))
     ObjectClass.load(settings.pack, unfinished=True)
     check_writable(settings.pack)
     with contextlib.redirect_stdout(sys.stderr) if settings.json else contextlib.nullcontext():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shlex
 from collections.abc import Sequence
 from dataclasses import fields
@@ -43,6 +44,18 @@ def command_line(
         else:
             words += [f"--{flag}={value}"] if str(value).startswith("-") else [f"--{flag}", str(value)]
     return shlex.join(words)
+
+
+def check_ranges(settings: Any, **ranges: tuple[float, float]) -> None:
+    """Refuse options of a verb that are out of their ranges, both ends included; None is in any.
+
+    ranges: Least and greatest value by name; `inf` for no greatest.
+    """
+    for name, (least, most) in ranges.items():
+        value = getattr(settings, name)
+        if value is not None and not least <= value <= most:
+            within = f"of at least {least:g}" if most == math.inf else f"from {least:g} to {most:g}"
+            raise UserError(f"expected --{name.replace('_', '-')} {within}; got {value:g}.")
 
 
 def check_workers(workers: int | None) -> None:

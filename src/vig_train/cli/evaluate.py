@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from math import inf
 from pathlib import Path
 
 from rich.console import Console
@@ -16,7 +17,7 @@ from vig.io.printing import end
 from vig.io.progress import Meter
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass
-from vig_train.cli.common import check_workers, check_writable
+from vig_train.cli.common import check_ranges, check_writable
 from vig_train.cli.settings import Evaluate
 from vig_train.evaluation import blocks, markdown_table, save_table, summarise, write_csv
 from vig_train.evaluation import evaluate as run_methods
@@ -78,16 +79,9 @@ def evaluate(settings: Evaluate) -> int:
 
 def _check(settings: Evaluate) -> None:
     """Refuse limits that no image can satisfy."""
-    for name, share in (("max", settings.max_occlusion), ("min", settings.min_occlusion)):
-        if not 0 <= share <= 1:
-            raise UserError(
-                f"expected --{name}-occlusion as a share from 0 to 1; got {share:g}. Is it a percentage?"
-            )
+    check_ranges(settings, max_occlusion=(0, 1), min_occlusion=(0, 1), limit=(1, inf), workers=(1, inf))
     if settings.min_occlusion >= settings.max_occlusion:
         raise UserError(
             f"expected --min-occlusion below --max-occlusion; got {settings.min_occlusion:g} and"
             f" {settings.max_occlusion:g}."
         )
-    if settings.limit is not None and settings.limit < 1:
-        raise UserError(f"expected --limit of at least 1 image; got {settings.limit}.")
-    check_workers(settings.workers)

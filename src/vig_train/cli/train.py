@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from math import inf
 from pathlib import Path
 
 from vig.io.errors import UserError
@@ -15,7 +16,7 @@ from vig.recognition import WEIGHTS_FILE
 from vig.recognition.network import NetworkSettings
 from vig.scene import ObjectClass
 from vig.scene.object_class import PACKAGED
-from vig_train.cli.common import check_workers, check_writable
+from vig_train.cli.common import check_ranges, check_writable
 from vig_train.cli.settings import Train
 from vig_train.plots import train_and_plot as train_network
 from vig_train.training.drawing import Drawing, drawn_once
@@ -26,7 +27,6 @@ from vig_train.training.training import TrainingSettings
 from vig_world.dataset import Dataset, read_dataset
 
 TRUNK_STAGES = len(NetworkSettings().blocks)
-MOST_RATE = 0.1
 MAP_PICTURES = 8000
 """That are put together for the map of objects."""
 WITHOUT_MAP = ("epochs", "rate", "batch", "frozen")
@@ -41,51 +41,17 @@ def train(settings: Train) -> int:
     report = lines.append if settings.json else lambda line: print(line, flush=True)
     if not settings.dataset and not (settings.map_alone and settings.distinct):
         raise UserError("expected at least one dataset to train on; got none")
-    check_workers(settings.workers)
     object_class = ObjectClass.load(settings.object_class)
-    shares = {name: getattr(settings, name) for name in ("level", "occluded", "absent")}
-    for name, share in shares.items():
-        if not 0 <= share <= 1:
-            raise UserError(f"expected --{name} as a share from 0 to 1; got {share:g}.")
-    for name in ("studio", "distinct"):
-        if getattr(settings, name) < 0:
-            raise UserError(f"expected --{name} as a number of images; got {getattr(settings, name)}.")
-    if not 0 <= settings.frozen <= TRUNK_STAGES:
-        raise UserError(f"expected --frozen from 0 to {TRUNK_STAGES}; got {settings.frozen}.")
-    if not 0 < settings.rate <= MOST_RATE:
-        raise UserError(f"expected --rate above 0 and at most {MOST_RATE}; got {settings.rate:g}.")
-    if settings.batch < 1:
-        raise UserError(f"expected --batch of 1 or more images; got {settings.batch}.")
-    if settings.mask_alone and settings.map_alone:
-        raise UserError("expected --mask-alone or --map-alone; got both. Train one after the other.")
-    for name in WITHOUT_MAP if settings.map_alone else ():
-        if getattr(settings, name) != getattr(Train, name):
-            raise UserError(
-                f"expected --map-alone without --{name}, which is of the training of other parts; got"
-                f" {getattr(settings, name):g}. Leave it out."
-            )
-    if settings.map_alone and settings.distinct and not settings.studio:
-        raise UserError("expected --studio above 0 with --map-alone and --distinct: it draws these images.")
-    if settings.others and not (settings.map_alone and settings.distinct):
-        raise UserError("expected --map-alone and --distinct with --others: their images are drawn for it.")
-    if any(ObjectClass.load(name).name == object_class.name for name in settings.others):
-        raise UserError(f"expected --others that are not '{object_class.name}' itself; got it among them.")
-    for name in ("mask", "map"):
-        if getattr(settings, f"{name}_alone") and settings.start is None:
-            raise UserError(
-                f"expected --start with --{name}-alone: weights of which the rest stays as it is."
-            )
-    if settings.distinct and settings.distinct < settings.studio:
-        raise UserError(
-            f"expected --distinct of as many images as a step takes, {settings.studio}, or more; got"
-            f" {settings.distinct}."
-        )
-    if settings.props and not settings.studio:
-        raise UserError("expected --studio above 0 with --props: they stand before the studio's objects.")
+    check_ranges(
+        settings, level=(0, 1), occluded=(0, 1), absent=(0, 1), studio=(0, inf), distinct=(0, inf),
+        frozen=(0, TRUNK_STAGES), rate=(1e-6, 0.1), batch=(1, inf), workers=(1, inf),
+    )  # fmt: skip
+    _check_combination(settings, object_class)
     datasets = [read_dataset(path, "train") for path in settings.dataset]
     check_writable(settings.out)
     drawing = None
     if settings.studio and object_class.folder is not None:
+        shares = {name: getattr(settings, name) for name in ("level", "occluded", "absent")}
         studio = StudioSettings(**shares, props=str(settings.props or ""))
         drawing = Drawing(
             object_class.folder, settings.studio, settings.distinct, studio=studio, workers=settings.workers
@@ -117,6 +83,48 @@ def train(settings: Train) -> int:
     else:
         _end(settings.out, path)
     return 0
+
+
+def _check_combination(settings: Train, object_class: ObjectClass) -> None:
+    """Refuse options that do not go together."""
+    alone = settings.mask_alone or settings.map_alone
+    map_of_drawn = settings.map_alone and settings.distinct
+    own = [name for name in settings.others if ObjectClass.load(name).name == object_class.name]
+    of_others = [name for name in WITHOUT_MAP if getattr(settings, name) != getattr(Train, name)]
+    for is_wrong, message in (
+        (
+            settings.mask_alone and settings.map_alone,
+            "--mask-alone or --map-alone; got both. Train one after the other.",
+        ),
+        (
+            settings.map_alone and of_others,
+            f"--map-alone without --{', --'.join(of_others)}, of the training of other parts. Leave it out.",
+        ),
+        (
+            map_of_drawn and not settings.studio,
+            "--studio above 0 with --map-alone and --distinct: it draws these images.",
+        ),
+        (
+            settings.others and not map_of_drawn,
+            "--map-alone and --distinct with --others: their images are drawn for it.",
+        ),
+        (own, f"--others that are not '{object_class.name}' itself; got it among them."),
+        (
+            alone and settings.start is None,
+            f"--start with --{'mask' if settings.mask_alone else 'map'}-alone: weights whose rest stays.",
+        ),
+        (
+            0 < settings.distinct < settings.studio,
+            f"--distinct of as many images as a step takes, {settings.studio}, or more;"
+            f" got {settings.distinct}.",
+        ),
+        (
+            settings.props and not settings.studio,
+            "--studio above 0 with --props: they stand before the studio's objects.",
+        ),
+    ):
+        if is_wrong:
+            raise UserError(f"expected {message}")
 
 
 def _end(folder: Path, weights: Path) -> None:

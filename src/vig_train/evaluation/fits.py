@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
+import os
 from collections.abc import Callable, Generator
 from contextlib import closing
 from dataclasses import dataclass, fields, replace
@@ -79,72 +80,89 @@ class Fits:
         return Fits(**arrays, verdicts=tuple(itertools.chain(*(part.verdicts for part in parts))))
 
 
-def fit_all(
-    images: np.ndarray,
-    photos: np.ndarray,
-    prediction: Prediction,
-    object_class: ObjectClass,
-    settings: FitSettings,
-    workers: int,
-    advance: Callable[[int], None] = lambda done: None,
-    folder: Path | None = None,
-    key: str = "",
-    processes: bool = False,
-    cluster: str | None = None,
-) -> Fits:
-    """Fit photos from their prediction. After Ctrl-C, fits that were not begun are not waited for.
+@dataclass(frozen=True)
+class FitRun:
+    """What all fits of a run share.
 
-    Args:
-        images: The photos as uint8 sRGB (N, H, W, 3).
-        photos: The same as linear RGB.
-        prediction: Of the N photos.
-        object_class: Of the object.
-        settings: Of the fits.
-        workers: Fits at a time.
+    Attributes:
+        object_class: Of the objects.
+        workers: Fits at a time; one per CPU by default.
         advance: Called with the number of fits made, or read, since its last call.
-        folder: Keeps fits, chunk by chunk. A chunk is read from there when its `key` and its images are the
-            same, and fitted again otherwise.
-        key: See `cache_key`.
+        cache: Keeps fits, chunk by chunk, in a folder for each name. A chunk is read from there when all that
+            it depends on but the code is the same, and fitted again otherwise.
         processes: Workers may be processes, see `map_in_processes`: faster than threads for many photos, with
             the same fits.
         cluster: Address of a Ray cluster in place of workers, `auto` for the one of this machine.
-
-    Raises:
-        UserError: There is no such cluster, or too many of its processes died of one photo.
     """
-    chunks = [
-        range(start, min(start + CHUNK_PHOTOS, len(images))) for start in range(0, len(images), CHUNK_PHOTOS)
-    ]
-    keys = [hashlib.sha256(key.encode() + images[chunk].tobytes()).hexdigest() for chunk in chunks]
-    paths = [None if folder is None else folder / f"{chunk.start:06d}.safetensors" for chunk in chunks]
-    parts = [
-        None if path is None else _read(path, chunk_key) for path, chunk_key in zip(paths, keys, strict=True)
-    ]
-    missing = [chunk_number for chunk_number, part in enumerate(parts) if part is None]
-    todo = [index for chunk_number in missing for index in chunks[chunk_number]]
-    advance(len(images) - len(todo))
-    photo_predictions = [(photos[i], prediction[i : i + 1]) for i in todo]
-    if cluster is not None and todo:
-        fit_stream = _fit_on_cluster(photo_predictions, object_class, settings, cluster)
-    elif processes and workers > 1 and len(todo) >= MIN_PHOTOS_FOR_PROCESSES:
-        fit_stream = _fit_in_processes(photo_predictions, object_class, settings, workers)
-    else:
-        fit_stream = _fit_on_threads(photo_predictions, object_class, settings, workers)
-    done: dict[int, dict[int, Fits]] = {chunk_number: {} for chunk_number in missing}
-    with closing(fit_stream):
-        for position, fit in fit_stream:
-            index = todo[position]
-            chunk_number = index // CHUNK_PHOTOS
-            done[chunk_number][index] = fit
-            advance(1)
-            if len(done[chunk_number]) < len(chunks[chunk_number]):
-                continue
-            fits_of_chunk = done.pop(chunk_number)
-            part = parts[chunk_number] = Fits.joined([fits_of_chunk[photo] for photo in chunks[chunk_number]])
-            path = paths[chunk_number]
-            if path is not None:
-                _write(path, part, keys[chunk_number])
-    return Fits.joined([part for part in parts if part is not None])
+
+    object_class: ObjectClass
+    workers: int | None = None
+    advance: Callable[[int], None] = lambda done: None
+    cache: Path | None = None
+    processes: bool = False
+    cluster: str | None = None
+
+    def fit(
+        self,
+        images: np.ndarray,
+        recognizer: Recognizer,
+        settings: FitSettings,
+        name: str,
+        prediction: Prediction | None = None,
+    ) -> Fits:
+        """Fit photos from their prediction. After Ctrl-C, fits that were not begun are not waited for.
+
+        Args:
+            images: The photos as uint8 sRGB (N, H, W, 3).
+            recognizer: Predicts where fits start.
+            settings: Of the fits.
+            name: Of the photos, in the cache.
+            prediction: The recognizer's, where it was made before.
+
+        Raises:
+            UserError: There is no such cluster, or too many of its processes died of one photo.
+        """
+        photos = linear_from_srgb(images.astype(np.float32) / 255)
+        prediction = recognizer(photos) if prediction is None else prediction
+        workers, folder = self.workers or os.cpu_count() or 1, self.cache and self.cache / name
+        key = cache_key(recognizer, self.object_class, settings)
+        chunks = [
+            range(start, min(start + CHUNK_PHOTOS, len(images)))
+            for start in range(0, len(images), CHUNK_PHOTOS)
+        ]
+        keys = [hashlib.sha256(key.encode() + images[chunk].tobytes()).hexdigest() for chunk in chunks]
+        paths = [None if folder is None else folder / f"{chunk.start:06d}.safetensors" for chunk in chunks]
+        parts = [
+            None if path is None else _read(path, chunk_key)
+            for path, chunk_key in zip(paths, keys, strict=True)
+        ]
+        missing = [chunk_number for chunk_number, part in enumerate(parts) if part is None]
+        todo = [index for chunk_number in missing for index in chunks[chunk_number]]
+        self.advance(len(images) - len(todo))
+        photo_predictions = [(photos[i], prediction[i : i + 1]) for i in todo]
+        if self.cluster is not None and todo:
+            fit_stream = _fit_on_cluster(photo_predictions, self.object_class, settings, self.cluster)
+        elif self.processes and workers > 1 and len(todo) >= MIN_PHOTOS_FOR_PROCESSES:
+            fit_stream = _fit_in_processes(photo_predictions, self.object_class, settings, workers)
+        else:
+            fit_stream = _fit_on_threads(photo_predictions, self.object_class, settings, workers)
+        done: dict[int, dict[int, Fits]] = {chunk_number: {} for chunk_number in missing}
+        with closing(fit_stream):
+            for position, fit in fit_stream:
+                index = todo[position]
+                chunk_number = index // CHUNK_PHOTOS
+                done[chunk_number][index] = fit
+                self.advance(1)
+                if len(done[chunk_number]) < len(chunks[chunk_number]):
+                    continue
+                fits_of_chunk = done.pop(chunk_number)
+                part = parts[chunk_number] = Fits.joined(
+                    [fits_of_chunk[photo] for photo in chunks[chunk_number]]
+                )
+                path = paths[chunk_number]
+                if path is not None:
+                    _write(path, part, keys[chunk_number])
+        return Fits.joined([part for part in parts if part is not None])
 
 
 Photo = tuple[np.ndarray, Prediction]

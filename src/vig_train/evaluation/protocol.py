@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,7 +14,7 @@ from vig.likelihood import LIKELIHOODS
 from vig.recognition import MASK_CLASSES, Prediction, Recognizer
 from vig.scene import EXPOSURE_L00, Latents, ObjectClass, layout_of_width, linear_from_srgb
 from vig_train import METHODS
-from vig_train.evaluation.fits import Fits, cache_key, fit_all, fit_settings, frame_images
+from vig_train.evaluation.fits import FitRun, Fits, fit_settings, frame_images
 from vig_train.evaluation.metrics import (
     angle_error_deg,
     appearance_ab,
@@ -71,9 +70,9 @@ def evaluate(
         advance: Called with the number of fits made since its last call.
         cache: Folder that keeps fits. Fits of other photos, weights, settings or class there are replaced;
             those of other code are not recognised: remove the folder after a change of it.
-        processes: Workers may be processes, see `fit_all`; a script must then guard what it runs by
+        processes: Workers may be processes, see `FitRun`; a script must then guard what it runs by
             `if __name__ == "__main__"`.
-        cluster: Address of a Ray cluster that does the fits, in place of workers; see `fit_all`.
+        cluster: Address of a Ray cluster that does the fits, in place of workers; see `FitRun`.
 
     Raises:
         UserError: An unknown method, no method, or a dataset of another class.
@@ -82,24 +81,12 @@ def evaluate(
     settings = settings or ExplainSettings()
     images, visible = frame_images(dataset, recognizer)
     truth = Truth.of(dataset, object_class, visible)
-    photos = linear_from_srgb(images.astype(np.float32) / 255)
-    prediction = recognizer(photos)
+    prediction = recognizer(linear_from_srgb(images.astype(np.float32) / 255))
+    run = FitRun(object_class, workers, advance, cache, processes, cluster)
     fits: dict[str, Fits] = {}
     for name in fitted_likelihoods(methods):
         chosen = fit_settings(replace(settings, likelihood=LIKELIHOODS[name]), object_class, dataset)
-        fits[name] = fit_all(
-            images,
-            photos,
-            prediction,
-            object_class,
-            chosen,
-            workers or os.cpu_count() or 1,
-            advance,
-            None if cache is None else cache / name,
-            cache_key(recognizer, object_class, chosen),
-            processes,
-            cluster,
-        )
+        fits[name] = run.fit(images, recognizer, chosen, name, prediction)
     results = {}
     for method in methods:
         if method == BASELINE:

@@ -1,4 +1,4 @@
-"""A decoder of masks that sees the whole image: what hides an object is told from it by all that is there."""
+"""Parts that read a trunk's maps: a decoder of masks that sees the whole image, and the map of objects."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from torch import nn
 from torch.nn import functional
 
 from vig.recognition.network import ATTENTION_HEADS, ATTENTION_LAYERS, CELLS
+from vig.recognition.object_map import NUMBERS
 from vig_train.network.layers import convolution
 
 
@@ -91,3 +92,20 @@ class _Residual(nn.Module):
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         change: torch.Tensor = self.second(self.first(x))
         return torch.relu(x + change)
+
+
+class ObjectMap(nn.Module):
+    """From two of the trunk's maps (B, C, h, w), joined, to `NUMBERS` of each cell (B, 5, h, w)."""
+
+    def __init__(self, inputs: int, width: int):
+        super().__init__()
+        layers = [convolution(inputs, width, 1)]
+        for _ in range(3):
+            layers += [convolution(width, width, 3, groups=width), convolution(width, width, 1)]
+        self.layers = nn.Sequential(*layers)
+        self.numbers = nn.Conv2d(width, NUMBERS, 1)
+        nn.init.constant_(self.numbers.bias[:1], -4.0)  # type: ignore[index]  # centres are rare
+
+    def forward(self, maps: torch.Tensor) -> torch.Tensor:
+        numbers: torch.Tensor = self.numbers(self.layers(maps))
+        return numbers.float()

@@ -16,20 +16,25 @@ from vig.recognition.network import (
     NetworkSettings,
 )
 from vig.scene import regressed_layout
-from vig_train.network.decoder import CELLS, ContextDecoder
+from vig_train.network.decoder import CELLS, ContextDecoder, ObjectMap
 from vig_train.network.layers import GroupedLinear, InvertedResidual, convolution
-from vig_train.network.object_map import ObjectMap
 
 
 @dataclass(frozen=True)
-class Heads:
-    """Network outputs for B images, as `vig.recognition.network.Heads`."""
+class DenseHeads:
+    """Network outputs for B images, as `vig.recognition.network.Heads`, but for the mask."""
 
     azimuth: torch.Tensor
     mean: torch.Tensor
     log_variance: torch.Tensor
     roll: torch.Tensor
     presence: torch.Tensor
+
+
+@dataclass(frozen=True)
+class Heads(DenseHeads):
+    """Network outputs for B images, as `vig.recognition.network.Heads`."""
+
     mask: torch.Tensor
 
 

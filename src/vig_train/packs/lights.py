@@ -23,7 +23,7 @@ def light_prior() -> tuple[np.ndarray, np.ndarray]:
         [library.light(i, a, g) for i in range(library.panoramas) for a in angles for g in GROUND_ALBEDOS]
     )
     covariance = np.cov(lights.T)
-    # Relative uncertainty of L00, so that an exposure slightly off can be explained
+    # L00 is uncertain by 5 %, so that an exposure slightly off can be explained.
     covariance[0, 0] += (0.05 * EXPOSURE_L00) ** 2
     return lights.mean(0), covariance
 

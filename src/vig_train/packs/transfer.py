@@ -126,8 +126,7 @@ class Occlusion:
         total, count = len(vertices), side**2
         rays, frames = Rays.draw(total, side, rng), frames_of(normals)
         given = (vertices.astype(np.float64), frames, rays.patterns, rays.turns)
-        # Distance along the normal at which rays start, metres at unit scale, lest a facet hides its own
-        # corners
+        # Rays start 2e-4 m along the normal, at unit scale, lest a facet hides its own corners.
         blocked, face, weights = engine.cast_hemisphere_rays(
             vertices.astype(np.float32), faces.astype(np.int32), *given, 2e-4, _CHUNK
         )
@@ -135,7 +134,7 @@ class Occlusion:
         starts = np.concatenate([[0], np.cumsum(3 * front.sum(1))])
         entries = weights[front].ravel().astype(np.float64) / count, faces[face[front]].ravel()
         seen = scipy.sparse.csr_matrix((*entries, starts), shape=(total, total))
-        # A vertex that sees more than this share of faces from behind lies within another part
+        # A vertex that sees more than .3 of the faces from behind lies within another part.
         return Occlusion(normals, blocked / count, seen, (face == -2).mean(axis=1) > 0.3)
 
     def change(self, albedo: float, bounces: int, neighbours: scipy.sparse.csr_matrix) -> np.ndarray:

@@ -16,9 +16,10 @@ from vig.io.checks import read_tensors, reading
 from vig.io.files import atomic_write
 from vig.parallel import map_in_processes
 from vig.recognition import Recognizer
+from vig.recognition.network import LOG_VARIANCE
 from vig.recognition.weights import unpacked
 from vig.scene import Symmetry
-from vig_train.network.network import RecognitionNetwork, bfloat16
+from vig_train.network.network import DenseHeads, RecognitionNetwork, bfloat16
 from vig_train.network.weights import packed
 from vig_train.training.checkpoint import Scale
 from vig_train.training.class_network import (
@@ -39,8 +40,6 @@ PACKED_MATRICES = ("dense.2.weight", "recalled.weight")
 EPOCHS = 20
 """Passes over the features; of 12, 20 and 40 twenty was best on real cars, of one network."""
 
-DenseOutputs = tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]
-
 
 class _Member(nn.Module):
     """Dense layer and heads of one member, with normalisation that becomes part of the layer at the end."""
@@ -57,13 +56,12 @@ class _Member(nn.Module):
         self.normalise = nn.BatchNorm1d(sizes.features)
         self.azimuth, self.numbers, self.others = network.azimuth, network.numbers, network.others
 
-    def forward(self, coarse: torch.Tensor) -> DenseOutputs:
-        """Return azimuth logits, mean, log variance, roll and presence; see `Heads`."""
+    def forward(self, coarse: torch.Tensor) -> DenseHeads:
         read = self.dropout(self.squeeze(coarse).flatten(1))
         features = self.dropout(torch.relu(self.normalise(self.linear(read))))
         mean, log_variance = self.numbers(features).chunk(2, dim=1)
         roll, presence = self.others(features).unbind(1)
-        return self.azimuth(features), mean, log_variance.clamp(-8.0, 4.0), roll, presence
+        return DenseHeads(self.azimuth(features), mean, log_variance.clamp(*LOG_VARIANCE), roll, presence)
 
 
 @dataclass(frozen=True)
@@ -164,9 +162,9 @@ def _train_member(
         part = targets[chosen]
         part = replace(part, numbers=(part.numbers - scale["mean"]) / scale["deviation"])
         with bfloat16(torch.device("cpu")):
-            outputs: DenseOutputs = member(features.coarse[chosen].float())
-        azimuth, mean, log_variance, roll, presence = (output.float() for output in outputs)
-        return dense_losses(azimuth, mean, log_variance, roll, presence, part, training.symmetry)
+            outputs = member(features.coarse[chosen].float())
+        heads = DenseHeads(*(output.float() for output in vars(outputs).values()))
+        return dense_losses(heads, part, training.symmetry)
 
     total, decay = training.epochs * steps, 5e-2
     trainer = Trainer.adamw(member.parameters(), loss, LEARNING_RATE, total, decay, LOSS_WEIGHTS)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -132,7 +132,8 @@ def _prepare(shared: tuple[str, str, int, str]) -> Callable[[int], None]:
             batch = augment(examples, np.random.default_rng([seed, chunk, number]))
             coarse = torch.cat([coarse_features(network, part) for part in batch.images.split(32)])
             model = torch.tensor([image.model for image in drawn])
-            features.append({"coarse": coarse, "model": model, **vars(Targets.of(batch))})
+            own = {field.name: getattr(batch, field.name) for field in fields(Targets)}
+            features.append({"coarse": coarse, "model": model, **own})
         for name in features[0]:
             kept[f"features.{name}"] = torch.cat([each[name] for each in features])
         with atomic_write(chunk_path(Path(folder), chunk)) as temporary:
@@ -208,7 +209,7 @@ class DecoderTraining:
             part.train().requires_grad_(True)
         parameters = [parameter for part in parts for parameter in part.parameters()]
         trainer = Trainer.adamw(parameters, self._loss, LEARNING_RATE, steps)
-        name = f"decoder {steps} {self.seed} {len(self.examples)}"
+        name = f"mask decoder {steps} {self.seed} {len(self.examples)}"
         run = TrainingRun(trainer.optimizer, {"network": network}, checkpoint, name)
         advance(min(steps, run.done() * CHECKPOINT_STEPS))
         for number in run.epochs(-(-steps // CHECKPOINT_STEPS)):

@@ -123,8 +123,7 @@ def _pasted(ground: Tile, tiles: Iterator[Tile], rng: np.random.Generator) -> tu
         side = int(math.exp(rng.uniform(math.log(PASTED[0]), math.log(PASTED[1]))))
         left, top = (int(each) for each in rng.integers(-side // 4, SIDE - side + side // 4 + 1, 2))
         placed, square = tile.placed(left, top, side), (left, top, left + side, top + side, 1.0)
-        # Share of pasted images with an object of which not the object alone is pasted, but all, with soft
-        # edges
+        # Of three in ten images with an object not it alone is pasted, but all, with soft edges.
         alone = bool(placed) and rng.random() > 0.3
         cover = tile.object if alone else _soft_square(len(tile.object))
         rows, columns = slice(max(top, 0), top + side), slice(max(left, 0), left + side)

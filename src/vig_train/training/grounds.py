@@ -18,8 +18,7 @@ def draw_ground(rng: np.random.Generator, split: Split, roll: float = 0.0) -> np
     RGB.
     """
     ground = _level_ground(rng, split)
-    # Radians; grounds of cameras that roll less stay level
-    # Share of grounds that do not roll with the camera
+    # Grounds of cameras that roll by less than 2 degrees stay level, and a quarter of the others.
     if abs(roll) < math.radians(2.0) or rng.random() < 0.25:
         return ground
     cos, sin = math.cos(roll), math.sin(roll)

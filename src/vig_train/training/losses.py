@@ -9,7 +9,7 @@ import torch
 from torch.nn import functional
 
 from vig.scene import Symmetry, angle_difference
-from vig_train.network.network import Heads
+from vig_train.network.network import DenseHeads, Heads
 from vig_train.training.augmentation import Batch
 from vig_train.training.targets import azimuth_labels
 
@@ -27,8 +27,7 @@ def losses(heads: Heads, batch: Batch, symmetry: Symmetry = Symmetry.NONE) -> di
         batch: What they should be; its numbers are in the heads' units.
         symmetry: Of the class.
     """
-    dense = heads.azimuth, heads.mean, heads.log_variance, heads.roll, heads.presence
-    parts = dense_losses(*dense, Targets.of(batch), symmetry)
+    parts = dense_losses(heads, batch, symmetry)
     parts["mask"] = mask_loss(heads.mask, batch.mask)
     return {name: parts[name] for name in LOSS_WEIGHTS}
 
@@ -42,48 +41,36 @@ class Targets:
     roll: torch.Tensor
     present: torch.Tensor
 
-    @staticmethod
-    def of(batch: Batch) -> Targets:
-        """Return those of a batch."""
-        return Targets(batch.azimuth, batch.numbers, batch.roll, batch.present)
-
     def __getitem__(self, chosen: torch.Tensor) -> Targets:
         return Targets(*(value[chosen] for value in vars(self).values()))
 
 
 def dense_losses(
-    azimuth_logits: torch.Tensor,
-    mean: torch.Tensor,
-    log_variance: torch.Tensor,
-    roll: torch.Tensor,
-    presence: torch.Tensor,
-    targets: Targets,
-    symmetry: Symmetry = Symmetry.NONE,
+    heads: DenseHeads, targets: Targets | Batch, symmetry: Symmetry = Symmetry.NONE
 ) -> dict[str, torch.Tensor]:
-    """Return parts of the loss of all heads but the mask: a distribution over azimuth, Gaussian likelihoods,
-    others.
+    """Return parts of the loss of all heads but the mask: azimuth's distribution, likelihoods, others.
 
     Terms of numbers are weighted by their own deviations (beta-NLL, Seitzer et al. 2022), so that those that
     are hard to predict continue to be learned. Where the object is absent only presence counts.
 
     Args:
-        azimuth_logits: See `Heads`, as for mean, log_variance, roll and presence.
+        heads: The network's outputs.
         targets: What they should be; the numbers in the heads' units.
         symmetry: Of the class; where any turn looks the same azimuth does not count.
     """
-    labels = azimuth_labels(targets.azimuth, azimuth_logits.shape[1], symmetry=symmetry)
-    azimuth = functional.cross_entropy(azimuth_logits, labels, reduction="none") * float(symmetry.fold > 0)
-    variance = log_variance.exp()
-    likelihood = (mean - targets.numbers) ** 2 / variance + log_variance
+    labels = azimuth_labels(targets.azimuth, heads.azimuth.shape[1], symmetry=symmetry)
+    azimuth = functional.cross_entropy(heads.azimuth, labels, reduction="none") * float(symmetry.fold > 0)
+    variance = heads.log_variance.exp()
+    likelihood = (heads.mean - targets.numbers) ** 2 / variance + heads.log_variance
     weight = targets.present / targets.present.sum().clamp_min(1.0)
-    # Unit of errors of roll in the loss, radians
-    roll_error = angle_difference(roll, targets.roll) / math.radians(10.0)
+    # Errors of roll count in units of 10 degrees.
+    roll_error = angle_difference(heads.roll, targets.roll) / math.radians(10.0)
     roll_loss = functional.smooth_l1_loss(roll_error, torch.zeros_like(roll_error), reduction="none")
     return {
         "azimuth": (azimuth * weight).sum(),
         "numbers": ((likelihood * variance.detach().sqrt()).mean(1) * weight).sum(),
         "roll": (roll_loss * weight).sum(),
-        "presence": functional.binary_cross_entropy_with_logits(presence, targets.present),
+        "presence": functional.binary_cross_entropy_with_logits(heads.presence, targets.present),
     }
 
 
@@ -95,7 +82,7 @@ def mask_loss(logits: torch.Tensor, shares: torch.Tensor) -> torch.Tensor:
     near_object = functional.max_pool2d(
         1 - shares[:, 2], MASK_MARGIN_CELLS, stride=1, padding=MASK_MARGIN_CELLS // 2
     )
-    # Weight of cells on and near the object in the mask's loss, over that of others
-    weight = 1 + (3.0 - 1) * near_object
+    # Cells on and near the object weigh three times as much as others.
+    weight = 1 + 2.0 * near_object
     cell_loss = functional.cross_entropy(logits, shares, reduction="none")
     return (cell_loss * weight).sum() / weight.sum()

@@ -19,8 +19,8 @@ from torch.nn import functional
 from vig.io.checks import read_tensors, reading
 from vig.io.files import atomic_write
 from vig.recognition.object_map import BOX_SIDES, MAP_STRIDE
+from vig_train.network.decoder import ObjectMap
 from vig_train.network.network import RecognitionNetwork, bfloat16
-from vig_train.network.object_map import ObjectMap
 from vig_train.network.weights import read_network
 from vig_train.training.collages import PICTURES, SIDE, Box, draw_pictures
 from vig_train.training.examples import Examples
@@ -162,7 +162,7 @@ def map_loss(numbers: torch.Tensor, targets: MapTargets) -> torch.Tensor:
     hit = (1 - probability) ** CENTRE_FOCUS * functional.logsigmoid(logit)
     miss = (1 - targets.centre) ** MISS_FOCUS * probability**CENTRE_FOCUS * functional.logsigmoid(-logit)
     centres = -torch.where(at_centre, hit, miss)[targets.counts].sum() / at_centre.sum().clamp_min(1)
-    # Error of a box, in cells or in logarithms, from which it counts linearly
+    # From .2 on, in cells or in logarithms, errors of boxes count linearly.
     errors = functional.smooth_l1_loss(numbers[:, 1:], targets.box, reduction="none", beta=0.2).sum(1)
     return centres + errors[targets.near].sum() / targets.near.sum().clamp_min(1)
 
@@ -179,7 +179,7 @@ def targets_of(boxes: list[Box]) -> MapTargets:
         x, y = (x0 + x1) / 2 / MAP_STRIDE, (y0 + y1) / 2 / MAP_STRIDE
         spread = ((right - x) / (0.12 * w + 0.25)) ** 2 + ((down - y) / (0.12 * h + 0.25)) ** 2
         here = torch.exp(-0.5 * spread)
-        # Share of an object, or of its box, that is seen: with less it counts neither as there nor as absent
+        # An object of which less than .12 is seen counts neither as there nor as absent.
         known = BOX_SIDES[0] <= max(x1 - x0, y1 - y0) <= BOX_SIDES[1] and seen >= 0.12
         if not known or not (0 <= x < CELLS and 0 <= y < CELLS):
             counts &= here < 0.1

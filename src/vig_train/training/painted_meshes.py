@@ -35,7 +35,7 @@ def draw_paint(rng: np.random.Generator, mesh: SourceMesh, own: float) -> Paint:
     keep = rng.random() < own
     changed = 0.0 if keep else rng.choice([0.3, 0.6, 0.9])
     tint = np.exp(rng.normal(0, 0.25)) * np.exp(rng.normal(0, 0.1, 3))
-    # Share of images in which glass lets the inside be seen; in the others it is dark
+    # In three of ten images glass lets the inside be seen; in the others it is dark.
     clear = rng.random() < 0.3
     shiny = rng.random()
     for number, texture in enumerate(mesh.textures):
@@ -43,13 +43,13 @@ def draw_paint(rng: np.random.Generator, mesh: SourceMesh, own: float) -> Paint:
         dark = mean.max() < DARK
         flat = texture.size == 3
         texture = texture * tint
-        # Opacity from which a material is no glass
+        # Glass.
         if mesh.opacity[number] < 0.9:
             drawn[number] = not clear
             texture = np.full((1, 1, 3), np.exp(rng.uniform(np.log(0.01), np.log(0.15))), np.float32)
             gloss[number] = rng.uniform(0.5, 2.0)
         else:
-            # Share of dark materials that get another colour where others do
+            # Few dark materials, such as tyres, get another colour where others do.
             if rng.random() < (0.15 * (changed > 0) if dark else changed):
                 if flat:
                     colour = (

@@ -92,7 +92,7 @@ class CutoutLibrary:
             colour, cover = self._drawn(places, size, rng, images)
             own = (colour * cover).sum((2, 3)) / cover.sum((2, 3)).clamp_min(1)
             gain = torch.exp(0.2 * normal(count, 1) + 0.06 * normal(count, 3))
-            # Share of cut-outs that get the object's mean colour
+            # A quarter of the cut-outs get the object's mean colour.
             alike = (uniform(count) < 0.25) & (seen > 0)
             towards = ((mean + 0.03) / (own + 0.03)) ** (0.5 + 0.5 * uniform(count, 1))
             gain = torch.where(alike[:, None], towards, gain)[:, :, None, None]

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from vig_world.assets.own.supports import largest_rectangle
 from vig_world.assets.things import Support
 from vig_world.rooms.plan import Body, Plan
 
@@ -105,37 +106,18 @@ def occupied(plan: Plan, bodies: list[Body]) -> tuple[Array, Array]:
     return taken, low
 
 
-def _largest(free: Array) -> tuple[int, int, int, int]:
-    """The largest rectangle of true cells: row and column where it starts, and its rows and columns."""
-    best, where = 0, (0, 0, 0, 0)
-    heights = np.zeros(free.shape[1], int)
-    for row in range(free.shape[0]):
-        heights = np.where(free[row], heights + 1, 0)
-        if row + 1 < len(free) and not (free[row] & ~free[row + 1]).any():
-            continue  # whatever ends here is larger one row on
-        stack: list[tuple[int, int]] = []
-        for column, height in enumerate([*heights.tolist(), 0]):
-            start = column
-            while stack and stack[-1][1] >= height:
-                start, tall = stack.pop()
-                if tall * (column - start) > best:
-                    best, where = tall * (column - start), (row - tall + 1, start, tall, column - start)
-            stack.append((start, height))
-    return where
-
-
 def floor_supports(plan: Plan, avoid: list[Body], most: int = 4) -> list[Support]:
     """Free rectangles of the bare floor, the larger first; their +y points to what is nearest."""
     taken, low = occupied(plan, [b for b in plan.bodies if b.low < 1.0] + avoid)
     result: list[Support] = []
     free = ~taken
     while len(result) < most:
-        row, column, rows, columns = _largest(free)
-        if min(rows, columns) * CELL - 2 * SKIRTED < LEAST - 1e-6:
+        row, row_end, column, column_end = largest_rectangle(free)
+        size = CELL * np.array([column_end - column, row_end - row])
+        if min(size) - 2 * SKIRTED < LEAST - 1e-6:
             break
-        free[row : row + rows, column : column + columns] = False
+        free[row:row_end, column:column_end] = False
         start = low + CELL * np.array([column, row])
-        size = CELL * np.array([columns, rows])
         result.append(_turned(plan, start + size / 2, size / 2 - SKIRTED))
     return result
 

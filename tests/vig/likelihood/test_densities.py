@@ -9,7 +9,8 @@ import pytest
 import scipy.integrate
 
 from tests.support import assert_close, points_of
-from vig.likelihood import Likelihood, Photos, mixture
+from tests.vig.likelihood.mixture import mixture
+from vig.likelihood import Likelihood, Photos
 from vig.likelihood.densities import NAMES, density_of
 
 SIGMA = 0.1

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from tests.support import assert_close, points_of
-from vig.likelihood import Geometry, Likelihood, Photos, mixture
+from tests.vig.likelihood.mixture import mixture
+from vig.likelihood import Geometry, Likelihood, Photos
 from vig.recognition.network import latents_of, mirrored
 from vig.scene import EXPOSURE_L00, Latents
 from vig_train.training.targets import numbers_of

@@ -7,7 +7,8 @@ import pytest
 import scipy.stats
 
 from tests.support import assert_close
-from vig.likelihood import GAUSSIAN, ROBUST, PixelModel, mixture
+from tests.vig.likelihood.mixture import mixture
+from vig.likelihood import GAUSSIAN, ROBUST, PixelModel
 
 
 def row(*numbers: float) -> np.ndarray:

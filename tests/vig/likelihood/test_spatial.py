@@ -10,7 +10,8 @@ import pytest
 import scipy
 
 from tests.support import assert_close
-from vig.likelihood import NEVER, SPATIAL, SpatialMask, mixture, spatial_posterior
+from tests.vig.likelihood.mixture import mixture
+from vig.likelihood import NEVER, SPATIAL, SpatialMask, spatial_posterior
 from vig.likelihood.spatial import NEIGHBOURS, graph_cut, links, mean_field, messages, visible_log_odds
 from vig.scene.functions import sigmoid
 

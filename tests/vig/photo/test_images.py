@@ -139,9 +139,7 @@ def test_huge_images_are_refused_by_their_header(tmp_path: Path, side: int) -> N
     (tmp_path / "bomb.png").write_bytes(data)
     assert side**2 > MAX_PIXELS
     for read in (read_photo, read_mask):
-        refused(
-            tmp_path / "bomb.png", "expected at most 250 megapixels; got .* Make it smaller|damaged", read
-        )
+        refused(tmp_path / "bomb.png", "expected at most 250 megapixels; got .* Make it smaller", read)
     assert focal_of(tmp_path / "bomb.png") is None
 
 

@@ -66,7 +66,8 @@ def test_without_torch_a_class_has_no_network_and_says_what_gives_it_one(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    for name in [name for name in sys.modules if name.startswith("vig_train.class_training")]:
+    loaded = "vig_train.class_training", "vig_train.training"
+    for name in [name for name in sys.modules if name.startswith(loaded)]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.delattr(vig_train, "class_training", raising=False)
     monkeypatch.setitem(sys.modules, "torch", None)

@@ -83,12 +83,12 @@ def test_no_dataset_is_refused(tmp_path: Path, capsys: Any) -> None:
 @pytest.mark.parametrize(
     ("given", "expected"),
     [
-        (["--level", "1.5"], "expected --level as a share from 0 to 1; got 1.5"),
-        (["--occluded", "-0.1"], "expected --occluded as a share from 0 to 1; got -0.1"),
-        (["--absent", "nan"], "expected --absent as a share from 0 to 1; got nan"),
-        (["--distinct", "-1"], "expected --distinct as a number of images; got -1"),
+        (["--level", "1.5"], "expected --level from 0 to 1; got 1.5"),
+        (["--occluded", "-0.1"], "expected --occluded from 0 to 1; got -0.1"),
+        (["--absent", "nan"], "expected --absent from 0 to 1; got nan"),
+        (["--distinct", "-1"], "expected --distinct of at least 0; got -1"),
         (["--distinct", "8"], "expected --distinct of as many images as a step takes, 24, or more; got 8"),
-        (["--batch", "0"], "expected --batch of 1 or more images; got 0"),
+        (["--batch", "0"], "expected --batch of at least 1; got 0"),
         (["--mask-alone"], "expected --start with --mask-alone"),
         (["--map-alone"], "expected --start with --map-alone"),
         (["--others", "mug"], "expected --map-alone and --distinct with --others"),
@@ -107,7 +107,7 @@ def test_no_dataset_is_refused(tmp_path: Path, capsys: Any) -> None:
         (["--frozen", "6"], "expected --frozen from 0 to 5; got 6"),
         (["--workers", "0"], "expected --workers of at least 1; got 0"),
         (["--studio", "0", "--props", "P"], "expected --studio above 0 with --props"),
-        (["--rate", "0"], "expected --rate above 0 and at most 0.1; got 0"),
+        (["--rate", "0"], "expected --rate from 1e-06 to 0.1; got 0"),
     ],
 )
 def test_numbers_out_of_range_are_told(
