@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 import torch
 
 from vig_renderer import MeshObject, Pinhole, Scene, Topology, pyramid, render
@@ -38,8 +37,3 @@ def test_texture_faces_of_an_object_without_a_texture_are_not_read() -> None:
     torch.testing.assert_close(images[0], images[1])
     assert bare.vertices.grad is not None and bare.vertices.grad.abs().max() > 0
     torch.testing.assert_close(bare.vertices.grad, plain.vertices.grad)
-
-
-def test_texture_faces_below_zero_are_refused() -> None:
-    with pytest.raises(ValueError, match="rows of coordinates, 0 and up; they name -5"):
-        square(0.5, FACES - 5)

@@ -11,7 +11,6 @@ from rich.console import Console
 from vig.io.machine import machine
 from vig.io.printing import end
 from vig_paper.reproduction import RENDERERS, Run, RunFolder, reproduce
-from vig_paper.reproduction.page import write_page
 from vig_paper.reproduction.reached import reached, reached_block, reached_line, training_line
 from vig_paper.settings import Reproduce, ReproductionSettings
 from vig_train.cli.common import check_workers, command_line
@@ -39,7 +38,7 @@ def reproduce_paper(chosen: Reproduce) -> int:
 
     run = Run(folder, settings, not chosen.no_cycles, chosen.workers, report, not chosen.json)
     command = command_line("vig reproduce", chosen, skipped=SAME_NUMBERS)
-    record = reproduce(run, write_page, chosen.steps, machine(), command)
+    record = reproduce(run, chosen.steps, machine(), command)
     tables = {name: table for name in RENDERERS if (table := folder.read_table(name)) is not None}
     recorded = record.data["settings"]
     cells = {name: compare(table) for name, table in tables.items()}

@@ -63,3 +63,12 @@ class RunFolder:
 def read_json(path: Path) -> dict[str, Any] | None:
     """A table of a run; None when it does not exist."""
     return json.loads(path.read_text()) if path.exists() else None
+
+
+def duration(seconds: float) -> str:
+    """Such as 12.3 s, 4 min 10 s, 2 h 5 min."""
+    if seconds < 60:
+        return f"{seconds:.1f} s"
+    minutes, remaining_seconds = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min {remaining_seconds} s"

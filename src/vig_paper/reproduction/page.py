@@ -16,9 +16,8 @@ from jinja2 import Environment, FileSystemLoader
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
 from vig_paper.ablation import ablation_blocks
-from vig_paper.reproduction.folder import DATASETS, RENDERERS, RunFolder, read_json
+from vig_paper.reproduction.folder import DATASETS, RENDERERS, RunFolder, duration, read_json
 from vig_paper.reproduction.reached import reached, reached_block, reached_line, training_line
-from vig_paper.reproduction.run import duration
 from vig_paper.reproduction.work import OCCLUSION_LIMITS
 from vig_train.evaluation import METRICS
 from vig_train.evaluation.paper import compare, comparison_block

@@ -10,7 +10,8 @@ from typing import Any
 
 from vig.io.errors import UserError
 from vig_paper.reproduction import work
-from vig_paper.reproduction.folder import RENDERERS
+from vig_paper.reproduction.folder import RENDERERS, duration
+from vig_paper.reproduction.page import write_page
 from vig_paper.reproduction.work import Run
 from vig_paper.settings import STEP_KINDS
 from vig_train.record import Record
@@ -40,7 +41,7 @@ class Step:
         return record.complete(self.name) and (self.product is None or self.product.exists())
 
 
-def steps_of(run: Run, renderers: tuple[str, ...], write_page: Callable[[Path], object]) -> list[Step]:
+def steps_of(run: Run, renderers: tuple[str, ...]) -> list[Step]:
     """The steps of a run over these renderers' test photos, in the order in which they are done."""
     folder, names = run.folder, [RENDERERS[renderer] for renderer in renderers]
     if run.settings.weights is not None:  # they are used with the calibration they come with
@@ -82,7 +83,6 @@ def dependent_steps(step: Step, steps: list[Step]) -> list[str]:
 
 def reproduce(
     run: Run,
-    write_page: Callable[[Path], object],
     kinds: Iterable[str] = STEP_KINDS,
     machine: Mapping[str, Any] | None = None,
     command: str = "",
@@ -94,7 +94,6 @@ def reproduce(
 
     Args:
         run: See `Run`.
-        write_page: Writes the page of a run's folder.
         kinds: Which of `STEP_KINDS`.
         machine: Recorded when a run begins.
         command: Recorded likewise.
@@ -113,7 +112,7 @@ def reproduce(
     if run.workers is not None and run.workers < 1:
         raise UserError(f"expected --workers of at least 1; got {run.workers}")
     record = Record.open(run.folder.record, run.settings, machine or {}, command)
-    steps = steps_of(run, run.renderers(), write_page)
+    steps = steps_of(run, run.renderers())
     by_name = {step.name: step for step in steps}
     for step in steps:
         if step.kind not in chosen:
@@ -132,12 +131,3 @@ def reproduce(
             step.work()
         run.report(f"{step.name}: done, in {duration(record.seconds(step.name))}")
     return record
-
-
-def duration(seconds: float) -> str:
-    """Such as 12.3 s, 4 min 10 s, 2 h 5 min."""
-    if seconds < 60:
-        return f"{seconds:.1f} s"
-    minutes, remaining_seconds = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours} h {minutes} min" if hours else f"{minutes} min {remaining_seconds} s"

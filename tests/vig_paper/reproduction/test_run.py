@@ -10,7 +10,7 @@ import pytest
 
 from vig.io.errors import UserError
 from vig_paper.reproduction import Run, reproduce, work
-from vig_paper.reproduction.run import duration
+from vig_paper.reproduction.folder import duration
 from vig_paper.settings import STEP_KINDS
 from vig_train.record import Record
 
@@ -28,14 +28,15 @@ ALL = [
 
 
 @pytest.fixture
-def go(done: list[str]) -> Callable[..., Record]:
+def go(done: list[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., Record]:
     """Reproduces with a page that is only a file."""
 
     def page(root: Path) -> None:
         done.append("page")
         (root / "index.html").touch()
 
-    return lambda run, chosen=STEP_KINDS: reproduce(run, page, chosen)
+    monkeypatch.setattr("vig_paper.reproduction.run.write_page", page)
+    return lambda run, chosen=STEP_KINDS: reproduce(run, chosen)
 
 
 def test_every_step_is_done_once_and_in_order(begin, go, done: list[str]) -> None:
