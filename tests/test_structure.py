@@ -50,8 +50,8 @@ PLACES = [f"{package}.{name}" for package, names in ORDER.items() for name in na
 
 # The budget. A commit may lower a number; one that raises it says in CHANGELOG what was taken out for it.
 LINES = {
-    "vig_native": 7_249, "vig_renderer": 1_684, "vig": 13_277, "vig_app": 7_022, "vig_world": 19_063,
-    "vig_train": 12_401, "vig_paper": 2_755,
+    "vig_native": 7_249, "vig_renderer": 1_684, "vig": 13_277, "vig_app": 7_022, "vig_world": 19_281,
+    "vig_train": 12_406, "vig_paper": 2_752,
 }  # fmt: skip
 CONSTANTS = 1_264
 REACHED_LINES = {"vig.explainer": 11_402, "vig_app.cli.fit": 18_414}
