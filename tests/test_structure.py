@@ -31,7 +31,7 @@ ORDER = {
         "record", "outputs", "hints", "explanation", "explainer", "several", "video", "__main__",
     ),
     "vig_app": (
-        "demo", "examples", "results", "pictures", "glb", "exports", "report", "corrections", "runs",
+        "examples", "demo", "results", "pictures", "glb", "exports", "report", "corrections", "runs",
         "viewer", "cli",
     ),
     "vig_world": (

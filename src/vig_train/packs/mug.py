@@ -12,7 +12,7 @@ import numpy as np
 
 from vig.scene import ObjectClass
 from vig_train.packs.lights import light_prior
-from vig_train.packs.shapes import fit_shape_model, write_packaged
+from vig_train.packs.shapes import describe_model, fit_shape_model, save_packaged
 from vig_world.assets.mugs import (
     HELD_OUT_MUGS,
     MUG_FACES,
@@ -76,7 +76,9 @@ def main() -> None:
     kinds = {"training": TRAINING_MUGS, "test": HELD_OUT_MUGS, "validation": VALIDATION_MUGS}
     designs = kinds | {"drawn anew": drawn_mugs(20, seed=1)}
     vertices = {kind: vertices_of(each) for kind, each in designs.items()}
-    write_packaged(build_mug_class(), designs_of_scenes(), vertices)
+    built = build_mug_class()
+    folder = save_packaged(built, designs_of_scenes())
+    print(*describe_model(built.shape_model, vertices), folder, sep="\n")
 
 
 if __name__ == "__main__":

@@ -56,30 +56,35 @@ def beyond_model_mm(model: ShapeModel, vertices: np.ndarray) -> np.ndarray:
     return 1000 * np.linalg.norm(vertices - nearest, axis=-1).mean(axis=1)
 
 
-def write_packaged(
-    built: ObjectClass,
-    scenes: Mapping[str, Sequence[MugDesign | TeapotDesign]],
-    kinds: Mapping[str, np.ndarray],
-) -> None:
-    """Save a class in the folder that the command line names, or as the packaged one, and describe it.
+def save_packaged(built: ObjectClass, scenes: Mapping[str, Sequence[MugDesign | TeapotDesign]]) -> Path:
+    """Save a class in the folder that the command line names, or as the packaged one.
 
     Args:
         built: The class.
         scenes: Designs of scenes, by split.
-        kinds: Vertices (N, V, 3) of designs that are compared with the model, by name.
     """
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else PACKAGED / built.name
     built.save(folder)
     save_coded(scenes, folder)
     write_transfer(built, folder)
-    model, ratio = built.shape_model, built.shape_model.explained_variance_ratio
-    print(f"{len(model.mean)} vertices, {len(model.faces)} faces, mean size {np.ptp(model.mean, axis=0)} m")
-    print(f"{model.modes} components hold {ratio.sum():.4f} of the variance: {np.round(ratio, 3)}")
-    print("mean distance of vertices from the nearest shape, % of the design's longest side, by components")
+    return folder
+
+
+def describe_model(model: ShapeModel, kinds: Mapping[str, np.ndarray]) -> Iterator[str]:
+    """Yield lines on a shape model: its size, its components, and how near it comes to designs.
+
+    Args:
+        model: The shape model.
+        kinds: Vertices (N, V, 3) of designs that are compared with it, by name.
+    """
+    ratio = model.explained_variance_ratio
+    yield f"{len(model.mean)} vertices, {len(model.faces)} faces, mean size {np.ptp(model.mean, axis=0)} m"
+    yield f"{model.modes} components hold {ratio.sum():.4f} of the variance: {np.round(ratio, 3)}"
+    yield "mean distance of vertices from the nearest shape, % of the design's longest side, by components"
     for components in range(2, model.modes + 1, 2):
         errors = (f"{kind} {relative_distance(model, v, components):.2%}" for kind, v in kinds.items())
-        print(f"{components:2d}: {', '.join(errors)}")
-    print(*distance_lines(model, kinds), folder, sep="\n")
+        yield f"{components:2d}: {', '.join(errors)}"
+    yield from distance_lines(model, kinds)
 
 
 def distance_lines(model: ShapeModel, designs: Mapping[str, np.ndarray]) -> Iterator[str]:

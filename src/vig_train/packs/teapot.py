@@ -12,7 +12,7 @@ import numpy as np
 
 from vig.scene import Family, ObjectClass, ShapeModel
 from vig_train.packs.lights import light_prior
-from vig_train.packs.shapes import fit_shape_model, write_packaged
+from vig_train.packs.shapes import describe_model, fit_shape_model, save_packaged
 from vig_world.assets.designs import (
     HANDLES,
     HELD_OUT_DESIGNS,
@@ -97,7 +97,9 @@ def main() -> None:
     """Build, save and describe the class."""
     kinds = {"training": TRAINING_DESIGNS, "test": HELD_OUT_DESIGNS, "validation": VALIDATION_DESIGNS}
     vertices = {kind: vertices_of(each) for kind, each in kinds.items()}
-    write_packaged(build_teapot_class(), designs_of_scenes(), vertices)
+    built = build_teapot_class()
+    folder = save_packaged(built, designs_of_scenes())
+    print(*describe_model(built.shape_model, vertices), folder, sep="\n")
 
 
 if __name__ == "__main__":

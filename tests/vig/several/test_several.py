@@ -21,7 +21,7 @@ from vig_app.results import read_results
 from vig_world.generation.groups import Group, make_group
 from vig_world.library import Library
 
-SEED, INDEX = 7, 8
+SEED, INDEX = 7, 19
 """Three objects; the fit alone of the last takes much of what is before it for its own."""
 
 
@@ -193,7 +193,7 @@ def test_each_is_fitted_again_and_what_is_before_it_is_not_its_own(
         (each.mask & visible).sum() / (each.mask | visible).sum()
         for each in (alone[behind], scene.objects[behind])
     )
-    assert after > max(0.93, before + 0.1), ".81 and .95 when this was written"
+    assert after > max(0.6, before + 0.2), ".33 and .70 when this was written"
     assert np.allclose(scene.poses[behind][0], scene.poses[0][0])  # one camera
 
 
