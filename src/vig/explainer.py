@@ -278,7 +278,7 @@ class Explainer:
 
 @with_default_settings
 def recognizer_of(object_class: ObjectClass) -> Recognizer:
-    """The class's network, or what stands in for it in a pack for which none was trained.
+    """Return the class's network, or what stands in for it in a pack for which none was trained.
 
     Raises:
         UserError: The weights are damaged or of another class, or lost: their calibration is there.
@@ -290,7 +290,7 @@ def recognizer_of(object_class: ObjectClass) -> Recognizer:
 
 
 def _lowered_by_presence(fit: Fit, present: float, name: str) -> Fit:
-    """A fit of what was found, not given, and is an object of the class with this probability."""
+    """Return a fit of what was found, not given, and is an object of the class with this probability."""
     if present < LEAST_PRESENT:
         reason = f"no {name} was found in the photo; give a box if there is one"
         nothing = np.zeros_like(fit.visible)
@@ -302,7 +302,7 @@ def _lowered_by_presence(fit: Fit, present: float, name: str) -> Fit:
 
 
 def lower_confidence(fit: Fit, factor: float, name: str) -> Fit:
-    """A fit of what may be no object of the class, its probabilities times a factor."""
+    """Return a fit of what may be no object of the class, its probabilities times a factor."""
     confidence, mask_confidence = factor * fit.confidence, factor * fit.mask_confidence
     views = tuple(replace(view, probability=factor * view.probability) for view in fit.alternatives)
     sure = fit.mask_trusted and mask_confidence >= fit.mask_threshold
@@ -317,7 +317,7 @@ def lower_confidence(fit: Fit, factor: float, name: str) -> Fit:
 
 
 def checked_box(box: Any) -> Box:
-    """Four finite numbers from whatever was given as a box; UserError when it is something else."""
+    """Return four finite numbers from whatever was given as a box; UserError when it is something else."""
     try:
         numbers = [float(number) if isinstance(number, str) else number_of(number) for number in box]
         x, y, w, h = (math.nan if number is None else number for number in numbers)
@@ -331,7 +331,7 @@ def checked_box(box: Any) -> Box:
 
 
 def checked_focal(focal: float) -> float:
-    """A focal length in pixels; UserError when it is not positive and finite."""
+    """Return a focal length in pixels; UserError when it is not positive and finite."""
     number = number_of(focal)
     if number is None or not 0 < number < math.inf:
         raise UserError(f"expected a focal length in pixels, above 0; got {focal!r}. Leave it out.")
@@ -339,7 +339,8 @@ def checked_focal(focal: float) -> float:
 
 
 def lens_of(photo: Photo, focal: float | None = None, camera: Any = None) -> Lens | None:
-    """The lens of a photo that is given, or else the one that its EXIF data tell; None where none is known.
+    """Return the lens of a photo that is given, or else the one that its EXIF data tell; None where none is
+    known.
 
     UserError where a camera and a focal length are given, or a focal length is none.
     """
@@ -354,7 +355,7 @@ def lens_of(photo: Photo, focal: float | None = None, camera: Any = None) -> Len
 
 
 def _matched(photos: Iterable[Photo], **others: Iterable[Any] | None) -> Iterator[tuple[Any, ...]]:
-    """Each photo with its own of the others, None of those that are not given.
+    """Yield each photo with its own of the others, None of those that are not given.
 
     UserError where photos and others are not as many.
     """
@@ -378,7 +379,7 @@ def _sendable(photo: Photo) -> str | np.ndarray:
 
 
 def _prepare(shared: tuple[Path, ExplainSettings]) -> Callable[[Any], Any]:
-    """The work of a process of `Explainer.explain_many`."""
+    """Return the work of a process of `Explainer.explain_many`."""
     explainer = Explainer(*shared)
 
     def work(item: Item) -> Any:

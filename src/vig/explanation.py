@@ -48,17 +48,17 @@ class Alternative:
 
     @property
     def azimuth_deg(self) -> float:
-        """As `Explanation.azimuth_deg`."""
+        """Return `Explanation.azimuth_deg`."""
         return math.degrees(float(self.latents.azimuth[0])) % 360
 
     @property
     def elevation_deg(self) -> float:
-        """As `Explanation.elevation_deg`."""
+        """Return `Explanation.elevation_deg`."""
         return math.degrees(float(self.latents.elevation[0]))
 
     @property
     def camera_from_object(self) -> np.ndarray:
-        """As `Explanation.camera_from_object`."""
+        """Return `Explanation.camera_from_object`."""
         return self.camera.camera_from_object(self.latents)
 
 
@@ -89,37 +89,40 @@ class Explanation:
 
     @property
     def photo(self) -> np.ndarray:
-        """The photo (H, W, 3) float32, linear RGB."""
+        """Return the photo (H, W, 3) float32, linear RGB."""
         return linear_photo(self.picture)
 
     @property
     def verdict(self) -> Verdict:
-        """How far the explanation can be believed."""
+        """Return how far the explanation can be believed."""
         return self.fit.verdict
 
     @property
     def reason(self) -> str:
-        """One sentence on the verdict."""
+        """Return one sentence on the verdict."""
         return self.fit.reason
 
     @property
     def confidence(self) -> float:
-        """Probability that the view is right, NaN for a class without calibration."""
+        """Return the probability that the view is right, NaN for a class without calibration."""
         return self.fit.confidence
 
     @property
     def mask_confidence(self) -> float:
-        """Probability that the mask has an IoU of .8 or more, NaN for a class without calibration."""
+        """Return the probability that the mask has an IoU of .8 or more, NaN for a class without
+        calibration.
+        """
         return self.fit.mask_confidence
 
     @property
     def present(self) -> float:
-        """Probability that the photo shows the object at all; NaN where its place was given."""
+        """Return the probability that the photo shows the object at all; NaN where its place was given."""
         return self.fit.present
 
     @property
     def trusted(self) -> tuple[str, ...]:
-        """What of the answer is trusted: "view" where the verdict says so, "mask" where its confidence does.
+        """Return the trusted parts of the answer: "view" where the verdict says so, "mask" where its
+        confidence does.
 
         One does not follow from the other: from a view that is right textured things before the object may
         be taken for painted object, and a mask may be right whichever way the object is turned.
@@ -129,12 +132,12 @@ class Explanation:
 
     @property
     def latents(self) -> Latents:
-        """All numbers of the explanation (B = 1)."""
+        """Return all numbers of the explanation (B = 1)."""
         return self.fit.latents
 
     @cached_property
     def alternatives(self) -> tuple[Alternative, ...]:
-        """Other views that the search tried, two at most.
+        """Return other views that the search tried, two at most.
 
         Where one makes the verdict `AMBIGUOUS` it comes first.
         """
@@ -145,7 +148,7 @@ class Explanation:
 
     @property
     def azimuth_deg(self) -> float:
-        """The eye's azimuth about the object's vertical axis, degrees in [0, 360).
+        """Return the eye's azimuth about the object's vertical axis, degrees in [0, 360).
 
         Of views that look the same the first: in [0, 180) where half a turn shows the same, 0 where any does.
         """
@@ -153,17 +156,17 @@ class Explanation:
 
     @property
     def elevation_deg(self) -> float:
-        """The eye's elevation above the object's horizon, degrees."""
+        """Return the eye's elevation above the object's horizon, degrees."""
         return math.degrees(float(self.latents.elevation[0]))
 
     @property
     def roll_deg(self) -> float:
-        """By how far the photo is turned clockwise about the object, degrees."""
+        """Return by how far the photo is turned clockwise about the object, degrees."""
         return math.degrees(self.camera.roll)
 
     @cached_property
     def camera(self) -> Camera:
-        """The camera of the whole photo; `camera.K` is its intrinsic matrix.
+        """Return the camera of the whole photo; `camera.K` is its intrinsic matrix.
 
         Of a photo whose camera was given to `Explainer.explain` it is that one. Else it looks straight at the
         object, as if the photo had been cut from a larger one about it (see `pinhole_pose`), and a focal
@@ -174,7 +177,7 @@ class Explanation:
 
     @property
     def window_camera(self) -> Camera:
-        """The fit's camera, which looks straight at the object, in pixels of the window."""
+        """Return the fit's camera, which looks straight at the object, in pixels of the window."""
         return self._geometry.window_camera(self.fit.framing)
 
     @cached_property
@@ -208,12 +211,12 @@ class Explanation:
 
     @property
     def amodal(self) -> np.ndarray:
-        """All pixels (H, W) bool that the object covers, hidden ones included."""
+        """Return all pixels (H, W) bool that the object covers, hidden ones included."""
         return self._masks[0]
 
     @property
     def mask(self) -> np.ndarray:
-        """The pixels (H, W) bool in which the object is seen."""
+        """Return the pixels (H, W) bool in which the object is seen."""
         return self._masks[1]
 
     @cached_property
@@ -228,7 +231,7 @@ class Explanation:
 
     @cached_property
     def outlines(self) -> tuple[np.ndarray, np.ndarray]:
-        """Distances to the outlines of what the object covers and of what of it is seen.
+        """Return distances to the outlines of what the object covers and of what of it is seen.
 
         See `outline_distance`; as far as pictures of `SMALLEST_PICTURE` pixels or more show them.
         """
@@ -245,18 +248,22 @@ class Explanation:
 
     @cached_property
     def box(self) -> tuple[int, int, int, int] | None:
-        """x, y, width, height in pixels round what the object covers of the photo; None for nothing."""
+        """Return x, y, width, height in pixels round what the object covers of the photo; None for
+        nothing.
+        """
         return box_of(self.amodal)
 
     @property
     def hidden_fraction(self) -> float | None:
-        """Share of the object's pixels within the photo that something hides; None when there are none."""
+        """Return the share of the object's pixels within the photo that something hides; None when there
+        are none.
+        """
         covered = int(self.amodal.sum())
         return 1 - int(self.mask.sum()) / covered if covered else None
 
     @property
     def vertices(self) -> np.ndarray:
-        """The object's vertices (V, 3) float32, metres, in its own frame; faces are the class's."""
+        """Return the object's vertices (V, 3) float32, metres, in its own frame; faces are the class's."""
         return self._vertices.copy()
 
     @cached_property
@@ -352,7 +359,7 @@ class Explanation:
         return saved
 
     def report(self, photo: str = "photo") -> str:
-        """A page of HTML that shows the explanation in any browser, in one file, without the network.
+        """Return a page of HTML that shows the explanation in any browser, in one file, without the network.
 
         Args:
             photo: What the photo is called there.
@@ -374,7 +381,7 @@ class Explanation:
         return exported
 
     def pinhole_pose(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The pose before the camera that took the photo, which a robot wants.
+        """Return the pose before the camera that took the photo, which a robot wants.
 
         Its intrinsics are those given to `Explainer.explain`; else its principal point is in the photo's
         middle and its focal length the one given, that of EXIF data, or a guess. The object is seen by it
@@ -410,13 +417,15 @@ class Explanation:
 
     @property
     def position_units(self) -> np.ndarray:
-        """(3,) metres of the units of `Fit.position_deviation`: the object's length, twice, its distance."""
+        """Return (3,) metres of the units of `Fit.position_deviation`: the object's length, twice, its
+        distance.
+        """
         length = float(np.ptp(self.vertices, axis=0).max())
         return np.array([length, length, float(np.linalg.norm(self._pinhole[1][:3, 3]))])
 
     @cached_property
     def _pinhole(self) -> tuple[np.ndarray, np.ndarray]:
-        """Intrinsics (3, 3) and camera_from_object (4, 4) of the camera that took the photo."""
+        """Return intrinsics (3, 3) and camera_from_object (4, 4) of the camera that took the photo."""
         if self.window.lens is not None:
             return self.window.lens.K, self.camera_from_object
         height, width = self.picture.shape[:2]
@@ -428,7 +437,7 @@ class Explanation:
 
     @property
     def distance_known(self) -> bool:
-        """Whether the object's distance is more than a guess: focal length and class's size are known.
+        """Return whether the object's distance is more than a guess: focal length and class's size are known.
 
         Even then distances are those of an object of the class's usual size.
         """
@@ -443,12 +452,12 @@ class Explanation:
         )
 
     def _repr_png_(self) -> bytes:
-        """The overlay, for notebooks."""
+        """Return the overlay, for notebooks."""
         return png_bytes(self.overlay())
 
 
 def _numbers(name: str, size: int, value: Any, most: float) -> np.ndarray:
-    """(1, size) float32 from an argument of `Explanation.render`."""
+    """Return (1, size) float32 from an argument of `Explanation.render`."""
     try:
         array: np.ndarray = np.asarray(numpy_of_tensor(value), np.float32)
         received = f"shape {array.shape}, {str(value)[:60]}"

@@ -78,7 +78,7 @@ class PlainHints:
 
     @property
     def plain(self) -> dict[str, Any]:
-        """Their values by name."""
+        """Return their values by name."""
         return {each.name: getattr(self, each.name) for each in fields(PlainHints)}
 
 
@@ -102,7 +102,9 @@ class Hints(PlainHints):
         return self.plain != PlainHints().plain or any(array is not None for array in arrays)
 
     def checked(self, width: int, height: int, object_class: ObjectClass) -> Hints:
-        """The same with arrays of their types; UserError where something does not suit the photo or class."""
+        """Return the same with arrays of their types; UserError where something does not suit the photo or
+        class.
+        """
         changed: dict[str, Any] = {}
         for name, kind in (("mask", bool), ("marks", np.uint8)):
             if (value := getattr(self, name)) is not None:
@@ -173,7 +175,7 @@ class Hints(PlainHints):
         return marks
 
     def clues(self) -> LocationHints | None:
-        """What tells where the object is; None where nothing does."""
+        """Return the hints that tell where the object is; None where none does."""
         seen = self.mask if self.marks is None else self.marks == PixelLabel.SEEN
         if self.mask is not None and self.marks is not None:
             seen = self.mask | (self.marks == PixelLabel.SEEN)
@@ -182,7 +184,7 @@ class Hints(PlainHints):
         return LocationHints(seen, points) if seen is not None or len(points) else None
 
     def described(self) -> dict[str, Any]:
-        """What was said, in plain values: for masks and marks the number of pixels."""
+        """Return the hints in plain values: for masks and marks the number of pixels."""
         description: dict[str, Any] = {}
         for one in fields(self):
             value = getattr(self, one.name)
@@ -195,7 +197,9 @@ class Hints(PlainHints):
         return description
 
     def views(self) -> tuple[float | None, float | None, float | None]:
-        """Azimuth, elevation and roll in radians as they are given, those of the pose where they are not."""
+        """Return the azimuth, elevation and roll in radians as they are given, those of the pose where
+        they are not.
+        """
         angles = [self.azimuth_deg, self.elevation_deg, self.roll_deg]
         from_pose: tuple[float | None, ...] = (None, None, None) if self.pose is None else view_of(self.pose)
         azimuth, elevation, roll = (
@@ -206,7 +210,7 @@ class Hints(PlainHints):
     def in_window(
         self, window: Window, object_class: ObjectClass, box: tuple[float, float, float, float] | None = None
     ) -> WindowHints:
-        """The hints as the window shows them, with a box of the photo round the whole object."""
+        """Return the hints as the window shows them, with a box of the photo round the whole object."""
         labels = np.zeros((IMAGE_SIZE, IMAGE_SIZE), np.uint8)
         if self.mask is not None:
             visible_share = _share(self.mask, window)
@@ -239,7 +243,8 @@ class Hints(PlainHints):
 
 
 def checked_pose(value: Any, usual_distance: float) -> np.ndarray:
-    """A pose (4, 4) camera_from_object of an object in front of the camera; UserError names what it may be.
+    """Return a pose (4, 4) camera_from_object of an object in front of the camera; UserError names what it
+    may be.
 
     usual_distance: Metres at which a photo is taken of such an object.
     """
@@ -282,7 +287,7 @@ def checked_pose(value: Any, usual_distance: float) -> np.ndarray:
 
 
 def view_of(pose: np.ndarray) -> tuple[float, float, float]:
-    """Azimuth, elevation and roll, radians, of a pose (4, 4) camera_from_object."""
+    """Return the azimuth, elevation and roll, radians, of a pose (4, 4) camera_from_object."""
     rotation = pose[:3, :3]
     forward, up = rotation[2], rotation[:, 2]  # the optical axis in the object's frame; its Z in the camera's
     elevation = math.asin(float(np.clip(-forward[2], -1, 1)))
@@ -299,7 +304,7 @@ def _share(mask: np.ndarray, window: Window) -> np.ndarray:
 
 
 def _beyond(box: tuple[float, float, float, float], window: Window) -> np.ndarray:
-    """The window's pixels (S, S) bool clearly outside a box of the photo."""
+    """Return the window's pixels (S, S) bool clearly outside a box of the photo."""
     middle = ((np.arange(IMAGE_SIZE) + 0.5) / IMAGE_SIZE - 0.5) * window.side
     x, y = window.to_photo(*np.meshgrid(middle, middle))
     # 0.03: the object may reach beyond a box drawn by hand by this share of its longer side
@@ -310,7 +315,7 @@ def _beyond(box: tuple[float, float, float, float], window: Window) -> np.ndarra
 
 
 def _in_window(box: tuple[float, float, float, float], window: Window) -> tuple[float, float, float, float]:
-    """A box (x, y, w, h) of the photo in sides of the window, which is not turned.
+    """Return a box (x, y, w, h) of the photo in sides of the window, which is not turned.
 
     Through a lens sides become slanted lines; their middles, near which objects touch them, are taken.
     """

@@ -261,7 +261,7 @@ def read_explanation(folder: Path, remedy: str = "Explain the photo anew with `v
 
 
 def glb_from_object(azimuth: float) -> np.ndarray:
-    """(4, 4): glTF's axes (Y up) from the object's (Z up), an eye at the azimuth (radians) on +Z.
+    """Return (4, 4): glTF's axes (Y up) from the object's (Z up), an eye at the azimuth (radians) on +Z.
 
     Viewers look from there.
     """

@@ -39,12 +39,12 @@ class Found:
 
     @staticmethod
     def of(explanation: Explanation) -> Found:
-        """That of an explanation whose outline the box is round."""
+        """Return that of an explanation whose outline the box is round."""
         numbers = explanation.present, explanation.confidence
         return Found(*(None if math.isnan(number) else number for number in numbers))
 
     def lower(self, explanation: Explanation) -> Explanation:
-        """The explanation of the same once more, which is no more certain for its box."""
+        """Return the explanation of the same once more, which is no more certain for its box."""
         fit = explanation.fit
         if self.confidence is not None and fit.confidence > self.confidence:
             fit = lower_confidence(fit, self.confidence / fit.confidence, explanation.object_class.name)
@@ -145,7 +145,9 @@ class State(PlainHints):
 
     @staticmethod
     def read(folder: Path, remedy: str = "Name the photo itself.") -> tuple[Path, str, State]:
-        """Photo, class and state that `write` wrote; UserError with a remedy where they cannot be read."""
+        """Return the photo, class and state that `write` wrote; UserError with a remedy where they cannot
+        be read.
+        """
         path = folder / CORRECTIONS
         with reading(path, "corrections of a photo", remedy):
             content = decode(dict[str, Any], read_json(path))
@@ -175,8 +177,9 @@ class Correction:
 
 
 def corrected_in(folder: Path, object_class: str | Path | None = None) -> tuple[Correction, ...]:
-    """What was corrected by hand in the folder of a photo's results: of its one object, which is to be of a
-    class, or of several. Files that do not say whether they were corrected, as older ones, are passed over.
+    """Return the corrections by hand in the folder of a photo's results: of its one object, which is to
+    be of a class, or of several. Files that do not say whether they were corrected, as older ones, are
+    passed over.
     """
     names = {str(object_class), str(Path(object_class or "").resolve())}
     corrections = []
@@ -200,14 +203,14 @@ def corrected_in(folder: Path, object_class: str | Path | None = None) -> tuple[
 
 
 def _object_box(folder: Path) -> Any:
-    """The box of the object that a file of corrections is of, where it has one."""
+    """Return the box of the object that a file of corrections is of, where it has one."""
     with suppress(OSError, ValueError, KeyError, TypeError):
         return read_json(folder / CORRECTIONS)["object_box"]
     return None
 
 
 def place_of(explanation: Explanation) -> Box:
-    """The box that an explanation was given, else that of its window."""
+    """Return the box that an explanation was given, else that of its window."""
     if explanation.box is not None:
         x, y, width, height = map(float, explanation.box)
         return x, y, width, height
@@ -215,6 +218,6 @@ def place_of(explanation: Explanation) -> Box:
 
 
 def box_of(window: Window) -> Box:
-    """The inverse of `Window.round_box`, a square."""
+    """Return the inverse of `Window.round_box`, a square."""
     side, (x, y) = window.side / WINDOW_OVER_BOX, window.centre
     return x - side / 2, y + BOX_BELOW_CENTRE * window.side - side / 2, side, side

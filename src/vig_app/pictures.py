@@ -81,7 +81,7 @@ def scene_overlay(scene: SceneExplanation) -> np.ndarray:
 
 
 def draw_outlines(photo: np.ndarray, window: Window, covered: np.ndarray, visible: np.ndarray) -> np.ndarray:
-    """The photo with the object's whole outline in yellow and its hidden pixels tinted pink.
+    """Return the photo with the object's whole outline in yellow and its hidden pixels tinted pink.
 
     The outline is smooth, between two dark lines, and lies beside what the object covers; its width grows
     with the photo.
@@ -163,7 +163,7 @@ def close_up(explanation: Explanation) -> CloseUp:
 
 
 def _photo_of_window(explanation: Explanation, size: int) -> np.ndarray:
-    """The window in S x S pixels, linear RGB, from as much of a large photo's detail as shows."""
+    """Return the window in S x S pixels, linear RGB, from as much of a large photo's detail as shows."""
     window, picture = explanation.window, explanation.picture
     coarser = int(window.side / (2 * size))
     if coarser < 2:
@@ -187,7 +187,8 @@ def part_albedo(explanation: Explanation) -> np.ndarray:
 
 
 def draw_panels(shown: CloseUp) -> np.ndarray:
-    """Photo, re-rendering, residual, normals and mask under their names: (S + label, 5 S, 3) uint8.
+    """Return the photo, re-rendering, residual, normals and mask under their names: (S + label, 5 S, 3)
+    uint8.
 
     The re-rendering stands in the photo, in front of everything. The residual is the photo's brightness less
     the rendering's where the object is seen: red where the photo is brighter, blue where it is darker.
@@ -227,7 +228,7 @@ def draw_panels(shown: CloseUp) -> np.ndarray:
 
 @functools.cache
 def _labels(size: int) -> np.ndarray:
-    """Names of `draw_panels` of a size beside each other, (LABEL, 5 size, 3) uint8."""
+    """Return names of `draw_panels` of a size beside each other, (LABEL, 5 size, 3) uint8."""
     image = Image.new("RGB", (len(PANEL_NAMES) * size, LABEL), "white")
     pen, font = ImageDraw.Draw(image), ImageFont.load_default(14)
     for number, name in enumerate(PANEL_NAMES):
@@ -236,7 +237,7 @@ def _labels(size: int) -> np.ndarray:
 
 
 def part_colours(shown: CloseUp, albedo: np.ndarray, reflectance: np.ndarray) -> np.ndarray:
-    """Linear RGB (parts, 3) of each part's surface.
+    """Return linear RGB (parts, 3) of each part's surface.
 
     The albedo (3,) times the part's reflectance (parts,) and the photo over the re-rendering, the median of
     where the part is seen, made so dark that it is in [0, 1]; without the photo where too little is seen.
@@ -255,6 +256,6 @@ def part_colours(shown: CloseUp, albedo: np.ndarray, reflectance: np.ndarray) ->
 
 
 def _share(distance: np.ndarray) -> np.ndarray:
-    """Share of a pixel within an edge that is so many pixels away, inwards."""
+    """Return the share of a pixel within an edge that is so many pixels away, inwards."""
     share: np.ndarray = (0.5 + distance).clip(0, 1)
     return share

@@ -128,7 +128,7 @@ def _fields(struct: type[msgspec.Struct]) -> dict[str, Any]:
 
 
 def name_of(row: Mapping[str, Any]) -> str:
-    """The photo's name, and which of its objects a row is of where it has several."""
+    """Return the photo's name, and which of its objects a row is of where it has several."""
     _, several, which = row["folder"].partition("/")
     return PurePath(row["photo"]).name + (f" {which}" if several else "")
 
@@ -216,7 +216,7 @@ def write_table(
 
 
 def read_results(folder: str | Path) -> list[dict[str, Any]]:
-    """The rows of results.csv with numbers, truth values and None, as `pandas.DataFrame` takes them.
+    """Return the rows of results.csv with numbers, truth values and None, as `pandas.DataFrame` takes them.
 
     Args:
         folder: That of `vig fit` of several photos.
@@ -235,8 +235,8 @@ def read_results(folder: str | Path) -> list[dict[str, Any]]:
 
 
 def checked_row(row: dict[str, Any]) -> dict[str, Any]:
-    """A row whose photo and folder are named, the folder within the run, and whose values are of their types;
-    ValueError for others.
+    """Return a row whose photo and folder are named, the folder within the run, and whose values are of
+    their types; ValueError for others.
     """
     for name, column in COLUMNS.items():
         value, kind = row.get(name), kind_of(column)
@@ -261,10 +261,10 @@ def _value(kind: type, text: str) -> Any:
 
 
 def _cell(value: Any) -> Any:
-    """A cell of results.csv, of which no spreadsheet makes a formula."""
+    """Return a cell of results.csv, of which no spreadsheet makes a formula."""
     return f"'{value}" if isinstance(value, str) and FORMULA.match(value) else value
 
 
 def _text(value: Any) -> Any:
-    """Text as UTF-8 has it: file names may hold other bytes."""
+    """Return the text as UTF-8 has it: file names may hold other bytes."""
     return value.encode("utf-8", "replace").decode() if isinstance(value, str) else value

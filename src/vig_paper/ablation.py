@@ -46,14 +46,14 @@ class Ablation:
 
 
 def _change_stages(change: Callable[[Stage], Stage]) -> Callable[[ExplainSettings], ExplainSettings]:
-    """The change of every stage of the settings, those of pictures where they are left open."""
+    """Return the change of every stage of the settings, those of pictures where they are left open."""
     return lambda settings: replace(
         settings, stages=tuple(change(stage) for stage in settings.stages or PICTURE["stages"])
     )
 
 
 def _other_optimizer(title: str, optimizer: Optimizer, patience: int = 1) -> Ablation:
-    """Another optimiser from the same starts; patience: its iterations for each of the default's."""
+    """Return another optimiser from the same starts; patience: its iterations for each of the default's."""
 
     def change(settings: ExplainSettings) -> ExplainSettings:
         longer = _change_stages(
@@ -97,7 +97,7 @@ ABLATIONS: dict[str, Ablation] = {
 def variants(
     settings: ExplainSettings | None = None, names: Iterable[str] | None = None
 ) -> dict[str, ExplainSettings]:
-    """The default's settings, and those of each ablation (of `names` only), by name.
+    """Return the default's settings, and those of each ablation (of `names` only), by name.
 
     An ablation that changes nothing is left out: its part is off already.
 
@@ -178,7 +178,7 @@ def time_variants(
     chosen: Mapping[str, ExplainSettings],
     count: int = 20,
 ) -> dict[str, float]:
-    """Milliseconds of a fit by each variant on one thread: means of the first `count` photos.
+    """Return milliseconds of a fit by each variant on one thread: means of the first `count` photos.
 
     Processor time, which is wall time where nothing else runs. The variants take turns on each photo, so
     that a slow period of the machine affects all.
@@ -199,12 +199,12 @@ def time_variants(
 
 
 def ablation_markdown(table: Mapping[str, Any]) -> str:
-    """The table of `run_ablations` in Markdown."""
+    """Return the table of `run_ablations` in Markdown."""
     return "\n".join(block.markdown() for block in ablation_blocks(table))
 
 
 def ablation_blocks(table: Mapping[str, Any]) -> list[TableBlock]:
-    """The table of `run_ablations`: a block of errors, and one of differences to the default."""
+    """Return the table of `run_ablations`: a block of errors, and one of differences to the default."""
     rows = table["variants"]
     metrics = list(rows[DEFAULT]["metrics"])
     titles = [METRICS[metric] for metric in metrics]

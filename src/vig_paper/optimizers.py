@@ -232,7 +232,9 @@ class _Search:
                 return
 
     def _at(self, offset: np.ndarray, origin: np.ndarray, free: np.ndarray, scale: np.ndarray) -> np.ndarray:
-        """The point (P',) that is scipy's offset (F,) of the free parameters away from a run's origin."""
+        """Return the point (P',) that is scipy's offset (F,) of the free parameters away from a run's
+        origin.
+        """
         wanted = origin.astype(np.float64)
         wanted[free] += offset / scale[free]
         return wanted
@@ -240,7 +242,7 @@ class _Search:
     def _negative(
         self, offset: np.ndarray, origin: np.ndarray, free: np.ndarray, scale: np.ndarray
     ) -> tuple[float, np.ndarray]:
-        """What scipy minimises, and its gradient (F,).
+        """Return the value that scipy minimises, and its gradient (F,).
 
         Where the problem has no finite value it is as bad as the worst seen, falling towards the best.
         """
@@ -256,12 +258,12 @@ class _Search:
     def _curvature(
         self, offset: np.ndarray, origin: np.ndarray, free: np.ndarray, scale: np.ndarray
     ) -> np.ndarray:
-        """scipy's Hessian (F, F), made positive definite where parameters are not seen."""
+        """Return scipy's Hessian (F, F), made positive definite where parameters are not seen."""
         normal = self.evaluate(self._at(offset, origin, free, scale)).normal / np.outer(scale, scale)
         return normal[np.ix_(free, free)] + 1e-9 * np.eye(free.sum())
 
     def _after_step(self, intermediate_result: scipy.optimize.OptimizeResult) -> None:
-        """scipy's callback: counts the step, and ends the run when it gained less than the tolerance."""
+        """Count a step (scipy's callback), and end the run when it gained less than the tolerance."""
         self.steps += 1
         gain, self.value_before = self.best.value - self.value_before, self.best.value
         # Only a trust region steps without a gain: it is tried again in a quarter of it, ten times at most.
@@ -272,14 +274,14 @@ class _Search:
 
 
 def _held(at: _Evaluated, problem: Problem) -> np.ndarray:
-    """Parameters (P',) bool that are fixed or rest on a bound that the gradient pushes against."""
+    """Return parameters (P',) bool that are fixed or rest on a bound that the gradient pushes against."""
     lower, upper = problem.lower, problem.upper
     below, above = (at.point <= lower) & (at.gradient <= 0), (at.point >= upper) & (at.gradient >= 0)
     return below | above | (lower == upper)
 
 
 def _scales(normal: np.ndarray) -> np.ndarray:
-    """What a parameter is multiplied by to be counted in its own standard deviations: (P', P') to (P',).
+    """Return the factors by which parameters are counted in its own standard deviations: (P', P') to (P',).
 
     The root of the normal matrix's diagonal, at least a thousandth of the largest: a parameter that nothing
     is known of gets a finite one.

@@ -87,17 +87,17 @@ class ReproductionSettings:
 
     @staticmethod
     def of(scale: Scale, **chosen: Any) -> ReproductionSettings:
-        """The settings `chosen`, and the scale's counts where none is."""
+        """Return the settings `chosen`, and the scale's counts where none is."""
         settings = ReproductionSettings(scale, **chosen)
         counts: dict[str, Any] = dict(zip(COUNTS, SCALES[scale], strict=True))
         return replace(settings, **{name: n for name, n in counts.items() if getattr(settings, name) is None})
 
     def count(self, name: str) -> int:
-        """One of `COUNTS`, in settings that have them all."""
+        """Return one of `COUNTS`, in settings that have them all."""
         return int(getattr(self, name))
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data: paths as strings."""
+        """Return plain data: paths as strings."""
         plain = {field.name: getattr(self, field.name) for field in fields(ReproductionSettings)}
         plain["methods"] = list(self.methods)
         return {name: str(value) if isinstance(value, Path) else value for name, value in plain.items()}

@@ -12,13 +12,13 @@ Array: TypeAlias = Any
 
 
 def is_tensor(value: Any) -> bool:
-    """Whether it is a tensor of torch, which is not loaded for the question."""
+    """Return whether it is a tensor of torch, which is not loaded for the question."""
     torch = sys.modules.get("torch")
     return torch is not None and isinstance(value, getattr(torch, "Tensor", ()))
 
 
 def namespace(array: Any) -> Any:
-    """The module with the functions of an array: numpy, or torch for a caller's tensors.
+    """Return the module with the functions of an array: numpy, or torch for a caller's tensors.
 
     What is written with it (scenes, not fits) also takes tensors of torch, and is differentiated there.
     """
@@ -26,7 +26,7 @@ def namespace(array: Any) -> Any:
 
 
 def floating(value: Any) -> Array:
-    """A tensor as it is; anything else as an array of floating-point numbers."""
+    """Return a tensor as it is; anything else as an array of floating-point numbers."""
     if is_tensor(value):
         return value
     array = np.asarray(value)
@@ -34,7 +34,9 @@ def floating(value: Any) -> Array:
 
 
 def like(array: Array, value: Any) -> Array:
-    """Numbers as an array or tensor of the same kind, dtype and device as another; derivatives are kept."""
+    """Return numbers as an array or tensor of the same kind, dtype and device as another; derivatives are
+    kept.
+    """
     if not is_tensor(array):
         return np.asarray(value, array.dtype)
     if is_tensor(value):

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 def check_indices(name: str, indices: Any, count: int, least: int = 0) -> None:
-    """ValueError unless all of an integer array or tensor lie in [least, count)."""
+    """Raise ValueError unless all of an integer array or tensor lie in [least, count)."""
     if 0 in indices.shape:
         return
     low, high = int(indices.min()), int(indices.max())
@@ -18,7 +18,7 @@ def check_indices(name: str, indices: Any, count: int, least: int = 0) -> None:
 
 
 def check_table(name: str, table: torch.Tensor, shape: tuple[int | None, ...]) -> None:
-    """ValueError unless a table is int32, of a shape (None: any size), on the processor."""
+    """Raise ValueError unless a table is int32, of a shape (None: any size), on the processor."""
     if type(table).__module__.split(".")[0] != "torch":
         raise ValueError(f"{name} must be a torch tensor; got a {type(table).__name__}")
     _check_shape(name, table, shape)
@@ -27,7 +27,9 @@ def check_table(name: str, table: torch.Tensor, shape: tuple[int | None, ...]) -
 
 
 def check_floats(**tensors: tuple[torch.Tensor, tuple[int | None, ...]]) -> None:
-    """ValueError unless all tensors have their shapes (None: any size) and one type, float32 or float64."""
+    """Raise ValueError unless all tensors have their shapes (None: any size) and one type, float32 or
+    float64.
+    """
     first = next(iter(tensors.values()))[0]
     for name, (tensor, shape) in tensors.items():
         _check_shape(name, tensor, shape)

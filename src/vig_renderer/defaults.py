@@ -23,7 +23,7 @@ Public = TypeVar("Public", bound=Callable[..., Any])
 
 @contextmanager
 def default_settings(inference: bool | None = None) -> Iterator[None]:
-    """Inside, torch makes float32 tensors on the CPU without autocast, and numpy's arithmetic raises nothing.
+    """Let torch make float32 tensors on the CPU without autocast, and numpy's arithmetic raise nothing.
 
     The default dtype is the whole process's: it is restored when the last thread leaves. inference: whether
     torch's inference mode is on; None leaves it. Within another such block nothing changes. A torch that
@@ -42,7 +42,7 @@ def default_settings(inference: bool | None = None) -> Iterator[None]:
 
 
 def _enter_torch(torch: Any, stack: ExitStack, inference: bool | None) -> None:
-    """The part of `default_settings` that is torch's."""
+    """Enter the part of `default_settings` that is torch's."""
     global _inside, _dtype_outside
     with _counting:
         if not _inside:

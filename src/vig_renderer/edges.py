@@ -6,13 +6,13 @@ import numpy as np
 
 
 def welded(vertices: np.ndarray) -> np.ndarray:
-    """For each vertex the first one at the same place: (V,)."""
+    """Return for each vertex the first one at the same place: (V,)."""
     _, first, inverse = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
     return first[inverse.reshape(-1)].astype(np.int32)
 
 
 def edges_of(faces: np.ndarray) -> np.ndarray:
-    """The rows of `Topology.edges`, in the order of their vertices."""
+    """Return the rows of `Topology.edges`, in the order of their vertices."""
     whole = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
     which = np.flatnonzero(whole).astype(np.int32)
     sides = np.concatenate([faces[which][:, [i, (i + 1) % 3, (i + 2) % 3]] for i in range(3)])
@@ -31,7 +31,8 @@ def edges_of(faces: np.ndarray) -> np.ndarray:
 
 
 def smooth_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Unit vertex normals, the mean of the adjacent faces' weighted by area: (V, 3) and (F, 3) to (V, 3).
+    """Return unit vertex normals, the mean of the adjacent faces' weighted by area: (V, 3) and (F, 3) to (V,
+    3).
 
     A vertex without area gets the zero vector. `vig_renderer.shading` has the same for tensors.
     """

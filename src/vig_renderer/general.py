@@ -60,7 +60,9 @@ class Visible:
 
     @staticmethod
     def find(packed: PackedScenes, samples: int, near: float, points: Tensor, alone: bool = False) -> Visible:
-        """Which faces and edges are seen, of homogeneous points (V, 3). Nothing of it has a derivative."""
+        """Return which faces and edges are seen, of homogeneous points (V, 3). Nothing of it has a
+        derivative.
+        """
         layers = len(packed.image) if alone else packed.size[0]
         height, width = (side * samples + 2 * MARGIN for side in packed.size[1:])
         size = layers, height, width
@@ -88,13 +90,15 @@ class Visible:
 
     @property
     def centres(self) -> Tensor:
-        """Coordinates (N, 2) of the points on the grid less a half: columns and rows."""
+        """Return coordinates (N, 2) of the points on the grid less a half: columns and rows."""
         _, height, width = self.size
         inside = self.pixel % (height * width)
         return torch.stack([inside % width, inside // width], dim=1)
 
     def image(self, values: Tensor, nothing: Tensor | float = 0.0) -> Tensor:
-        """Rows (N, C) spread into an image (L, H', W', C), `nothing` (broadcast) where nothing is seen."""
+        """Return rows (N, C) spread into an image (L, H', W', C), `nothing` (broadcast) where nothing is
+        seen.
+        """
         channels = values.shape[1]
         blank = torch.as_tensor(nothing, dtype=values.dtype, device=values.device)
         flat = blank.expand(*self.size, channels).reshape(-1, channels)
@@ -116,7 +120,7 @@ class Tables:
 
     @staticmethod
     def of(packed: PackedScenes) -> Tables:
-        """Those of all objects."""
+        """Return those of all objects."""
         tables = [torch.from_numpy(mesh.tables()[0]).long() for mesh in packed.meshes]
         counts, first_vertex = [len(each) for each in tables], [0, *accumulate(packed.vertex_counts)]
         faces = [each + first for each, first in zip(tables, first_vertex, strict=False)]
@@ -149,7 +153,8 @@ def draw(
 def place(
     packed: PackedScenes, columns: int, objects: list[dict[str, Tensor | None]]
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Homogeneous screen points (x z, y z, z) of all vertices (V, 3), their attributes, and lights (O, 34).
+    """Return homogeneous screen points (x z, y z, z) of all vertices (V, 3), their attributes, and lights (O,
+    34).
 
     attributes (V, columns): unit normal in the world, albedo and, of 9 columns, the light reflected by white.
     A light: 9 x 3 coefficients, direction and radiance of the lamp, 1 where there is any light and 0 else.
@@ -197,7 +202,9 @@ def _light(light: Tensor | None, lamp: Tensor | None, radiance: Tensor | None, l
 
 
 def _reflect(normals: Tensor, owner: Tensor, lights: Tensor) -> Tensor:
-    """What white surfaces of these objects reflect: (N, 3); 1 where an object has no light."""
+    """Return the light that white surfaces of these objects reflect: (N, 3); 1 where an object has no
+    light.
+    """
     sky, lamp, radiance = lights[:, :27].reshape(-1, 9, 3), lights[:, 27:30], lights[:, 30:33]
     colour = shade(normals, owner, sky, lamp, radiance)
     return torch.where(lights[owner, 33:] != 0, colour, 1.0)
@@ -213,7 +220,9 @@ def paint(
     background: Tensor,
     objects: list[dict[str, Tensor | None]],
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Colours (B, H, W, 3), coverage (B, H, W) and visible masks (B, O, H, W), blended at occlusion edges."""
+    """Return colours (B, H, W, 3), coverage (B, H, W) and visible masks (B, O, H, W), blended at occlusion
+    edges.
+    """
     tables, most = Tables.of(packed), packed.most_objects
     seen = Visible.find(packed, samples, near, points)
     points = _to_grid(points, samples)
@@ -243,7 +252,7 @@ def paint(
 
 @default_settings()
 def full_masks(packed: PackedScenes, samples: int, near: float, points: Tensor) -> tuple[Tensor]:
-    """Coverage of each object as if it were the only one: (O, H, W)."""
+    """Return the coverage of each object as if it were the only one: (O, H, W)."""
     seen = Visible.find(packed, samples, near, points, alone=True)
     image = seen.image(points.new_ones(len(seen.pixel), 1))
     screen = _screen(_to_grid(points, samples), near)
@@ -252,7 +261,9 @@ def full_masks(packed: PackedScenes, samples: int, near: float, points: Tensor) 
 
 @default_settings()
 def surface(packed: PackedScenes, near: float, points: Tensor, attributes: Tensor) -> tuple[Tensor, ...]:
-    """Depth (B, H, W), unit normals (B, H, W, 3) and numbers of objects and triangles at pixels' centres."""
+    """Return the depth (B, H, W), unit normals (B, H, W, 3) and numbers of objects and triangles at
+    pixels' centres.
+    """
     tables, seen = Tables.of(packed), Visible.find(packed, 1, near, points)
     points = _to_grid(points, 1)
     corners, owner = tables.faces[seen.face], tables.face_object[seen.face]
@@ -265,20 +276,20 @@ def surface(packed: PackedScenes, near: float, points: Tensor, attributes: Tenso
 
 
 def _to_grid(points: Tensor, samples: int) -> Tensor:
-    """Homogeneous points on the grid of samples, with its margin."""
+    """Return homogeneous points on the grid of samples, with its margin."""
     # Points are homogeneous, (x z, y z, z): a shift of the image is a shift by z.
     at, depth = points[:, :2], points[:, 2:]
     return torch.cat([at * samples + MARGIN * depth, depth], dim=1)
 
 
 def _screen(points: Tensor, near: float) -> Tensor:
-    """Pixel coordinates (V, 2); of no meaning nearer than `near`, where no edge is blended."""
+    """Return pixel coordinates (V, 2); of no meaning nearer than `near`, where no edge is blended."""
     depth = points[:, 2:]
     return points[:, :2] / torch.where(depth >= near, depth, 1.0)
 
 
 def _behind(background: Tensor, samples: int, masks: int) -> Tensor:
-    """What is seen where nothing is, on the grid of samples with its margin: colours, then empty masks."""
+    """Return the background on the grid of samples with its margin: colours, then empty masks."""
     if background.ndim == 2:
         background = background[:, None, None]
     else:
@@ -289,12 +300,12 @@ def _behind(background: Tensor, samples: int, masks: int) -> Tensor:
 
 
 def _crop(image: Tensor) -> Tensor:
-    """The image without its margin."""
+    """Return the image without its margin."""
     return image[:, MARGIN:-MARGIN, MARGIN:-MARGIN]
 
 
 def _average_samples(image: Tensor, samples: int) -> Tensor:
-    """The image without its margin, every samples x samples points averaged."""
+    """Return the image without its margin, every samples x samples points averaged."""
     image = _crop(image)
     if samples == 1:
         return image

@@ -21,7 +21,7 @@ Y20 = 0.25 * math.sqrt(5 / math.pi)
 
 
 def sh_basis(directions: Array) -> Array:
-    """Real orthonormal SH up to degree 2 of unit directions: (..., 3) to (..., 9)."""
+    """Return real orthonormal SH up to degree 2 of unit directions: (..., 3) to (..., 9)."""
     directions = floating(directions)
     functions = namespace(directions)
     x, y, z = directions[..., 0], directions[..., 1], directions[..., 2]

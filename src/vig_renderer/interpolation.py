@@ -51,7 +51,9 @@ def antialias(image: torch.Tensor, screen: torch.Tensor, crossings: Crossings) -
 
 
 def _weight_and_place(screen: torch.Tensor, crossings: Crossings) -> tuple[torch.Tensor, torch.Tensor]:
-    """Of each crossing: the weight of its direction, and its share of the way between the two centres."""
+    """Return for each crossing the weight of its direction, and its share of the way between the two
+    centres.
+    """
     tiny = 1e-12  # square pixels
     joints = crossings.edges.reshape(-1)
     first, second = screen.index_select(0, joints).view(-1, 2, 2).unbind(1)
@@ -80,7 +82,7 @@ def _weight_and_place(screen: torch.Tensor, crossings: Crossings) -> tuple[torch
 
 
 def _by_axis(points: torch.Tensor, column: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """Coordinates along and across the pair of pixels: (x, y) in rows, (y, x) in columns."""
+    """Return coordinates along and across the pair of pixels: (x, y) in rows, (y, x) in columns."""
     x, y = points.unbind(1)
     return torch.where(column, y, x), torch.where(column, x, y)
 
@@ -88,7 +90,7 @@ def _by_axis(points: torch.Tensor, column: torch.Tensor) -> tuple[torch.Tensor, 
 def barycentrics(
     points: torch.Tensor, corners: torch.Tensor, pixels: torch.Tensor, derivatives: bool = True
 ) -> torch.Tensor:
-    """Weights of the corners of N seen faces at the centres of N pixels; differentiable in points.
+    """Return weights of the corners of N seen faces at the centres of N pixels; differentiable in points.
 
     Args:
         points: (V, 3) homogeneous screen points (x z, y z, z).

@@ -54,7 +54,7 @@ class _Native(torch.autograd.Function):
 
 
 def _differentiable(stage: Stage, inputs: Tensors, needed: Sequence[bool], cotangents: Tensors) -> Tensors:
-    """The way back as torch's own operations, of which there are second derivatives and batches."""
+    """Return the way back as torch's own operations, of which there are second derivatives and batches."""
     twice = torch.is_grad_enabled()
     with torch.enable_grad():
         results = stage.general(*inputs)
@@ -72,7 +72,7 @@ def _differentiable(stage: Stage, inputs: Tensors, needed: Sequence[bool], cotan
 
 
 def run(stage: Stage, *inputs: Tensor | None) -> tuple[Tensor, ...]:
-    """The results of a stage by native code. Of inference tensors a graph keeps copies."""
+    """Return the results of a stage by native code. Of inference tensors a graph keeps copies."""
     apply: Callable[..., tuple[Tensor, ...]] = _Native.apply
     if torch.is_grad_enabled():
         inputs = tuple(each.clone() if each is not None and each.is_inference() else each for each in inputs)

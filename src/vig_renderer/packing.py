@@ -44,16 +44,18 @@ class PackedScenes:
 
     @property
     def most_objects(self) -> int:
-        """Objects of the scene that has most."""
+        """Return objects of the scene that has most."""
         return max(self.place, default=-1) + 1
 
     @property
     def tensors(self) -> list[torch.Tensor | None]:
-        """All that a picture is differentiable in: the background, then the inputs of each object."""
+        """Return all that a picture is differentiable in: the background, then the inputs of each object."""
         return [self.background, *chain.from_iterable(self.inputs)]
 
     def in_library(self, samples: int, near: float, alone: bool = False) -> Any:
-        """The scenes in the native library: a layer for each image, or for each object's mask alone."""
+        """Return the scenes in the native library: a layer for each image, or for each object's mask
+        alone.
+        """
         starts = list(range(len(self.image) + 1))
         if not alone:
             starts = [0, *accumulate(self.image.count(image) for image in range(self.size[0]))]
@@ -63,7 +65,7 @@ class PackedScenes:
         return kind(self.meshes, levels, self.place, starts, *self.size[1:], samples, near, masks, alone)
 
     def check_numbers(self) -> None:
-        """ValueError that names the first input that is not finite, or focal lengths of 0 or less."""
+        """Raise ValueError that names the first input that is not finite, or focal lengths of 0 or less."""
         for index, scene in enumerate(self.scenes):
             _check(f"of scene {index}", _scene_tensors(scene), finite=True)
             if not ((focal := scene.camera.focal) > 0).all():
@@ -134,7 +136,7 @@ def pack(scenes: Sequence[Scene]) -> PackedScenes:
 
 
 def _background(scene: Scene, like: torch.Tensor) -> torch.Tensor:
-    """(3,), or (H, W, 3) of a picture."""
+    """Return (3,), or (H, W, 3) of a picture."""
     return like.new_zeros(3) if scene.background is None else scene.background
 
 
@@ -178,7 +180,7 @@ def _check_scene(index: int, scene: Scene, size: tuple[int, int], like: torch.Te
 
 
 def _checked_mesh(name: str, item: MeshObject, like: torch.Tensor) -> Any:
-    """The mesh of an object, see `Topology.mesh`."""
+    """Return the mesh of an object, see `Topology.mesh`."""
     _check(f"of {name}", _object_tensors(item), like)
     mesh = item.topology.mesh
     rows = 0 if item.texture_coordinates is None else len(item.texture_coordinates)
@@ -191,7 +193,9 @@ def _checked_mesh(name: str, item: MeshObject, like: torch.Tensor) -> Any:
 
 
 def _check(of: str, tensors: _Tensors, like: torch.Tensor | None = None, finite: bool = False) -> None:
-    """ValueError unless each of the tensors has one of its shapes, the type of `like`, and is finite."""
+    """Raise ValueError unless each of the tensors has one of its shapes, the type of `like`, and is
+    finite.
+    """
     for what, (tensor, shapes) in tensors.items():
         if tensor is None:
             continue

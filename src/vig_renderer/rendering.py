@@ -93,7 +93,7 @@ def jacobian(function: Callable[[Tensor], Tensor], latents: Tensor) -> tuple[Ten
 
 
 def _full_masks(packed: PackedScenes, visible: Tensor, alone: Callable[[], Tensor]) -> Tensor:
-    """Coverage of each object as if it were alone: (B, O, H, W)."""
+    """Return the coverage of each object as if it were alone: (B, O, H, W)."""
     images, most, height, width = visible.shape
     if most <= 1:
         return visible

@@ -65,7 +65,8 @@ class Pinhole:
 
     @staticmethod
     def on_sphere(camera: Any, azimuth: torch.Tensor, elevation: torch.Tensor) -> Pinhole:
-        """A `vig.Camera` on its sphere at an azimuth and elevation (scalars, radians); their type is kept.
+        """Return a `vig.Camera` on its sphere at an azimuth and elevation (scalars, radians); their type is
+        kept.
 
         Or any with its width, height, focal, focal_y, cx and cy, pixels, and `pose`.
         """
@@ -122,7 +123,7 @@ class Rendering:
         full_masks: Callable[[], torch.Tensor],
         surface: Callable[[], Sequence[torch.Tensor]],
     ) -> Rendering:
-        """A rendering whose full masks and surface (the last four) are computed at first use."""
+        """Return a rendering whose full masks and surface (the last four) are computed at first use."""
         made = object.__new__(Rendering)
         modes = torch.is_inference_mode_enabled(), torch.is_grad_enabled()
         vars(made).update(rgb=rgb, coverage=coverage, visible_masks=visible_masks)
@@ -130,7 +131,7 @@ class Rendering:
         return made
 
     def __getattr__(self, name: str) -> torch.Tensor:
-        """A field that has not been computed."""
+        """Return a field that has not been computed."""
         if name not in ("full_masks", *_SURFACE) or "_later" not in vars(self):
             raise AttributeError(f"a Rendering has no {name}")
         (inference, graph), full_masks, surface = vars(self)["_later"]
@@ -143,7 +144,7 @@ class Rendering:
         return found
 
     def __getstate__(self) -> dict[str, torch.Tensor]:
-        """All fields, computed: for copies, pickle and torch.save."""
+        """Return all fields, computed: for copies, pickle and torch.save."""
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
 

@@ -14,7 +14,8 @@ def shade(
     direction: torch.Tensor,
     radiance: torch.Tensor,
 ) -> torch.Tensor:
-    """What white surfaces reflect, (N, 3): max(0, sum A_l L_lm Y_lm(n)) + radiance max(0, n . direction).
+    """Return the light that white surfaces reflect, (N, 3): max(0, sum A_l L_lm Y_lm(n)) + radiance
+    max(0, n . direction).
 
     normals (N, 3): unit, world frame. owner (N,): which of the O lights below shines on each. light
     (O, 9, 3): SH coefficients of incident radiance, RGB. direction (O, 3): unit, towards a distant lamp.
@@ -36,7 +37,8 @@ def shade(
 
 
 def smooth_normals(vertices: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:
-    """Unit vertex normals, the mean of the adjacent faces' weighted by area: (V, 3) and (F, 3) to (V, 3).
+    """Return unit vertex normals, the mean of the adjacent faces' weighted by area: (V, 3) and (F, 3) to (V,
+    3).
 
     A vertex without area gets the zero vector. Differentiable in vertices.
     """
@@ -49,7 +51,7 @@ def smooth_normals(vertices: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:
 
 
 def unit(vectors: torch.Tensor) -> torch.Tensor:
-    """Vectors (N, 3) of length one; vectors shorter than 1e-15 become zero and have no derivative."""
+    """Return vectors (N, 3) of length one; vectors shorter than 1e-15 become zero and have no derivative."""
     # Scaled first, as squares of short vectors and their derivatives leave float32's range.
     size = vectors.detach().abs().amax(1, keepdim=True)
     there = size > 1e-15

@@ -34,7 +34,7 @@ class Topology:
 
     @property
     def mesh(self) -> Any:
-        """The tables in the native library: a checked copy, renewed where torch knows of a write."""
+        """Return the tables in the native library: a checked copy, renewed where torch knows of a write."""
         if self._mesh[0] != self._state():
             self._copy()
         return self._mesh[1]
@@ -90,7 +90,7 @@ class Topology:
 
 
 def _rows(name: str, rows: np.ndarray) -> np.ndarray:
-    """An array (F, 3) int64 of whole numbers; ValueError for anything else."""
+    """Return an array (F, 3) int64 of whole numbers; ValueError for anything else."""
     try:
         found = np.asarray(rows)
     except ValueError:  # rows of several lengths

@@ -58,7 +58,9 @@ LEAST_DEVIATION = 1e-3
 
 
 def residual(features: np.ndarray) -> np.ndarray:
-    """Root mean square (...) of the residual where the object is visible, from features (..., C)."""
+    """Return the root mean square (...) of the residual where the object is visible, from features (...,
+    C).
+    """
     root: np.ndarray = np.exp(features[..., CONFIDENCE_FEATURES.index("log_residual")])
     return root
 
@@ -100,31 +102,35 @@ class FitCalibration:
     density: str = DEFAULT_DENSITY
 
     def confidence(self, features: np.ndarray) -> float:
-        """Probability that the view of a fit is right; it fades to 0 for photos out of distribution."""
+        """Return the probability that the view of a fit is right; it fades to 0 for photos out of
+        distribution.
+        """
         view = _logistic(self.view_weights, self.view_bias, features)
         return float(faded(view, self._in_distribution(features)))
 
     def mask_confidence(self, features: np.ndarray) -> float:
-        """Probability that the mask of a fit is right, see `Fit.mask_confidence`; it fades likewise."""
+        """Return the probability that the mask of a fit is right, see `Fit.mask_confidence`; it fades
+        likewise.
+        """
         mask = _logistic(self.mask_weights, self.mask_bias, features)
         return float(faded(mask, self._in_distribution(features)))
 
     def in_distribution(self, features: np.ndarray) -> float:
-        """Probability that a photo is of the distribution this was learned on, 1 / 2 a priori."""
+        """Return the probability that a photo is of the distribution this was learned on, 1 / 2 a priori."""
         return float(self._in_distribution(features))
 
     def _in_distribution(self, features: np.ndarray) -> np.ndarray:
         return _logistic(self.in_distribution_weights, self.in_distribution_bias, features)
 
     def widened(self, deviation: np.ndarray, features: np.ndarray, trusted: bool) -> np.ndarray:
-        """Standard deviations (P,) from those of the curvature."""
+        """Return the standard deviations (P,) from those of the curvature."""
         row = 0 if trusted else 1
         wide = np.sqrt((self.scale[row] * deviation) ** 2 + self.floor[row] ** 2)
         widened: np.ndarray = np.maximum(residual(features) * wide, LEAST_DEVIATION)
         return widened
 
     def to_json(self) -> str:
-        """The text of the file."""
+        """Return the text of the file."""
         values = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in vars(self).items()}
         return json.dumps({"format": FORMAT, "features": CONFIDENCE_FEATURES} | values, indent=1) + "\n"
 
@@ -163,7 +169,9 @@ class FitCalibration:
 
 
 def faded(view: np.ndarray, in_distribution: np.ndarray) -> np.ndarray:
-    """Confidence from the probabilities that a view or mask is right, and the photo in distribution."""
+    """Return confidence from the probabilities that a view or mask is right, and the photo in
+    distribution.
+    """
     faded_view: np.ndarray = view * np.minimum(2 * in_distribution, 1)
     return faded_view
 
@@ -174,7 +182,7 @@ def _logistic(weights: np.ndarray, bias: float, features: np.ndarray) -> np.ndar
 
 @functools.lru_cache(maxsize=8)
 def calibration_of(object_class: ObjectClass) -> FitCalibration | None:
-    """A class's own calibration; None when it has none."""
+    """Return a class's own calibration; None when it has none."""
     path = (object_class.folder or Path()) / FILE
     if not object_class.folder or not path.exists():
         return None

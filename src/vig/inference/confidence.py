@@ -119,7 +119,8 @@ def assess(
 
 
 def _among_views(deviation: float, confidence: float, prediction: Prediction, azimuth: np.ndarray) -> float:
-    """Standard deviation, radians, of a Gaussian that has the 90 % interval of the azimuth's posterior.
+    """Return the standard deviation, radians, of a Gaussian that has the 90 % interval of the azimuth's
+    posterior.
 
     The posterior is a mixture: with the confidence the fit's azimuth (1,) is right, up to a Gaussian of
     `deviation`; else views are as probable as the recognition model says, that one taken out.
@@ -138,7 +139,7 @@ def _among_views(deviation: float, confidence: float, prediction: Prediction, az
 
 @functools.cache
 def _half_gaussian() -> tuple[float, ...]:
-    """Quantiles of the absolute value of a standard normal number, in the middle of equal shares."""
+    """Return quantiles of the absolute value of a standard normal number, in the middle of equal shares."""
     normal = NormalDist()
     return tuple(normal.inv_cdf(0.5 + 0.5 * (number + 0.5) / QUANTILES) for number in range(QUANTILES))
 
@@ -146,7 +147,7 @@ def _half_gaussian() -> tuple[float, ...]:
 def _views(
     objective: Objective, selection: Selection, prediction: Prediction, latents: Latents, confidence: float
 ) -> tuple[OtherView, ...]:
-    """The other views of a selection.
+    """Return the other views of a selection.
 
     What the fit's confidence leaves is shared out among them, and all that was not tried, as the recognition
     model's probabilities of azimuth are.
@@ -218,7 +219,7 @@ def _show(objective: Objective, point: np.ndarray, latents: Latents, model: Pixe
 def _joined(
     shown: _Shown, predicted: np.ndarray, labels: np.ndarray | None, share: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Coverage and visible (H, W) of a fit, joined with the network's `MASK_CLASSES` (H, W, 3).
+    """Return the coverage and visible (H, W) of a fit, joined with the network's `MASK_CLASSES` (H, W, 3).
 
     Means of probabilities: where the network is sure it decides, elsewhere the model does. What is visible is
     covered. Behind what a user says to be in front, see `PixelLabel`, the network knows nothing.
@@ -233,7 +234,7 @@ def _joined(
 
 
 def _features(latents: Latents, shown: _Shown, prediction: Prediction, selection: Selection) -> np.ndarray:
-    """The confidence features (C,) float64 of a fit."""
+    """Return the confidence features (C,) float64 of a fit."""
     pixels = int(shown.mask.sum())
     residual = (shown.rendered - shown.observed)[shown.mask]
     network_off = prediction.symmetry.difference(prediction.best().azimuth, latents.azimuth)[0]
@@ -262,7 +263,7 @@ def _features(latents: Latents, shown: _Shown, prediction: Prediction, selection
 
 
 def _mask_log_probability(predicted: np.ndarray, mask: np.ndarray, amodal: np.ndarray) -> float:
-    """Mean log probability, as predicted (H, W, 3), of a fit's classes of the object's pixels.
+    """Return the mean log probability, as predicted (H, W, 3), of a fit's classes of the object's pixels.
 
     The object's pixels are those that the fit covers, and those that may well show it as predicted.
     """
@@ -282,7 +283,7 @@ def _verdict(
     anything: bool,
     settings: FitSettings,
 ) -> tuple[float, Verdict, str]:
-    """Confidence, verdict and its reason.
+    """Return confidence, verdict and its reason.
 
     anything: Whether a pixel of the object is visible.
     """
@@ -324,13 +325,15 @@ def _verdict(
 
 
 def unsure(confidence: float, threshold: float) -> str:
-    """The reason for doubt where there is no other than a confidence below the threshold of trust."""
+    """Return the reason for doubt where there is no other than a confidence below the threshold of trust."""
     never = "" if not threshold >= 1 else "; no view of this class is trusted, see its card"
     return f"its view is right with a probability of {confidence:.0%} only{never}"
 
 
 def _deviation(objective: Objective, normal: np.ndarray) -> np.ndarray:
-    """Standard deviations (1, P') from the inverse normal matrix (P', P') of the numbers that are free."""
+    """Return the standard deviations (1, P') from the inverse normal matrix (P', P') of the numbers that
+    are free.
+    """
     # Held numbers have no deviation, and would make the matrix singular.
     free = objective.lower < objective.upper
     matrix = normal[free][:, free].astype(np.float64)

@@ -13,7 +13,7 @@ LEAST_SHARE = 0.02
 
 
 def family_shapes(prediction: Prediction, object_class: ObjectClass) -> tuple[np.ndarray, np.ndarray]:
-    """Probabilities (F,) of a class's families for one photo (N = 1), and its shape (F, K) in each.
+    """Return probabilities (F,) of a class's families for one photo (N = 1), and its shape (F, K) in each.
 
     A family's shapes are a Gaussian, and so is what the network predicts: their product has the family's
     evidence for its mass and the shape for its mean. Where the class names none, one: the predicted shape.
@@ -33,7 +33,7 @@ def family_shapes(prediction: Prediction, object_class: ObjectClass) -> tuple[np
 
 
 def shape_deviation(prediction: Prediction, object_class: ObjectClass) -> np.ndarray:
-    """Standard deviations (K,) of one photo's shape, that between its likely families included."""
+    """Return the standard deviations (K,) of one photo's shape, that between its likely families included."""
     place = prediction.layout["shape"]
     probability, shapes = family_shapes(prediction, object_class)
     # Law of total variance: within the families, and between their means.
@@ -45,7 +45,7 @@ def shape_deviation(prediction: Prediction, object_class: ObjectClass) -> np.nda
 
 
 def family_of(shape: np.ndarray, object_class: ObjectClass) -> str | None:
-    """The name of the family that a shape (K,) is likeliest of; None where the class names none."""
+    """Return the name of the family that a shape (K,) is likeliest of; None where the class names none."""
     if not object_class.families:
         return None
     mean, spread, share = _tables(object_class.families, shape)
@@ -54,6 +54,6 @@ def family_of(shape: np.ndarray, object_class: ObjectClass) -> str | None:
 
 
 def _tables(families: tuple[Family, ...], like: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Means (F, K), deviations (F, K) and shares (F,)."""
+    """Return means (F, K), deviations (F, K) and shares (F,)."""
     means, spreads, shares = zip(*((f.mean, f.deviation, f.share) for f in families), strict=True)
     return np.array(means, like.dtype), np.array(spreads, like.dtype), np.array(shares, like.dtype)

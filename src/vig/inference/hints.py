@@ -74,7 +74,7 @@ class WindowHints:
     box: tuple[float, float, float, float] | None = None
 
     def terms(self, object_class: ObjectClass, camera: Camera, layout: LatentLayout) -> list[PlaceTerm]:
-        """What the hints add to the objective of a camera."""
+        """Return the terms that the hints add to the objective of a camera."""
         projection = Projection(object_class.shape_model, camera, layout)
         terms: list[PlaceTerm] = []
         if len(self.vertices):
@@ -84,7 +84,7 @@ class WindowHints:
         return terms
 
     def corrected(self, prediction: Prediction, object_class: ObjectClass, camera: Camera) -> Prediction:
-        """What the network would predict (N = 1) if it knew of the hints.
+        """Return the prediction (N = 1) of a network that knew the hints.
 
         Pixels of which something is said have that class; elevation and azimuth are about those given; each
         bin of azimuth is weighted by how well it puts the points where they are, framed by the mask's box.
@@ -129,7 +129,7 @@ class WindowHints:
     def _agreement(
         self, prediction: Prediction, azimuths: np.ndarray, object_class: ObjectClass, camera: Camera
     ) -> np.ndarray:
-        """How well each azimuth (A,) puts the points, as exp(-r^2 / 2): (A,) float64, at most 1."""
+        """Return how well each azimuth (A,) puts the points, as exp(-r^2 / 2): (A,) float64, at most 1."""
         best = prediction.best()
         count = len(azimuths)
         vertices = object_class.shape_model.vertices(best.shape)
@@ -162,7 +162,7 @@ class Projection:
     layout: LatentLayout
 
     def of(self, chosen: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-        """Places (B, N, 2) of the chosen vertices (N,), in sides of the window, from points (B, P').
+        """Return places (B, N, 2) of the chosen vertices (N,), in sides of the window, from points (B, P').
 
         An analytic function of points, real or complex.
         """
@@ -192,10 +192,12 @@ class PlaceTerm(ABC):
 
     @abstractmethod
     def residuals(self, points: np.ndarray) -> np.ndarray:
-        """(B, R) in deviations, of points (B, P') of the objective: an analytic function, real or complex."""
+        """Return (B, R) in deviations, of points (B, P') of the objective: an analytic function, real or
+        complex.
+        """
 
     def value(self, points: np.ndarray) -> np.ndarray:
-        """log p of points (B, P') up to a constant: (B,) float64."""
+        """Return log p of points (B, P') up to a constant: (B,) float64."""
         log_p: np.ndarray = -0.5 * np.square(self.residuals(points.astype(np.float64))).sum(1)
         return log_p
 
@@ -207,7 +209,9 @@ class PlaceTerm(ABC):
         normal += np.einsum("bjp,bjq->bpq", slopes, slopes)
 
     def _linearised(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals (B, R) and their derivatives (B, R, P'), exact: the imaginary part of a tiny step."""
+        """Return residuals (B, R) and their derivatives (B, R, P'), exact: the imaginary part of a tiny
+        step.
+        """
         count, size = points.shape
         moved = points[:, None] + 1j * COMPLEX_STEP * np.eye(size)
         found = self.residuals(moved.reshape(-1, size)).reshape(count, size, -1)
@@ -221,7 +225,7 @@ class PointTerm(PlaceTerm):
         self.given, self.places = places.astype(np.float64), projection.of(vertices)
 
     def residuals(self, points: np.ndarray) -> np.ndarray:
-        """Both coordinates of each point, (B, 2 J)."""
+        """Return both coordinates of each point, (B, 2 J)."""
         off = (self.places(points) - self.given) / POINT_NOISE * math.sqrt(POINT_WEIGHT)
         return off.reshape(len(points), -1)
 
@@ -244,7 +248,7 @@ class BoxTerm(PlaceTerm):
         self.places = projection.of(outermost_vertices(projection.model.mean))
 
     def residuals(self, points: np.ndarray) -> np.ndarray:
-        """Left, top, right and bottom, (B, 4)."""
+        """Return left, top, right and bottom, (B, 4)."""
         places = self.places(points)
         ends = [places.real.argmin(1), places.real.argmax(1)]
         sides = np.concatenate([np.take_along_axis(places, end[:, None], 1)[:, 0] for end in ends], axis=1)

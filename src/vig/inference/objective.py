@@ -87,7 +87,7 @@ class Prior:
         """The same prior for the native library."""
 
     def value(self, points: np.ndarray) -> np.ndarray:
-        """log p(z) of points (B, P'): (B,) float64."""
+        """Return log p(z) of points (B, P'): (B,) float64."""
         value = np.zeros(len(points))
         self.add_to(points, value)
         return value
@@ -154,13 +154,13 @@ class Objective:
         self.terms = terms
 
     def of_likelihood(self, likelihood: Likelihood, terms: Sequence[PlaceTerm]) -> Objective:
-        """The same of the photos at another scale."""
+        """Return the same of the photos at another scale."""
         other = copy.copy(self)
         other.likelihood, other.terms = likelihood, terms
         return other
 
     def point(self, latents: Latents, framing: np.ndarray | None = None) -> np.ndarray:
-        """Points (B, P') within the bounds from latents and framing (B, 4); all else is 0."""
+        """Return points (B, P') within the bounds from latents and framing (B, 4); all else is 0."""
         vector = numpy_of_tensor(latents.to_vector()).astype(self.dtype)
         if not np.isfinite(vector).all():
             raise ValueError("latents must be finite; got NaN or infinity")
@@ -173,15 +173,15 @@ class Objective:
         return points.clip(self.lower, self.upper)
 
     def latents(self, points: np.ndarray) -> Latents:
-        """The latents of points (B, P')."""
+        """Return the latents of points (B, P')."""
         return Latents.from_vector(numpy_of_tensor(points)[:, self._latents])
 
     def azimuth(self, points: np.ndarray) -> np.ndarray:
-        """The azimuths (B,) of points (B, P'), radians."""
+        """Return the azimuths (B,) of points (B, P'), radians."""
         return points[:, self.layout.at("azimuth")]
 
     def framing(self, points: np.ndarray) -> np.ndarray:
-        """The framing (B, 4) of points (B, P'), 0 where the layout has none."""
+        """Return the framing (B, 4) of points (B, P'), 0 where the layout has none."""
         if "framing" not in self.layout:
             return np.zeros((len(points), FRAMING.size), points.dtype)
         return points[:, self.layout["framing"]]

@@ -21,7 +21,8 @@ from vig.scene import ObjectClass, latent_layout
 
 @functools.lru_cache(maxsize=8)
 def geometry_of(object_class: ObjectClass, self_shadow: bool = False) -> Geometry:
-    """The renderer's matrices of a class, made once; with self-shadow where the class has a table of it.
+    """Return the renderer's matrices of a class, made once; with self-shadow where the class has a table of
+    it.
 
     At unit scale, as fits see the class: what native code takes for small is for things of a teapot's size.
     """
@@ -37,7 +38,7 @@ def objective_of(
     settings: ExplainSettings,
     valid: np.ndarray | None = None,
 ) -> Objective:
-    """The log posterior of one photo (150, 150, 3); `valid` as in `explain`."""
+    """Return the log posterior of one photo (150, 150, 3); `valid` as in `explain`."""
     return objectives_of(photo, prediction, object_class, settings, (1.0,), valid)[1.0]
 
 
@@ -50,7 +51,7 @@ def objectives_of(
     valid: np.ndarray | None = None,
     hints: WindowHints | None = None,
 ) -> dict[float, Objective]:
-    """The log posterior of one photo averaged over cells of 1 / scale pixels, for each scale.
+    """Return the log posterior of one photo averaged over cells of 1 / scale pixels, for each scale.
 
     With hints the prediction is the one that they corrected.
     """
@@ -95,7 +96,7 @@ def objectives_of(
 def prior_of(
     prediction: Prediction, settings: FitSettings, object_class: ObjectClass
 ) -> RecognitionPrior | None:
-    """One photo's predicted Gaussians as a factor of the prior; of azimuth one for each peak."""
+    """Return one photo's predicted Gaussians as a factor of the prior; of azimuth one for each peak."""
     if settings.recognition_weight == 0:
         return None
     layout, regressed = latent_layout(prediction.layout.count("shape")), prediction.numbers[0]
@@ -113,7 +114,7 @@ def prior_of(
 
 
 def _pooled(image: np.ndarray, scale: float) -> np.ndarray:
-    """The mean over square cells of an image (H, W, C)."""
+    """Return the mean over square cells of an image (H, W, C)."""
     if scale == 1:
         return image
     cell = round(1 / scale)
@@ -130,7 +131,8 @@ def pixel_prior(
     valid: np.ndarray | None = None,
     hints: WindowHints | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The pixel model's prior, made the photo's own, and how much of the second component is decoration.
+    """Return the pixel model's prior, made the photo's own, and how much of the second component is
+    decoration.
 
     mask (H, W, 3): predicted probabilities of visible, hidden, background, each at least 2 % so that no pixel
     is decided beforehand. With `surroundings` the uniform density of what is not the object becomes that of

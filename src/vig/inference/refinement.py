@@ -59,7 +59,7 @@ class Selection:
 
     @property
     def rival_is_other_view(self) -> bool:
-        """Whether it is another view that `turned_deg` tells."""
+        """Return whether it is another view that `turned_deg` tells."""
         return self.turned_deg > math.degrees(DISTINCT_AZIMUTH)
 
 
@@ -213,12 +213,12 @@ def refine(
 
 
 def by_score(scores: np.ndarray) -> np.ndarray:
-    """Indices from the highest score to the lowest; of equal ones the first first."""
+    """Return indices from the highest score to the lowest; of equal ones the first first."""
     return np.argsort(-scores, kind="stable")
 
 
 def start_point(objective: Objective, latents: Latents, framing: np.ndarray | None = None) -> np.ndarray:
-    """`Objective.point` in steps of `START_STEP`, as last digits differ between processors.
+    """Return `Objective.point` in steps of `START_STEP`, as last digits differ between processors.
 
     See `Prediction.round_for_search`.
     """
@@ -233,7 +233,8 @@ def survivors(
     symmetry: Symmetry = Symmetry.NONE,
     one_per_view: bool = False,
 ) -> np.ndarray:
-    """Indices of the `count` points that enter a stage: half by score alone, half the best of other views.
+    """Return indices of the `count` points that enter a stage: half by score alone, half the best of other
+    views.
 
     A view is `DISTINCT_AZIMUTH` away from the others; where there are no more views, score alone decides. So
     the back of the object is not dropped before a fit at full size has compared it with the front.
@@ -264,7 +265,7 @@ def starts(
     seed: int = 0,
     broad: bool = True,
 ) -> Latents:
-    """`count` starts for one photo's prediction (N = 1), the first being the best guess itself.
+    """Return `count` starts for one photo's prediction (N = 1), the first being the best guess itself.
 
     Each of the `most_peaks` highest peaks of azimuth gets a share of the starts near its probability, at
     least one where it is likely; beyond a peak's first,
@@ -294,7 +295,8 @@ def starts(
 
 
 def framings(starts: Latents, prediction: Prediction, objective: Objective, seed: int = 0) -> np.ndarray:
-    """Framings (B, 4), level, in which each start has the box of the object in the predicted mask (N = 1).
+    """Return framings (B, 4), level, in which each start has the box of the object in the predicted mask (N =
+    1).
 
     All but the first are perturbed at random. Where the mask shows nothing they begin at 0.
     """
@@ -313,7 +315,9 @@ def framings(starts: Latents, prediction: Prediction, objective: Objective, seed
 def framing_of_box(
     starts: Latents, box: tuple[float, float, float, float], objective: Objective
 ) -> np.ndarray:
-    """Framings (B, 4), level, in which each start has a box x, y, width, height, in sides of the window."""
+    """Return framings (B, 4), level, in which each start has a box x, y, width, height, in sides of the
+    window.
+    """
     camera, there = objective.likelihood.camera, np.array(box, np.float32)
     vertices = objective.object_class.shape_model.vertices(starts.shape)
     rotation, translation = camera.pose(starts.azimuth, starts.elevation)
@@ -328,7 +332,7 @@ def framing_of_box(
 
 
 def _allot(probability: np.ndarray, least: float, count: int) -> list[int]:
-    """Hypotheses of `count` starts: each that is likely once, then whichever has most too few."""
+    """Return hypotheses of `count` starts: each that is likely once, then whichever has most too few."""
     likely = np.flatnonzero(probability / probability.sum() > least)
     # A network that knows nothing spreads its probability over more hypotheses than pass the bound.
     if not len(likely):

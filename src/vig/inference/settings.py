@@ -117,7 +117,7 @@ class Fit:
 
     @property
     def amodal(self) -> np.ndarray:
-        """(H, W) bool, all pixels that the object covers."""
+        """Return (H, W) bool, all pixels that the object covers."""
         return self.coverage >= 0.5
 
 
@@ -143,7 +143,7 @@ class Stage:
 
     @property
     def budget(self) -> Budget:
-        """The budget of the stage's optimiser."""
+        """Return the budget of the stage's optimiser."""
         return Budget(self.iterations, self.tolerance)
 
 
@@ -289,7 +289,9 @@ class ExplainSettings:
             )
 
     def calibration_for(self, object_class: ObjectClass) -> FitCalibration | None:
-        """The calibration that judges fits of a class; None without one that was learned from such fits."""
+        """Return the calibration that judges fits of a class; None without one that was learned from such
+        fits.
+        """
         # Learned from fits with an outlier model: without one the evidence has another scale.
         if not self.calibrated or self.likelihood.alpha == 1:
             return None
@@ -355,7 +357,7 @@ alone decides."""
 
 
 def without_network(settings: FitSettings) -> FitSettings:
-    """The same settings for a photo of which no network says anything."""
+    """Return the same settings for a photo of which no network says anything."""
     return replace(settings, **ALL_ROUND)
 
 
@@ -372,7 +374,7 @@ other views."""
 
 
 def for_tracking(settings: FitSettings) -> FitSettings:
-    """The same settings for a frame of a video; its mask is without a minimum cut."""
+    """Return the same settings for a frame of a video; its mask is without a minimum cut."""
     model = settings.likelihood
     mask = model.mask and replace(model.mask, exact_start=False)
     return replace(settings, likelihood=replace(model, mask=mask), **TRACKING)

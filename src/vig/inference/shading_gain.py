@@ -42,7 +42,7 @@ LEAST_PIXELS = 50
 def with_shading_gain(
     objective: Objective, selection: Selection, settings: FitSettings
 ) -> tuple[Objective, Selection]:
-    """The selection refined with a gain, and the objective of the photo divided by that gain.
+    """Return the selection refined with a gain, and the objective of the photo divided by that gain.
 
     Its evidence counts the gain's prior; its curvature is under the photo's own noise, where that is more
     than the pixel model's. Other views and how far they lie behind stay those of the search. All stays as it
@@ -94,7 +94,7 @@ class _Gain:
 def _gain(
     objective: Objective, divided: Objective, point: np.ndarray, noise: float, precision: float
 ) -> _Gain | None:
-    """The gain at a point by regularised least squares; None where too little is visible.
+    """Return the gain at a point by regularised least squares; None where too little is visible.
 
     divided: the objective under the gain so far, by which a pixel is visible; precision: of each bump's
     height, one over its variance.
@@ -122,7 +122,7 @@ def _gain(
 
 
 def _bumps(silhouette: np.ndarray) -> np.ndarray:
-    """The bumps (H, W, `GRID`^2) over the square about a silhouette (H, W) bool, float64."""
+    """Return the bumps (H, W, `GRID`^2) over the square about a silhouette (H, W) bool, float64."""
     down, across = (np.flatnonzero(silhouette.any(axis)) for axis in (1, 0))
     side = float(max(down[-1] - down[0], across[-1] - across[0]) + 1)
     knots = np.linspace(-0.5, 0.5, GRID, dtype=np.float32).astype(np.float64)
@@ -138,7 +138,9 @@ def _bumps(silhouette: np.ndarray) -> np.ndarray:
 
 
 def _divided(objective: Objective, gain: np.ndarray) -> Objective:
-    """The objective of the photo divided by a gain (H, W); a colour's density changes by the gain's cube."""
+    """Return the objective of the photo divided by a gain (H, W); a colour's density changes by the gain's
+    cube.
+    """
     likelihood, shape = objective.likelihood, (1, *gain.shape, 3)
     log_prior = likelihood.log_prior.reshape(shape).copy()
     log_prior[..., 0] -= 3 * np.log(gain)

@@ -189,14 +189,16 @@ def check_arrays(
 
 
 def number_of(value: Any) -> float | None:
-    """A number as a float, whether it is Python's, numpy's or a tensor's of no dimension; None for others."""
+    """Return a number as a float, whether it is Python's, numpy's or a tensor's of no dimension; None for
+    others.
+    """
     if getattr(value, "shape", None) == () and hasattr(value, "item"):
         value = value.item()
     return float(value) if isinstance(value, Real) and not isinstance(value, bool) else None
 
 
 def check_number(name: str, value: Any, low: float, high: float) -> float:
-    """A number of a file, as a float. ValueError unless it is one in [low, high]."""
+    """Return a number of a file, as a float. ValueError unless it is one in [low, high]."""
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if not number or not low <= value <= high:
         raise ValueError(f"{name} must be a number from {low:g} to {high:g}; it is {str(value)[:40]}")

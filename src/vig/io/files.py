@@ -49,7 +49,7 @@ def compose_name(name: str) -> str:
 
 
 def as_stored(path: Path) -> Path:
-    """The path in the Unicode composition that is there, if one is."""
+    """Return the path in the Unicode composition that is there, if one is."""
     forms = (path, *(Path(unicodedata.normalize(form, str(path))) for form in ("NFC", "NFD")))
     return next((form for form in forms if os.path.lexists(form)), path)
 
@@ -131,6 +131,6 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
 
 
 def _for_user(error: OSError, path: Path) -> OSError | UserError:
-    """The error as the user's where the disk or the path is to blame, else itself."""
+    """Return the error as the user's where the disk or the path is to blame, else itself."""
     remedy = _REMEDIES.get(error.errno or 0)
     return error if remedy is None else UserError(f"cannot write {path}: {remedy}.")

@@ -34,7 +34,8 @@ def machine() -> dict[str, Any]:
 
 
 def processor(root: Path = Path("/")) -> str:
-    """The processor's model; on arm64 that of the board, the architecture where the system reports neither.
+    """Return the processor's model; on arm64 that of the board, the architecture where the system reports
+    neither.
 
     root: Of the files that state it.
     """

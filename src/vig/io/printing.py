@@ -18,5 +18,7 @@ def end(folder: Path, words: str) -> None:
 
 
 def in_one_line(words: str) -> str:
-    """Text with what is not printable escaped: a file's name may hold line ends, or bytes of no encoding."""
+    """Return the text with what is not printable escaped: a file's name may hold line ends, or bytes of no
+    encoding.
+    """
     return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in words)

@@ -61,12 +61,12 @@ class Geometry:
 
     @property
     def vertex_count(self) -> int:
-        """V."""
+        """Return v."""
         return len(self.model.mean)
 
 
 def edges_of(faces: np.ndarray) -> np.ndarray:
-    """Edges of a triangle mesh: (E, 5) int32 of vertex a, vertex b, face, face beyond, corner beyond.
+    """Return edges of a triangle mesh: (E, 5) int32 of vertex a, vertex b, face, face beyond, corner beyond.
 
     `face` holds the edge as a to b; the face beyond holds it as b to a, `corner beyond` being that face's
     third vertex; both are -1 at a border. Edges of more than two faces are listed once per pair.
@@ -88,7 +88,7 @@ def edges_of(faces: np.ndarray) -> np.ndarray:
 
 
 def rings_of(faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Neighbours of each of `count` vertices: start (count + 1,) and ring (R, 3), both int32.
+    """Return neighbours of each of `count` vertices: start (count + 1,) and ring (R, 3), both int32.
 
     Rows start[v] to start[v + 1] are (neighbour, next, previous): faces (v, neighbour, next) and (v,
     previous, neighbour). Where there is no such face, v itself stands for the missing corner, so that the
@@ -130,6 +130,6 @@ class _Grouped:
         self.first = self.order[place]
 
     def find(self, keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where in `order` those like each of `keys` begin, and how many they are."""
+        """Return where in `order` those like each of `keys` begin, and how many they are."""
         begin = np.searchsorted(self._sorted, keys, "left")
         return begin, np.searchsorted(self._sorted, keys, "right") - begin

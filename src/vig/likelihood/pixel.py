@@ -22,7 +22,7 @@ FLOOR = 0.05
 
 
 def log_colour_density(photo: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Log density of each pixel's colour among the surroundings, relative to uniform on the cube.
+    """Return the log density of each pixel's colour among the surroundings, relative to uniform on the cube.
 
     photo (H, W, 3) linear RGB in [0, 1]; weights (..., H, W) >= 0: how surely each pixel belongs to the
     surroundings, of which there may be several; returns their shape. See `colour_density`.
@@ -58,7 +58,7 @@ class PixelModel:
         density_of(self.density)
 
     def log_prior(self, height: int, width: int) -> np.ndarray:
-        """The same log prior (visible, hidden, background) at each pixel: (H, W, 3) float64."""
+        """Return the same log prior (visible, hidden, background) at each pixel: (H, W, 3) float64."""
         hidden = math.log1p(-self.alpha) if self.alpha < 1 else NEVER
         return np.broadcast_to(np.array([math.log(self.alpha), hidden, 0.0]), (height, width, 3))
 

@@ -71,7 +71,8 @@ class SpatialMask:
 
 
 def visible_log_odds(observed: np.ndarray, rendered: np.ndarray, log_prior: np.ndarray) -> np.ndarray:
-    """Log odds of pixels being visible rather than hidden under a finished fit: Eq. 3 with wider tails.
+    """Return the log odds of pixels being visible rather than hidden under a finished fit: Eq. 3 with wider
+    tails.
 
     observed, rendered (..., 3) linear RGB; log_prior (..., 3) as `PixelModel.log_prior`; result (...). In
     place of one Gaussian of linear colour stands a mixture over `RESIDUAL_SCALES` of Gaussians of sRGB: what
@@ -89,7 +90,7 @@ def visible_log_odds(observed: np.ndarray, rendered: np.ndarray, log_prior: np.n
 
 
 def links(photo: np.ndarray, covered: np.ndarray, photographed: np.ndarray, model: SpatialMask) -> np.ndarray:
-    """Weights w_ij (N, 4, H, W) between each pixel and its neighbour a step of `NEIGHBOURS` away.
+    """Return weights w_ij (N, 4, H, W) between each pixel and its neighbour a step of `NEIGHBOURS` away.
 
     photo (N, H, W, 3) linear RGB; covered (N, H, W) bool; photographed (N, H, W) bool, pixels that are
     of the photo at all. Zero where the neighbour is outside the image, where either was not photographed,
@@ -110,7 +111,7 @@ def links(photo: np.ndarray, covered: np.ndarray, photographed: np.ndarray, mode
 
 
 def messages(visible: np.ndarray, covered: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """sum_j w_ij (2 q_j - 1): nats (N, H, W) in favour of a pixel being visible, from its neighbours.
+    """Return sum_j w_ij (2 q_j - 1): nats (N, H, W) in favour of a pixel being visible, from its neighbours.
 
     visible (N, H, W): q; covered (N, H, W) bool; weights from `links`.
     """
@@ -120,7 +121,8 @@ def messages(visible: np.ndarray, covered: np.ndarray, weights: np.ndarray) -> n
 def mean_field(
     start: np.ndarray, log_odds: np.ndarray, covered: np.ndarray, weights: np.ndarray, sweeps: int
 ) -> np.ndarray:
-    """Posterior q (N, H, W) of each covered pixel being visible, this module's last equation; 0 elsewhere.
+    """Return posterior q (N, H, W) of each covered pixel being visible, this module's last equation; 0
+    elsewhere.
 
     start (N, H, W): q before the first sweep; log_odds (N, H, W): u, of each pixel by itself; covered
     (N, H, W) bool; weights from `links`.
@@ -136,7 +138,7 @@ def mean_field(
 
 
 def graph_cut(log_odds: np.ndarray, covered: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """The most probable h (N, H, W) bool, exactly: a minimum cut between visible and hidden.
+    """Return the most probable h (N, H, W) bool, exactly: a minimum cut between visible and hidden.
 
     Arguments as `mean_field`, on the CPU. Of several such h it is the one with the fewest visible pixels.
     Capacities are whole numbers of 1 / `CAPACITY_PER_NAT` nats.
@@ -153,7 +155,7 @@ def graph_cut(log_odds: np.ndarray, covered: np.ndarray, weights: np.ndarray) ->
 
 
 def _capacity(nats: np.ndarray) -> np.ndarray:
-    """Whole numbers of capacity, int32."""
+    """Return whole numbers of capacity, int32."""
     rounded = np.round(CAPACITY_PER_NAT * nats.astype(np.float64)).clip(-MOST_CAPACITY, MOST_CAPACITY)
     return np.ascontiguousarray(rounded, np.int32)
 
@@ -166,7 +168,8 @@ def spatial_posterior(
     model: SpatialMask,
     decorated: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Posterior (N, H, W) of pixels being visible under finished fits of N photos; 0 beyond the silhouette.
+    """Return posterior (N, H, W) of pixels being visible under finished fits of N photos; 0 beyond the
+    silhouette.
 
     observed, rendered (N, H, W, 3) linear RGB; log_prior (N, H, W, 3) as `PixelModel.log_prior`; covered
     (N, H, W) bool. A log prior of `NEVER` for visible means that a pixel was not photographed: it ties no
@@ -193,7 +196,7 @@ def spatial_posterior(
 
 
 def _gather(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """sum_j w_ij x_j over the neighbours j of each pixel: values x (N, H, W), weights from `links`."""
+    """Return sum_j w_ij x_j over the neighbours j of each pixel: values x (N, H, W), weights from `links`."""
     total = np.zeros_like(values)
     for index, step in enumerate(NEIGHBOURS):
         here, there = _ends(step, *values.shape[1:])
@@ -204,7 +207,9 @@ def _gather(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
 
 
 def _ends(step: tuple[int, int], height: int, width: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
-    """Windows of all pixels that have a neighbour a step away, and of these neighbours, in the same order."""
+    """Return windows of all pixels that have a neighbour a step away, and of these neighbours, in the same
+    order.
+    """
     pairs = []
     for move, size in zip(step, (height, width), strict=True):
         low, high = slice(0, max(size - abs(move), 0)), slice(abs(move), size)
@@ -214,7 +219,7 @@ def _ends(step: tuple[int, int], height: int, width: int) -> tuple[tuple[slice, 
 
 
 def _window(covered: np.ndarray) -> tuple[slice, slice] | None:
-    """Rows and columns with anything covered in any image, and one pixel more all round."""
+    """Return rows and columns with anything covered in any image, and one pixel more all round."""
     bounds = []
     for axis, size in ((2, covered.shape[1]), (1, covered.shape[2])):
         used = np.flatnonzero(covered.any((0, axis)))

@@ -131,7 +131,7 @@ _work: tuple[str, Callable[[Any], Any]] | None = None
 
 
 def _do(token: str, prepare: Any, shared: Any, items: list[Any]) -> list[Any]:
-    """On a node: the results of some items. The work is kept for the next task of the same run."""
+    """Return the results of some items on a node. The work is kept for the next task of the same run."""
     global _work
     if _work is None or _work[0] != token:
         _work = token, prepare(shared)

@@ -7,5 +7,5 @@ from multiprocessing.process import BaseProcess
 
 
 def process_of(executor: ProcessPoolExecutor) -> BaseProcess | None:
-    """The process of an executor that has one, for its exit code; None when unknown."""
+    """Return the process of an executor that has one, for its exit code; None when unknown."""
     return next(iter((getattr(executor, "_processes", None) or {}).values()), None)

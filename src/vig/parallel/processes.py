@@ -49,7 +49,7 @@ class Lost:
 def map_in_processes(
     prepare: Callable[[Any], Callable[[Item], Result]], shared: Any, items: Iterable[Item], processes: int
 ) -> Iterator[Result]:
-    """work(item) of each item in order; see `map_as_done`.
+    """Yield work(item) of each item in order; see `map_as_done`.
 
     Raises:
         UserError: `ATTEMPTS` processes were killed at the same item, or none can start.
@@ -117,12 +117,12 @@ class _WorkerProcess:
         self.done = 0
 
     def submit(self, task: _Submitted[Any]) -> Future[tuple[bool, Any]]:
-        """Queue a task. BrokenProcessPool when the process has died."""
+        """Return queue a task. BrokenProcessPool when the process has died."""
         self.tasks.append(task)
         return self.executor.submit(_do, bytes(ForkingPickler.dumps(task.item)))
 
     def ended_by_itself(self) -> int | None:
-        """The exit code of a process that ended before it could begin, not by a signal; else None."""
+        """Return the exit code of a process that ended before it could begin, not by a signal; else None."""
         began = self.begun.done() and self.begun.exception() is None
         if began or self.process is None:
             return None
@@ -166,7 +166,7 @@ class _Pool:
                 yield task.number, answer
 
     def upcoming(self) -> _Submitted[Any] | None:
-        """The task to hand out next; None when there is none, or it would be too far ahead."""
+        """Return the task to hand out next; None when there is none, or it would be too far ahead."""
         if self.again:
             return self.again[0]
         if self.next is None:
@@ -192,7 +192,7 @@ class _Pool:
             yield from self.give(self.workers[-1])
 
     def give(self, worker: _WorkerProcess) -> Iterator[tuple[int, Any]]:
-        """Hand the upcoming task out."""
+        """Yield hand the upcoming task out."""
         task = self.upcoming()
         assert task is not None
         if self.again:
@@ -232,7 +232,7 @@ _work: Callable[[Any], Any] | None = None
 
 
 def _initialise(stopping: Any) -> None:
-    """In a new process: end with its parent, not by Ctrl-C."""
+    """End a new process with its parent, not by Ctrl-C."""
     global _stopping
     _stopping = stopping
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -240,7 +240,7 @@ def _initialise(stopping: Any) -> None:
 
 
 def _begin(start: bytes) -> None:
-    """In a new process: make its work of (prepare, shared). What that raises, each task does."""
+    """Make the work of a new process from (prepare, shared); each task raises what that raises."""
     global _work
     try:
         prepare, shared = ForkingPickler.loads(start)
@@ -255,7 +255,7 @@ def _begin(start: bytes) -> None:
 
 
 def _do(packed: bytes) -> tuple[bool, Any]:
-    """In a process: whether an item succeeded, with the result or the error."""
+    """Return whether an item succeeded, with the result or the error."""
     assert _work is not None
     if _stopping.is_set():
         return True, None
@@ -290,7 +290,9 @@ def _no_start(got: str) -> UserError:
 
 
 def _sendable(error: Exception) -> Exception:
-    """The error as it can be sent, with where it was raised; that of a library becomes a RuntimeError."""
+    """Return the error as it can be sent, with where it was raised; that of a library becomes a
+    RuntimeError.
+    """
     if isinstance(error, UserError):
         return error
     trace = "".join(traceback.format_exception(error))
@@ -301,14 +303,14 @@ def _sendable(error: Exception) -> Exception:
 
 
 def _follow(parent: Any) -> None:
-    """A process that is busy would outlive a killed parent."""
+    """End this process with its parent: a busy one would outlive a killed parent."""
     parent.join()
     os._exit(1)
 
 
 @contextmanager
 def without_interrupts() -> Iterator[None]:
-    """Processes started inside ignore SIGINT, even while they start; here it is handled afterwards."""
+    """Let processes started inside ignore SIGINT, even while they start; here it is handled afterwards."""
     blocked_before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -318,7 +320,7 @@ def without_interrupts() -> Iterator[None]:
 
 @contextmanager
 def one_thread_in_children() -> Iterator[None]:
-    """Processes started inside get one thread for linear algebra: the workers fill the CPUs already."""
+    """Give processes started inside one thread for linear algebra: the workers fill the CPUs already."""
     names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
     values_before = {name: os.environ.get(name) for name in names}
     os.environ.update(dict.fromkeys(names, "1"))

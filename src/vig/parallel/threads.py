@@ -37,7 +37,7 @@ _told = False
 
 
 def thread_count() -> int:
-    """How many threads work may use here: the number that is set, and one within such work."""
+    """Return how many threads work may use here: the number that is set, and one within such work."""
     own_count: int | None = getattr(_here, "count", None)
     return _set_count() if own_count is None else own_count
 
@@ -65,7 +65,7 @@ def _set_count() -> int:
 
 
 def _with_threads() -> Any:
-    """torch, where the program has loaded it: its threads are one setting with ours."""
+    """Return torch, where the program has loaded it: its threads are one setting with ours."""
     global _told
     library: Any = sys.modules.get("torch")
     if not hasattr(library, "set_num_threads"):
@@ -79,7 +79,7 @@ def _with_threads() -> Any:
 
 @contextmanager
 def thread_limit(count: int) -> Iterator[None]:
-    """Inside, what this thread calls uses so many threads; torch, too, where it is loaded."""
+    """Limit the threads of everything that this thread calls; torch, too, where it is loaded."""
     library, before = _with_threads(), getattr(_here, "count", None)
     torch_before = library.get_num_threads() if library is not None else count
     _here.count = count
@@ -129,7 +129,7 @@ _linear_algebra = _LinearAlgebra()
 
 @functools.cache
 def linear_algebra() -> ThreadpoolController:
-    """The libraries of linear algebra; those that are loaded after the first use are left alone."""
+    """Return the libraries of linear algebra; those that are loaded after the first use are left alone."""
     return ThreadpoolController()
 
 
@@ -144,7 +144,7 @@ def run_on_threads(work: Callable[[int], None], count: int) -> None:
 
 
 def map_on_threads(work: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
-    """work(item) of each item in order, as many at once as `thread_count`.
+    """Yield work(item) of each item in order, as many at once as `thread_count`.
 
     When its consumer stops early, items that were not begun are dropped.
     """
@@ -183,7 +183,7 @@ def _counting(count: int, work: Callable[[], Result]) -> Result:
 
 
 def _forget_threads() -> None:
-    """A forked child has none of its parent's threads."""
+    """Forget the threads of the parent, of which a forked child has none."""
     _pool.cache_clear()
     _callers.cache_clear()
     _linear_algebra.lock = threading.Lock()

@@ -77,7 +77,7 @@ class Encoding:
     def light_and_peak(
         self, samples: np.ndarray, maximum: int, peak: float | None = None
     ) -> tuple[np.ndarray, float]:
-        """As `light`, and the light that became white: `peak` for further frames of a video."""
+        """Return `light`, and the light that became white: `peak` for further frames of a video."""
         levels = np.arange(np.iinfo(samples.dtype).max + 1) / maximum
         if self.narrow:  # 16 to 235 of 255
             levels = (levels * 255 - 16) / 219 if maximum == 255 else (levels * 65535 / 256 - 16) / 219
@@ -108,7 +108,7 @@ def rec709_from(chromaticities: Sequence[float]) -> np.ndarray:
 
 
 def _adapted_xyz(chromaticities: Sequence[float]) -> np.ndarray:
-    """The matrix from RGB to XYZ (3, 3), adapted from its white to that of D65."""
+    """Return the matrix from RGB to XYZ (3, 3), adapted from its white to that of D65."""
     values = np.asarray(chromaticities, np.float64)
     xyz = np.stack([values[0::2], values[1::2], 1 - values[0::2] - values[1::2]])  # a column a colour
     primaries, white = xyz[:, :3], xyz[:, 3]
@@ -129,7 +129,7 @@ def gamma(exponent: float) -> Curve:
 
 
 def _pq(samples: np.ndarray) -> np.ndarray:
-    """SMPTE ST 2084, in units of `SDR_WHITE`."""
+    """Return SMPTE ST 2084, in units of `SDR_WHITE`."""
     root = samples ** (32 / 2523)
     ratio = np.maximum(root - 3424 / 4096, 0) / (2413 / 128 - 2392 / 128 * root)
     light: np.ndarray = 10_000 / SDR_WHITE * ratio ** (16384 / 2610)
@@ -137,7 +137,7 @@ def _pq(samples: np.ndarray) -> np.ndarray:
 
 
 def _hlg(samples: np.ndarray) -> np.ndarray:
-    """ARIB STD-B67, scaled so that its system gamma of 1.2 gives a display of 1000 cd/m2."""
+    """Return ARIB STD-B67, scaled so that its system gamma of 1.2 gives a display of 1000 cd/m2."""
     a, b, c = 0.17883277, 0.28466892, 0.55991073
     scene = np.where(samples <= 0.5, samples**2 / 3, (np.exp((samples - c) / a) + b) / 12)
     scaled: np.ndarray = scene * (1000 / SDR_WHITE) ** (1 / 1.2)
@@ -239,7 +239,7 @@ def encoding_of(image: Image.Image, stated: Codes | bytes | None) -> Encoding | 
 
 
 def _tabulated(tags: Any) -> Curve | None:
-    """The curve of a TIFF's TransferFunction; None where there is none."""
+    """Return the curve of a TIFF's TransferFunction; None where there is none."""
     table = tags.get(TRANSFER_FUNCTION, ())
     if len(table) not in (256, 768, 65536, 3 * 65536):
         return None
@@ -248,7 +248,7 @@ def _tabulated(tags: Any) -> Curve | None:
 
 
 def _is_adobe_rgb(image: Image.Image) -> bool:
-    """Whether a camera states Adobe RGB as DCF does, in EXIF alone."""
+    """Return whether a camera states Adobe RGB as DCF does, in EXIF alone."""
     try:
         interop = image.getexif().get_ifd(ExifTags.IFD.Interop) if image.getexif() else {}
         return interop.get(1) == "R03"

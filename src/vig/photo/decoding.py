@@ -142,7 +142,9 @@ def decoded(path: Path, image: Image.Image) -> np.ndarray:
 
 
 def _without_alpha(picture: Image.Image, rawmodes: str) -> tuple[Image.Image, np.ndarray | None]:
-    """A picture of 8 bits without its transparency, and opacity (H, W, 1) in [0, 1]; None where it is 1."""
+    """Return a picture of 8 bits without its transparency, and opacity (H, W, 1) in [0, 1]; None where it
+    is 1.
+    """
     if not picture.has_transparency_data:
         return picture, None
     key = picture.info.get("transparency")
@@ -176,7 +178,7 @@ def _by_profile(picture: Image.Image, profile: Profile) -> Image.Image:
 
 
 def _sixteen_bits(path: str, image: Image.Image) -> np.ndarray | None:
-    """All bits of a picture whose channels pillow cuts to their upper bytes, (H, W, 3 or 4) uint16.
+    """Return all bits of a picture whose channels pillow cuts to their upper bytes, (H, W, 3 or 4) uint16.
 
     Its file is decoded again with the bytes swapped, which gives the lower ones. None for a picture that is
     not from a file, for planes in a row, and for modes without a swapped one.
@@ -208,7 +210,9 @@ def _sixteen_bits(path: str, image: Image.Image) -> np.ndarray | None:
 
 
 def _stated_colour(image: Image.Image) -> formats.Codes | bytes | None:
-    """The codes or profile in a file of PNG, AVIF, HEIC, JPEG 2000 or BMP that pillow does not read."""
+    """Return the codes or profile in a file of PNG, AVIF, HEIC, JPEG 2000 or BMP that pillow does not
+    read.
+    """
     if image.format not in ("PNG", "AVIF", "HEIF", "JPEG2000", "BMP"):
         return None
     try:
@@ -239,7 +243,7 @@ def _check_scale(path: Path, brightest: int, white: int) -> None:
 
 
 def _check_square(path: Path, image: Image.Image) -> None:
-    """UserError for pixels that the header calls oblong, as frames of anamorphic videos have them."""
+    """Raise UserError for pixels that the header calls oblong, as frames of anamorphic videos have them."""
     density = image.info.get("aspect") if image.format == "PNG" else image.info.get("jfif_density")
     if not density or min(density) <= 0 or image.info.get("jfif_unit", 0) != 0:
         return

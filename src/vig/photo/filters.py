@@ -6,7 +6,8 @@ import numpy as np
 
 
 def gaussian_filter(image: np.ndarray, deviation: float, mode: str = "edge") -> np.ndarray:
-    """A picture (H, W) or (H, W, C) smoothed by a Gaussian cut off at four deviations, in pixels; its dtype.
+    """Return a picture (H, W) or (H, W, C) smoothed by a Gaussian cut off at four deviations, in pixels; its
+    dtype.
 
     mode: What is beyond the border, as `numpy.pad` names it.
     """
@@ -27,7 +28,7 @@ def gaussian_filter(image: np.ndarray, deviation: float, mode: str = "edge") -> 
 
 
 def dilation(mask: np.ndarray, steps: int) -> np.ndarray:
-    """A mask (H, W) bool grown by so many pixels along rows and columns."""
+    """Return a mask (H, W) bool grown by so many pixels along rows and columns."""
     grown = mask.copy()
     for _ in range(steps):
         before = grown.copy()
@@ -39,6 +40,6 @@ def dilation(mask: np.ndarray, steps: int) -> np.ndarray:
 
 
 def erosion(mask: np.ndarray, steps: int) -> np.ndarray:
-    """A mask (H, W) bool shrunk by so many pixels; beyond the border is none of it."""
+    """Return a mask (H, W) bool shrunk by so many pixels; beyond the border is none of it."""
     outside = dilation(np.pad(~mask, steps, constant_values=True), steps)
     return ~outside[steps : len(outside) - steps, steps : outside.shape[1] - steps]

@@ -28,13 +28,14 @@ class FitGeometry:
     size: tuple[int, int]
 
     def window_camera(self, framing: np.ndarray) -> Camera:
-        """The fit's camera, which looks straight at the object, in pixels of the window."""
+        """Return the fit's camera, which looks straight at the object, in pixels of the window."""
         return self.object_class.camera(camera_distance_ratio=self.camera_distance_ratio).framed(
             *framing.tolist()
         )
 
     def pose_before(self, matrix: np.ndarray, latents: Latents, framing: np.ndarray) -> np.ndarray:
-        """The pose (4, 4) before a camera with intrinsics (3, 3) that sees the object where the fit does.
+        """Return the pose (4, 4) before a camera with intrinsics (3, 3) that sees the object where the fit
+        does.
 
         That camera took the photo; the pose is the one under which vertices are seen nearest to where the
         fit's camera sees them, those of the outline above all.
@@ -51,7 +52,7 @@ class FitGeometry:
         return reprojected(matrix, pixels, vertices, outline_weights(vertices, model.faces, eye), start)
 
     def _nearly(self, matrix: np.ndarray, latents: Latents, framing: np.ndarray) -> np.ndarray:
-        """`pose_before` nearly, in closed form."""
+        """Approximate `pose_before` in closed form."""
         window = self.window_camera(framing)
         if self.window.focal is None:
             camera = self.window.camera(window, *self.size)
@@ -72,7 +73,7 @@ class FitGeometry:
     def covariance(
         self, matrix: np.ndarray, latents: Latents, framing: np.ndarray, deviation: np.ndarray
     ) -> np.ndarray:
-        """Covariance (6, 6) of that pose from deviations (6,) of azimuth, elevation and framing.
+        """Return covariance (6, 6) of that pose from deviations (6,) of azimuth, elevation and framing.
 
         x, y, z in metres, then turns about these axes in radians; to first order, by differences.
         """

@@ -123,7 +123,7 @@ def why_no_photo(path: Path) -> tuple[str, str] | None:
 
 
 def is_heif(head: bytes) -> bool:
-    """Whether a file with these first bytes is HEIF, such as HEIC, that is not AVIF."""
+    """Return whether a file with these first bytes is HEIF, such as HEIC, that is not AVIF."""
     return head[4:8] == b"ftyp" and head[8:12] in _HEIF_BRANDS and not _is_avif(head)
 
 
@@ -203,7 +203,7 @@ def unread_samples(path: Path) -> str | None:
 
 
 def samples_of(tags: Any) -> str:
-    """What the samples of a page with these TIFF tags are, in words."""
+    """Describe the samples of a page with these TIFF tags."""
     bits = tags.get(BITS, (1,))[0]
     kind = {2: "signed ", 3: "floating-point ", 6: "complex "}.get(tags.get(SAMPLE_FORMAT, (1,))[0], "")
     return f"{kind}samples of {bits} bits" + (", 0 for white" if tags.get(PHOTOMETRIC) == 0 else "")
@@ -262,12 +262,12 @@ def stated_colour(file: IO[bytes]) -> Codes | bytes | None:
 
 
 def _nclx(colour: bytes) -> Codes:
-    """Of a `colr` box's content; the decoder itself expands a limited range."""
+    """Return the codes of a `colr` box's content; the decoder itself expands a limited range."""
     return Codes(int.from_bytes(colour[4:6], "big"), int.from_bytes(colour[6:8], "big"))
 
 
 def _primary_nclx(meta: bytes) -> Codes | None:
-    """The nclx colour property of the primary item, of a `meta` box's content (ISO/IEC 23008-12)."""
+    """Return the nclx colour property of the primary item, of a `meta` box's content (ISO/IEC 23008-12)."""
     boxes = dict(_boxes(meta))
     primary = int.from_bytes(boxes[b"pitm"][4:8] if boxes[b"pitm"][0] else boxes[b"pitm"][4:6], "big")
     inner = dict(_boxes(boxes[b"iprp"]))

@@ -76,17 +76,17 @@ def as_photo(photo: Photo) -> np.ndarray:
 
 
 def coded(picture: np.ndarray) -> np.ndarray:
-    """A photo (H, W, 3), uint8 sRGB or float linear RGB, as uint8 sRGB."""
+    """Return a photo (H, W, 3), uint8 sRGB or float linear RGB, as uint8 sRGB."""
     return picture if picture.dtype == np.uint8 else srgb8_from_linear(picture)
 
 
 def linear_photo(coded: np.ndarray) -> np.ndarray:
-    """Linear RGB float32 of pixels (..., 3) as `coded_photo` returns them."""
+    """Return linear RGB float32 of pixels (..., 3) as `coded_photo` returns them."""
     return coded if coded.dtype == np.float32 else LINEAR[coded]
 
 
 def linear_planes(coded: np.ndarray) -> list[Image.Image]:
-    """`linear_photo` of pixels (H, W, 3) as a float picture of each channel."""
+    """Return `linear_photo` of pixels (H, W, 3) as a float picture of each channel."""
     if coded.dtype == np.float32:
         return [Image.fromarray(np.ascontiguousarray(plane)) for plane in np.moveaxis(coded, 2, 0)]
     planes = Image.fromarray(np.ascontiguousarray(coded)).split()
@@ -141,7 +141,7 @@ def coded_photo(photo: Photo) -> np.ndarray:
 
 
 def eight_bit_photo(path: Path) -> np.ndarray:
-    """A picture's bytes (H, W, 3) uint8; UserError for one with more bits or transparency."""
+    """Return a picture's bytes (H, W, 3) uint8; UserError for one with more bits or transparency."""
     picture = coded_photo(path)
     if picture.dtype != np.uint8:
         refuse(path, "an 8-bit picture without transparency", "another", "Save it so.")
@@ -182,7 +182,7 @@ def write_png(path: str | Path, array: np.ndarray) -> None:
 
 
 def png_bytes(picture: np.ndarray) -> bytes:
-    """A picture (H, W), (H, W, 3) or (H, W, 4), uint8 or uint16, as a PNG file.
+    """Return a picture (H, W), (H, W, 3) or (H, W, 4), uint8 or uint16, as a PNG file.
 
     Each row is stored as its difference from the one above: Pillow tries five filters on each, which takes
     as long as to compress all of it.

@@ -70,7 +70,7 @@ class Intrinsics:
 
     @staticmethod
     def of(camera: Any, width: int, height: int) -> Intrinsics:
-        """The intrinsics of a photo from what a caller has them in.
+        """Return the intrinsics of a photo from what a caller has them in.
 
         Args:
             camera: A focal length, for a principal point in the middle; `Intrinsics`; fx, fy, cx, cy; K as
@@ -108,15 +108,15 @@ class Intrinsics:
 
     @property
     def K(self) -> np.ndarray:  # noqa: N802
-        """Intrinsic matrix (3, 3)."""
+        """Return intrinsic matrix (3, 3)."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
     def scaled(self, factor: float) -> Intrinsics:
-        """The same lens for a photo `factor` times as wide and high."""
+        """Return the same lens for a photo `factor` times as wide and high."""
         return Intrinsics(self.fx * factor, self.fy * factor, self.cx * factor, self.cy * factor)
 
     def turned_to(self, x: float, y: float) -> tuple[np.ndarray, float]:
-        """A camera at the same place that looks at a point of the photo, with its horizon kept.
+        """Return a camera at the same place that looks at a point of the photo, with its horizon kept.
 
         Returns:
             Rotation (3, 3) from this camera's axes to those of the other; and the focal length in pixels with
@@ -183,7 +183,9 @@ def camera_as_shown(photo: object, camera: Any) -> Any:
 
 
 def _stored(photo: object) -> tuple[int, tuple[int, int]]:
-    """EXIF's orientation of a photo, 1 where it states none, and width and height before it is turned."""
+    """Return EXIF's orientation of a photo, 1 where it states none, and width and height before it is
+    turned.
+    """
     try:
         if isinstance(photo, str | Path):
             with opened(existing_file(photo)) as image:
@@ -202,7 +204,9 @@ def _key(name: object) -> str:
 
 
 def _flat(camera: Mapping[Any, Any]) -> dict[Any, Any]:
-    """A mapping with the fields of a matrix's own mapping, and with OpenCV's `data` in place of its."""
+    """Return a mapping with the fields of a matrix's own mapping, and with OpenCV's `data` in place of
+    its.
+    """
     flat = dict(camera)
     for name in MATRICES:
         if isinstance(inner := flat.get(name), Mapping):
@@ -211,7 +215,7 @@ def _flat(camera: Mapping[Any, Any]) -> dict[Any, Any]:
 
 
 def _size_of(camera: Any) -> tuple[Any, Any]:
-    """Width and height that a mapping states, None for what it does not."""
+    """Return the width and height that a mapping states, None for what it does not."""
     if not isinstance(camera, Mapping):
         return None, None
     fields = {_key(name): value for name, value in _flat(camera).items()}
@@ -224,7 +228,7 @@ def _size_of(camera: Any) -> tuple[Any, Any]:
 
 
 def _check_pinhole(camera: Mapping[Any, Any]) -> None:
-    """UserError for a lens with distortion, by whichever name."""
+    """Raise UserError for a lens with distortion, by whichever name."""
     for name, value in camera.items():
         key = _key(name)
         if isinstance(value, str) and MODEL.search(key):
@@ -235,7 +239,7 @@ def _check_pinhole(camera: Mapping[Any, Any]) -> None:
 
 
 def _numbers_in(value: Any) -> Iterator[Any]:
-    """All numbers in what may be nested, and of text in which there are any but 0 the text."""
+    """Yield all numbers in what may be nested, and of text in which there are any but 0 the text."""
     values = [value]
     while values:
         item = values.pop()
@@ -250,7 +254,7 @@ def _numbers_in(value: Any) -> Iterator[Any]:
 
 
 def _four_numbers(camera: Any) -> tuple[float, float, float, float]:
-    """fx, fy, cx, cy from whatever states them."""
+    """Return fx, fy, cx, cy from whatever states them."""
     given = camera
     if isinstance(camera, Mapping):
         camera = _flat(camera)
@@ -289,7 +293,7 @@ def _refuse(expected: str, received: str) -> NoReturn:
 
 
 def focal_of(photo: object) -> float | None:
-    """The focal length in pixels that EXIF data of a photo's file, or of a PIL image, state.
+    """Return the focal length in pixels that EXIF data of a photo's file, or of a PIL image, state.
 
     None where they state none, and where the picture is not of the size that they say it was stored in: it
     was cropped or resized since, and by how much of either they do not say.
@@ -321,7 +325,7 @@ def focal_of(photo: object) -> float | None:
 
 
 def _focal_plane(tags: Mapping[int, Any]) -> float | None:
-    """Focal length in pixels by EXIF's FocalLength (mm) and FocalPlaneXResolution (pixels a unit)."""
+    """Return focal length in pixels by EXIF's FocalLength (mm) and FocalPlaneXResolution (pixels a unit)."""
     millimetres = float(tags.get(ExifTags.Base.FocalLength) or 0)
     resolution = float(tags.get(ExifTags.Base.FocalPlaneXResolution) or 0)
     unit = UNIT_MM.get(int(tags.get(ExifTags.Base.FocalPlaneResolutionUnit) or 2))

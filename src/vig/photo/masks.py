@@ -24,7 +24,7 @@ REMEDY = "Write 255 where the object is seen, 0 elsewhere."
 
 
 def box_of(mask: np.ndarray) -> tuple[int, int, int, int] | None:
-    """x, y, width, height in pixels round the true ones of a mask (H, W) bool; None for none."""
+    """Return x, y, width, height in pixels round the true ones of a mask (H, W) bool; None for none."""
     rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
     if not len(rows):
         return None
@@ -33,7 +33,7 @@ def box_of(mask: np.ndarray) -> tuple[int, int, int, int] | None:
 
 
 def read_mask(path: str | Path) -> np.ndarray:
-    """A mask (H, W) bool from a picture.
+    """Return a mask (H, W) bool from a picture.
 
     Two values mean nothing and the object, whatever they are, the lower one nothing if it is 0; further ones
     are shades, of which those above half are the object. Of colours and of a palette black is nothing. A
@@ -46,7 +46,7 @@ def read_mask(path: str | Path) -> np.ndarray:
 
 
 def mask_of_picture(path: Path, image: Image.Image) -> np.ndarray:
-    """`read_mask` of an opened picture; errors name the path."""
+    """Read the mask of an opened picture; errors name the path."""
     image.load()
     alpha = None
     if image.has_transparency_data:
@@ -92,7 +92,7 @@ def _by_value(path: Path, values: np.ndarray) -> np.ndarray:
 
 
 def _check_colours(path: Path, values: np.ndarray) -> None:
-    """UserError for a picture of several objects, each in a colour of its own."""
+    """Raise UserError for a picture of several objects, each in a colour of its own."""
     red, green, blue = np.moveaxis(values[..., :3], -1, 0)
     if (red == green).all() and (green == blue).all():
         return
@@ -104,7 +104,7 @@ def _check_colours(path: Path, values: np.ndarray) -> None:
 
 
 def mask_files(folder: Path, photos: Iterable[Path]) -> list[Path]:
-    """The file of each photo's mask in a folder, of which a listing is made once.
+    """Return the file of each photo's mask in a folder, of which a listing is made once.
 
     Named as the photo is in any Unicode composition, with any picture's ending or behind the photo's own
     (COLMAP), with `_mask` or `mask_`, in a folder named as the photo's, or with the number of its one object
@@ -120,7 +120,7 @@ def mask_files(folder: Path, photos: Iterable[Path]) -> list[Path]:
 
     @cache
     def listings(parent: Path) -> list[tuple[dict[str, Path], bool]]:
-        """Folders with masks of the photos in a folder, and whether each is the photos' own."""
+        """Return folders with masks of the photos in a folder, and whether each is the photos' own."""
         parts = parent.resolve().parts
         inner = [folder.joinpath(*parts[len(parts) - depth :]) for depth in (2, 1)]
         return [(listing(each), each.resolve().parts == parts) for each in (*inner, folder) if each.is_dir()]
@@ -142,12 +142,12 @@ def mask_files(folder: Path, photos: Iterable[Path]) -> list[Path]:
 
 
 def _listing(folder: Path) -> dict[str, Path]:
-    """Paths of what is in a folder by `_key` of their names."""
+    """Return paths of what is in a folder by `_key` of their names."""
     with reading(folder, "a folder of masks", "Name another."):
         return {_key(path.name): path for path in folder.iterdir()}
 
 
 def _key(name: str) -> str:
-    """A name whose composition and whose ending's case make no difference."""
+    """Return a name whose composition and whose ending's case make no difference."""
     stem, ending = os.path.splitext(compose_name(name))
     return stem + ending.lower()

@@ -34,7 +34,7 @@ def line_reach(height: float, width: float) -> float:
 
 
 def outline_distance(share: np.ndarray, outside: float = REACH, inside: float = REACH) -> np.ndarray:
-    """Signed distance (4 S, 4 S) float32, in pixels of a map (S, S), to where the map is a half.
+    """Return signed distance (4 S, 4 S) float32, in pixels of a map (S, S), to where the map is a half.
 
     Args:
         share: In [0, 1], such as the share of each pixel that an object covers. Distances are negative where
@@ -61,7 +61,7 @@ def outline_distance(share: np.ndarray, outside: float = REACH, inside: float = 
 
 
 def _points_to(places: np.ndarray, reach: float) -> np.ndarray:
-    """Distance (h, w) float32, in points, to the nearest of some places (h, w) bool.
+    """Return the distance (h, w) float32, in points, to the nearest of some places (h, w) bool.
 
     Exact up to a reach in pixels of the map and `BESIDE` points; farther away it is a point more than that.
     """

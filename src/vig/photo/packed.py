@@ -67,7 +67,7 @@ def packed_picture(path: Path) -> Image.Image | None:
 
 
 def _rows(data: bytes, tags: Any, size: tuple[int, int], bits: int) -> np.ndarray:
-    """The decompressed bytes of a page's rows, (H, bytes of a row) uint8."""
+    """Return the decompressed bytes of a page's rows, (H, bytes of a row) uint8."""
     directory = TiffImagePlugin.ImageFileDirectory_v2(data[:8])
     for tag, value in (
         (formats.WIDTH, -(-size[0] * bits // 8)),
@@ -89,7 +89,7 @@ def _rows(data: bytes, tags: Any, size: tuple[int, int], bits: int) -> np.ndarra
 
 
 def _unpacked(rows: np.ndarray, count: int, bits: int) -> np.ndarray:
-    """Samples (H, count) uint16, the first bit of each the highest, of rows (H, bytes) uint8."""
+    """Return samples (H, count) uint16, the first bit of each the highest, of rows (H, bytes) uint8."""
     samples = np.empty((len(rows), count), np.uint16)
     weights = (1 << np.arange(bits)[::-1]).astype(np.uint16)
     for start in range(0, len(rows), BLOCK):

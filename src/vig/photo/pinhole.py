@@ -20,7 +20,8 @@ DIFFERENCE = 1e-4
 
 
 def turned_pose(camera: Camera, pose: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """The pose (4, 4) before a camera with intrinsics (3, 3), nearly: exact for objects small in the photo.
+    """Return the pose (4, 4) before a camera with intrinsics (3, 3), nearly: exact for objects small in the
+    photo.
 
     Seen by it, the object is turned with the ray that leads to it, and as far away as makes it as large.
 
@@ -44,7 +45,8 @@ def turned_pose(camera: Camera, pose: np.ndarray, matrix: np.ndarray) -> np.ndar
 
 
 def sight_axes(pose: np.ndarray) -> np.ndarray:
-    """Axes (3, 3), columns, about the ray to an object: to the side, its vertical as it is seen, the ray.
+    """Return axes (3, 3), columns, about the ray to an object: to the side, its vertical as it is seen, the
+    ray.
 
     pose: (4, 4) camera_from_object.
     """
@@ -60,7 +62,8 @@ def sight_axes(pose: np.ndarray) -> np.ndarray:
 def pose_covariance(
     moved: Callable[[np.ndarray], np.ndarray], at: np.ndarray, deviation: np.ndarray
 ) -> np.ndarray:
-    """Covariance (6, 6) of a pose that follows from independent numbers: to first order, by differences.
+    """Return covariance (6, 6) of a pose that follows from independent numbers: to first order, by
+    differences.
 
     x, y, z in metres, then turns about these axes in radians.
 
@@ -78,7 +81,7 @@ def pose_covariance(
 
 
 def outline_weights(vertices: np.ndarray, faces: np.ndarray, eye: np.ndarray) -> np.ndarray:
-    """(V,) 1 for vertices between faces that look towards the eye (3,) and faces that look away."""
+    """Return (V,) 1 for vertices between faces that look towards the eye (3,) and faces that look away."""
     a, b, c = (vertices[corner] for corner in faces.T)
     (x, y, z), (u, v, w), (i, j, k) = (b - a).T, (c - a).T, (eye - a).T
     towards = (y * w - z * v) * i + (z * u - x * w) * j + (x * v - y * u) * k > 0
@@ -92,7 +95,7 @@ def outline_weights(vertices: np.ndarray, faces: np.ndarray, eye: np.ndarray) ->
 def reprojected(
     matrix: np.ndarray, pixels: np.ndarray, vertices: np.ndarray, weights: np.ndarray, start: np.ndarray
 ) -> np.ndarray:
-    """The pose before a camera under which points are seen nearest to given pixels.
+    """Return the pose before a camera under which points are seen nearest to given pixels.
 
     Gauss-Newton on the weighted squared distances of projections, over rotation and translation.
 
@@ -149,7 +152,7 @@ def reprojected(
 
 
 def _turn(vector: np.ndarray) -> np.ndarray:
-    """Rotation (3, 3) about a vector (3,) by its length in radians."""
+    """Return the rotation (3, 3) about a vector (3,) by its length in radians."""
     x, y, z = vector
     generator, angle = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]], np.float64), math.hypot(x, y, z)
     # Rodrigues' formula; sin(a) / a and (1 - cos(a)) / a^2 = (sin(a / 2) / (a / 2))^2 / 2, also at 0.

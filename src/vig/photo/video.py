@@ -32,7 +32,7 @@ WHOLE = "frames.json"
 
 
 def is_video(path: Path) -> bool:
-    """Whether a file is a video by its name."""
+    """Return whether a file is a video by its name."""
     return path.suffix.lower() in ENDINGS
 
 
@@ -71,7 +71,7 @@ def frames_of(video: Path, folder: Path) -> list[Path]:
 
 
 def _check_own(folder: Path) -> None:
-    """UserError where a folder holds what is no frame: it is the user's."""
+    """Raise UserError where a folder holds what is no frame: it is the user's."""
     frame = re.compile(re.escape(folder.name) + r"-\d{6}\.png")
     for path in folder.iterdir() if folder.is_dir() else ():
         if path.name != WHOLE and not frame.fullmatch(path.name):
@@ -180,7 +180,9 @@ def _stated_seconds(stream: Any) -> float:
 
 
 def _encoding(video: str | Path, codec: Any, frame: Any) -> Encoding | None:
-    """How samples stand for light where a video is HDR or has other primaries than sRGB's like; else None."""
+    """Return how samples stand for light where a video is HDR or has other primaries than sRGB's like;
+    else None.
+    """
     primaries, transfer, matrix = int(codec.color_primaries), int(codec.color_trc), int(frame.colorspace)
     try:
         if matrix in UNREAD_MATRICES:
@@ -198,7 +200,9 @@ def _encoding(video: str | Path, codec: Any, frame: Any) -> Encoding | None:
 
 
 def _squared(picture: np.ndarray, aspect: Fraction | None) -> np.ndarray:
-    """A picture (H, W, 3) uint8 of pixels `aspect` times as wide as high, with the width of square ones."""
+    """Return a picture (H, W, 3) uint8 of pixels `aspect` times as wide as high, with the width of square
+    ones.
+    """
     height, width = picture.shape[:2]
     square = max(1, round(width * (aspect or 1)))
     if square == width:

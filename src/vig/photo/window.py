@@ -52,7 +52,9 @@ class ImagePyramid:
         """The last window that was cut out, its size, and what it shows: windows are turned, then fitted."""
 
     def level(self, reduction: float) -> tuple[np.ndarray, int]:
-        """The photo at 1 / scale of its size, and the scale, a power of 2 that `PREFILTER_PIXELS` bounds."""
+        """Return the photo at 1 / scale of its size, and the scale, a power of 2 that `PREFILTER_PIXELS`
+        bounds.
+        """
         number = max(0, math.floor(math.log2(reduction / PREFILTER_PIXELS)))
         while len(self._levels) <= number:
             fine = self._levels[-1]
@@ -83,7 +85,7 @@ class Window:
 
     @staticmethod
     def of(width: int, height: int, box: tuple[float, float, float, float] | None = None) -> Window:
-        """The window of a box (x, y, w, h) round the whole object, or of the whole photo.
+        """Return the window of a box (x, y, w, h) round the whole object, or of the whole photo.
 
         The box may leave the photo, as one round an object that the photo cuts off does.
 
@@ -108,7 +110,7 @@ class Window:
 
     @staticmethod
     def round_box(box: tuple[float, float, float, float], roll: float = 0.0) -> Window:
-        """The window of a box (x, y, w, h) wherever it lies."""
+        """Return the window of a box (x, y, w, h) wherever it lies."""
         x, y, w, h = box
         side = WINDOW_OVER_BOX * max(w, h)
         # The box's centre lies below the window's, down the window's own vertical.
@@ -117,8 +119,8 @@ class Window:
         return Window(centre[0] - side / 2, centre[1] - side / 2, side, roll)
 
     def crop(self, photo: np.ndarray | ImagePyramid, size: int = IMAGE_SIZE) -> tuple[np.ndarray, np.ndarray]:
-        """Resample the window: linear RGB (size, size, 3) float32, and (size, size) bool, where it lies in
-        the photo. photo (H, W, 3) as `coded_photo`. Beyond the photo its border is continued.
+        """Return resample the window: linear RGB (size, size, 3) float32, and (size, size) bool, where it
+        lies in the photo. photo (H, W, 3) as `coded_photo`. Beyond the photo its border is continued.
         """
         if isinstance(photo, ImagePyramid):
             if photo.latest is None or photo.latest[0] != (self, size):
@@ -157,7 +159,7 @@ class Window:
         return np.clip(np.stack(cut, axis=-1), 0, 1), np.outer(*map(np.asarray, shown)) > 0.5
 
     def _cut_turned(self, photo: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
-        """`cut`, from the upright window about this one, resampled at its scale."""
+        """Cut from the upright window about this one, resampled at its scale."""
         wide = math.ceil(size * (abs(math.cos(self.roll)) + abs(math.sin(self.roll))))
         side = self.side * wide / size
         grown = (side - self.side) / 2
@@ -176,7 +178,7 @@ class Window:
         return np.clip(np.stack(cut[:3], axis=-1), 0, 1), cut[3] > 0.5
 
     def _cut_through_lens(self, photo: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
-        """`cut`, from the upright window about its corners, resampled by the homography of the lens."""
+        """Cut from the upright window about its corners, resampled by the homography of the lens."""
         left, right, top, bottom = self._bounds()
         side = max(right - left, bottom - top)
         level = Window((left + right - side) / 2, (top + bottom - side) / 2, side)
@@ -195,19 +197,23 @@ class Window:
 
     @property
     def focal(self) -> float | None:
-        """Of the camera that shows it, in pixels of the photo; None without a lens."""
+        """Return the focal length of the camera that shows it, in pixels of the photo; None without a
+        lens.
+        """
         return None if self.lens is None else self.lens.turned_to(*self.centre)[1]
 
     @property
     def turn(self) -> np.ndarray:
-        """Rotation (3, 3) to the axes of the camera that shows the window from the photo's camera's."""
+        """Return the rotation (3, 3) to the axes of the camera that shows the window from the photo's
+        camera's.
+        """
         cos, sin = math.cos(self.roll), math.sin(self.roll)
         roll = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
         return roll if self.lens is None else roll @ self.lens.turned_to(*self.centre)[0]
 
     @cached_property
     def photo_from_window(self) -> np.ndarray:
-        """Homography (3, 3) to the photo from the window, in pixels of the photo about its middle."""
+        """Return homography (3, 3) to the photo from the window, in pixels of the photo about its middle."""
         if self.lens is None or self.focal is None:
             cos, sin = math.cos(self.roll), math.sin(self.roll)
             return np.array([[cos, -sin, self.centre[0]], [sin, cos, self.centre[1]], [0.0, 0.0, 1.0]])
@@ -222,41 +228,43 @@ class Window:
         return matrix
 
     def scaled(self, factor: float) -> Window:
-        """The same window of the photo `factor` times as wide and high."""
+        """Return the same window of the photo `factor` times as wide and high."""
         lens = self.lens and self.lens.scaled(factor)
         return Window(self.left * factor, self.top * factor, self.side * factor, self.roll, lens)
 
     def camera_distance_ratio(self, focal: float) -> float:
-        """How much longer a photo's focal length in pixels is than that of the window's standard camera,
-        within `DISTANCE_RATIO_BOUNDS`.
+        """Return how much longer a photo's focal length in pixels is than that of the window's standard
+        camera, within `DISTANCE_RATIO_BOUNDS`.
         """
         return min(max(self.ratio(focal), DISTANCE_RATIO_BOUNDS[0]), DISTANCE_RATIO_BOUNDS[1])
 
     def ratio(self, focal: float) -> float:
-        """`camera_distance_ratio` without limits."""
+        """Return `camera_distance_ratio` without limits."""
         return focal / (FOCAL_OVER_WIDTH * self.side)
 
     @property
     def centre(self) -> tuple[float, float]:
-        """Its middle in the photo's pixels."""
+        """Return its middle in the photo's pixels."""
         return self.left + self.side / 2, self.top + self.side / 2
 
     def to_photo(self, x: Place, y: Place) -> tuple[Place, Place]:
-        """A point of the photo from where it is in the window: pixels of the photo from its middle."""
+        """Return a point of the photo from where it is in the window: pixels of the photo from its middle."""
         if self.lens is not None:
             return _mapped(self.photo_from_window, x, y)
         cos, sin = math.cos(self.roll), math.sin(self.roll)
         return self.centre[0] + cos * x - sin * y, self.centre[1] + sin * x + cos * y
 
     def to_window(self, x: Place, y: Place) -> tuple[Place, Place]:
-        """Where a point of the photo is in the window: pixels of the photo from its middle."""
+        """Return where a point of the photo is in the window: pixels of the photo from its middle."""
         if self.lens is not None:
             return _mapped(np.linalg.inv(self.photo_from_window), x, y)
         cos, sin, x, y = math.cos(self.roll), math.sin(self.roll), x - self.centre[0], y - self.centre[1]
         return cos * x + sin * y, cos * y - sin * x
 
     def camera(self, camera: Camera, width: int, height: int) -> Camera:
-        """The camera of the whole photo of width x height from that of its window, which has no lens."""
+        """Return the camera of the whole photo of width x height from that of its window, which has no
+        lens.
+        """
         scale = self.side / camera.width
         at = ((camera.cx - camera.width / 2) * scale, (camera.cy - camera.height / 2) * scale)
         cx, cy = self.to_photo(*at)
@@ -264,7 +272,7 @@ class Window:
         return replace(camera, width=width, height=height, cx=cx, cy=cy, roll=camera.roll + self.roll)
 
     def paste(self, image: np.ndarray, rows: slice, columns: slice, outside: float = 0.0) -> np.ndarray:
-        """A map (S, S) of the window drawn into rows and columns of the photo, float32.
+        """Return a map (S, S) of the window drawn into rows and columns of the photo, float32.
 
         Beyond the window it is `outside`.
         """
@@ -293,7 +301,7 @@ class Window:
         )
 
     def warp_to(self, image: np.ndarray, there: Window, outside: float = 0.0) -> np.ndarray:
-        """A map (S, S) of this window as another window of the photo shows it, float32.
+        """Return a map (S, S) of this window as another window of the photo shows it, float32.
 
         Where that lies beyond this window it is `outside`.
         """
@@ -323,7 +331,7 @@ class Window:
     def tiles(
         self, width: int, height: int, around: np.ndarray | None = None
     ) -> Iterator[tuple[slice, slice]]:
-        """The part of a photo that the window touches, as rows and columns of a few lines at a time.
+        """Yield the part of a photo that the window touches, as rows and columns of a few lines at a time.
 
         around: (S, S) bool, a map of the window; its box alone is wanted.
         """
@@ -350,7 +358,7 @@ class Window:
     def _bounds(
         self, part: tuple[float, float, float, float] | None = None
     ) -> tuple[float, float, float, float]:
-        """Left, right, top and bottom in the photo of what the window shows, or of a part of it.
+        """Return left, right, top and bottom in the photo of what the window shows, or of a part of it.
 
         part: left, top, right, bottom in pixels of the photo from the window's corner.
         """
@@ -361,7 +369,7 @@ class Window:
 
 
 def _bordered(photo: np.ndarray, rows: tuple[int, int], columns: tuple[int, int]) -> np.ndarray:
-    """Rows and columns, from and to, of a photo (H, W, 3) whose border is continued beyond it."""
+    """Return rows and columns, from and to, of a photo (H, W, 3) whose border is continued beyond it."""
     within, beyond = [], []
     for (start, end), length in zip((rows, columns), photo.shape[:2], strict=True):
         first = min(max(start, 0), length - 1)
@@ -374,7 +382,7 @@ def _bordered(photo: np.ndarray, rows: tuple[int, int], columns: tuple[int, int]
 
 
 def _between(image: np.ndarray, places: np.ndarray, axis: int) -> np.ndarray:
-    """Values of a map at places along an axis, from the middles of two pixels; a new array."""
+    """Return values of a map at places along an axis, from the middles of two pixels; a new array."""
     first = np.floor(places - 0.5).astype(int)
     share = (places - 0.5 - first).astype(np.float32)
     last = image.shape[axis] - 1
@@ -393,7 +401,7 @@ def _mapped(homography: np.ndarray, x: Place, y: Place) -> tuple[Place, Place]:
 def _warped(
     image: np.ndarray, source: np.ndarray, size: tuple[int, int], outside: float, method: Image.Resampling
 ) -> Image.Image:
-    """A map (S, S) drawn at `size` (width, height), float32; `source` (3, 3) maps to its points."""
+    """Return a map (S, S) drawn at `size` (width, height), float32; `source` (3, 3) maps to its points."""
     picture = Image.fromarray(np.ascontiguousarray(image, np.float32))
     numbers = (source / source[2, 2]).ravel()[:8].tolist()
     return picture.transform(size, Image.Transform.PERSPECTIVE, numbers, method, fillcolor=outside)

@@ -68,7 +68,7 @@ class Candidate:
 def find(
     photo: np.ndarray | ImagePyramid, recognizer: Recognizer, clues: LocationHints | None = None
 ) -> Candidate:
-    """The best place of the object in a photo (H, W, 3), as `coded_photo` gives it.
+    """Return the best place of the object in a photo (H, W, 3), as `coded_photo` gives it.
 
     With clues only places that agree count.
 
@@ -86,7 +86,8 @@ def find(
 
 
 def find_several(photo: np.ndarray | ImagePyramid, recognizer: Recognizer, most: int) -> list[Candidate]:
-    """The best places of several objects in a photo, as `find` takes it: `most` at most, the best first.
+    """Return the best places of several objects in a photo, as `find` takes it: `most` at most, the best
+    first.
 
     Raises:
         UserError: The recognizer cannot find objects.
@@ -101,7 +102,7 @@ def _tried(
     clues: LocationHints | None = None,
     sides: Sequence[int] = PHOTO_SIDES,
 ) -> list[Candidate]:
-    """Windows round the likeliest places, `most` of them, and about clues, moved onto what they show.
+    """Return windows round the likeliest places, `most` of them, and about clues, moved onto what they show.
 
     UserError for a recognizer that cannot find objects.
     """
@@ -149,7 +150,7 @@ class LocationHints:
 
     @property
     def box(self) -> tuple[float, float, float, float]:
-        """x, y, w, h round all that is known."""
+        """Return x, y, w, h round all that is known."""
         corners = [self.points]
         if self.mask is not None and (box := box_of(self.mask)) is not None:
             corners.append(np.array([box[:2], np.add(box[:2], box[2:])], float))
@@ -158,7 +159,9 @@ class LocationHints:
         return float(left), float(top), float(right - left), float(bottom - top)
 
     def windows(self) -> list[Window]:
-        """Windows about what is known, as if it were all of the object, and larger ones for hidden parts."""
+        """Return windows about what is known, as if it were all of the object, and larger ones for hidden
+        parts.
+        """
         x, y, w, h = self.box
         side = max(w, h, float(SMALLEST_BOX))
         x, y = x + w / 2, y + h / 2
@@ -167,13 +170,13 @@ class LocationHints:
         return [Window.round_box((x - s / 2, y - s / 2, s, s)) for s in sides]
 
     def within(self, window: Window) -> bool:
-        """Whether a window shows all that is known."""
+        """Return whether a window shows all that is known."""
         x, y, w, h = self.box
         corners = [window.to_window(x + right * w, y + down * h) for right in (0, 1) for down in (0, 1)]
         return max(max(map(abs, corner)) for corner in corners) <= window.side / 2
 
     def placed(self, photo: np.ndarray | ImagePyramid, window: Window, recognizer: Recognizer) -> Window:
-        """The window of the object's box: that of what is known, or with what the network sees hidden.
+        """Return the window of the object's box: that of what is known, or with what the network sees hidden.
 
         window: One that shows the object.
         """
@@ -195,7 +198,7 @@ class LocationHints:
         return upright(photo, Window.round_box((x, y, w, h)), recognizer)
 
     def agreement(self, window: Window, prediction: Prediction) -> float:
-        """From 0 to 1: how well what the network sees in a window is what is marked."""
+        """Return from 0 to 1 how well the prediction for a window agrees with the marks."""
         if not self.within(window):
             return 0.0
         if self.mask is None:
@@ -208,7 +211,7 @@ class LocationHints:
 
 
 def apart(candidates: Iterable[Candidate], most: int) -> list[Candidate]:
-    """The best candidates, `most` of them, no two of the same place."""
+    """Return the best candidates, `most` of them, no two of the same place."""
     separate: list[Candidate] = []
     for each in sorted(candidates, key=lambda each: -each.present):
         # 0.5: overlap from which windows count as one object's: those of two that hide one another overlap,
@@ -219,7 +222,7 @@ def apart(candidates: Iterable[Candidate], most: int) -> list[Candidate]:
 
 
 def overlap(one: Window, other: Window) -> float:
-    """Intersection over union of two windows, taken as level."""
+    """Return the intersection over union of two windows, taken as level."""
     first, second = ((each.left, each.top, each.side, each.side) for each in (one, other))
     return box_overlap(first, second)
 
@@ -237,12 +240,12 @@ def upright(photo: np.ndarray | ImagePyramid, window: Window, recognizer: Recogn
 def predict_windows(
     photo: np.ndarray | ImagePyramid, windows: list[Window], recognizer: Recognizer
 ) -> Prediction:
-    """What the network predicts for windows of a photo."""
+    """Return the predictions of the network for windows of a photo."""
     return recognizer(np.stack([window.crop(photo)[0] for window in windows]))
 
 
 def box_in_window(prediction: Prediction) -> tuple[float, float, float, float] | None:
-    """The box (x, y, w, h) of the object's pixels in the first window, in its sides; None for none."""
+    """Return the box (x, y, w, h) of the object's pixels in the first window, in its sides; None for none."""
     shown = 1 - prediction.mask[0, :, :, 2] > SHOWN
     if (box := box_of(shown)) is None:
         return None
@@ -253,7 +256,7 @@ def box_in_window(prediction: Prediction) -> tuple[float, float, float, float] |
 
 
 def _moved(window: Window, prediction: Prediction) -> Window:
-    """The window of what one window's prediction (N = 1) shows of the object."""
+    """Return the window of what one window's prediction (N = 1) shows of the object."""
     box = box_in_window(prediction)
     if box is None or max(box[2:]) < 0.05:
         return window
@@ -266,7 +269,9 @@ def _moved(window: Window, prediction: Prediction) -> Window:
 
 
 def _present(at_place: float, prediction: Prediction) -> float:
-    """Probability that a window shows an object, from that of its place and from what one (N = 1) shows."""
+    """Return the probability that a window shows an object, from that of its place and from what one (N =
+    1) shows.
+    """
     box = box_in_window(prediction)
     if box is None:
         return 0.0

@@ -139,7 +139,7 @@ class _Writer:
     def normalised(
         self, x: _Array, name: str, outputs: int, kernel: int = 1, stride: int = 1, groups: int = 1
     ) -> _Array:
-        """A convolution with normalisation."""
+        """Return a convolution with normalisation."""
         x = self.convolution(x, f"{name}.0", outputs, kernel, stride, groups)
         parts = ("weight", "bias", "running_mean", "running_var")
         scales = [self.weight(f"{name}.1.{part}", outputs) for part in parts]
@@ -148,12 +148,12 @@ class _Writer:
     def block(
         self, x: _Array, name: str, outputs: int, kernel: int = 1, stride: int = 1, groups: int = 1
     ) -> _Array:
-        """A convolution with normalisation and ReLU6."""
+        """Return a convolution with normalisation and ReLU6."""
         x = self.normalised(x, name, outputs, kernel, stride, groups)
         return _Array(self.op("Clip", x.name, self.constant(0.0), self.constant(6.0)), outputs)
 
     def residual(self, x: _Array, name: str) -> _Array:
-        """Two convolutions beside the identity."""
+        """Return two convolutions beside the identity."""
         change = self.block(x, f"{name}.first", x.channels, 3)
         return self.sum(x, self.normalised(change, f"{name}.second", x.channels, 3), "Relu")
 
@@ -162,12 +162,12 @@ class _Writer:
         return _Array(self.op(after, total) if after else total, x.channels)
 
     def linear(self, x: _Array, name: str, outputs: int, result: str = "") -> _Array:
-        """A linear layer of vectors (N, C)."""
+        """Return a linear layer of vectors (N, C)."""
         parts = self.weight(f"{name}.weight", outputs, x.channels), self.weight(f"{name}.bias", outputs)
         return _Array(self.op("Gemm", x.name, *parts, result=result, transB=1), outputs)
 
     def linear_of_rows(self, x: _Array, name: str, outputs: int, separator: str = ".") -> _Array:
-        """A linear layer of each row of (N, R, C)."""
+        """Return a linear layer of each row of (N, R, C)."""
         weight = self.weight(f"{name}{separator}weight", outputs, x.channels)
         product = self.op("MatMul", x.name, self.op("Transpose", weight, perm=(1, 0)))
         return _Array(self.op("Add", product, self.weight(f"{name}{separator}bias", outputs)), outputs)
@@ -181,15 +181,15 @@ class _Writer:
         return _Array(self.op("Flatten", x.name, axis=1), size * x.channels)
 
     def reshape(self, x: str, *shape: int) -> str:
-        """To a shape; 0 keeps a size, one -1 takes what is left."""
+        """Reshape; 0 keeps a size, one -1 takes the rest."""
         return self.op("Reshape", x, self.constant(shape))
 
     def cells(self, x: _Array) -> _Array:
-        """Vectors as channels of `CELLS` a side."""
+        """Return vectors as channels of `CELLS` a side."""
         return _Array(self.reshape(x.name, 0, -1, CELLS, CELLS), x.channels // CELLS**2)
 
     def doubled(self, x: _Array, side: int, linear: bool) -> _Array:
-        """A map of twice the size, of which the first `side` rows and columns are kept."""
+        """Return a map of twice the size, of which the first `side` rows and columns are kept."""
         places, mode = ("half_pixel", "linear") if linear else ("asymmetric", "nearest")
         how: dict[str, Value] = {"coordinate_transformation_mode": places, "mode": mode}
         if not linear:
@@ -227,7 +227,7 @@ def _map(settings: NetworkSettings) -> _Writer:
 
 
 def _trunk(writer: _Writer, settings: NetworkSettings) -> list[_Array]:
-    """Maps of the trunk's stages, from fine to coarse."""
+    """Return maps of the trunk's stages, from fine to coarse."""
     doubled = writer.op("Mul", INPUT, writer.constant(2.0))
     x = _Array(writer.op("Add", doubled, writer.constant(-1.0)), 3)
     x = writer.block(x, "stem", settings.channels[0], 3, stride=2)
@@ -247,7 +247,7 @@ def _trunk(writer: _Writer, settings: NetworkSettings) -> list[_Array]:
 
 
 def _dense(writer: _Writer, settings: NetworkSettings, coarse: _Array) -> _Array:
-    """Features (N, D) of the dense layer."""
+    """Return features (N, D) of the dense layer."""
     x = writer.flat(writer.block(coarse, "dense.0", settings.squeezed), CELLS**2)
     groups, outputs = settings.members, settings.features
     if groups == 1:
@@ -263,7 +263,7 @@ def _dense(writer: _Writer, settings: NetworkSettings, coarse: _Array) -> _Array
 
 
 def _sides(finer: Sequence[_Array]) -> list[tuple[int, int, _Array]]:
-    """Numbers, sides in pixels and maps, from coarse to fine."""
+    """Return numbers, sides in pixels and maps, from coarse to fine."""
     sides = [-(-IMAGE_SIZE // 2**halved) for halved in range(len(finer), 0, -1)]
     return list(zip(range(len(finer)), sides, reversed(finer), strict=True))
 
@@ -285,7 +285,7 @@ def _plain_decoder(
 def _context_decoder(
     writer: _Writer, settings: NetworkSettings, coarse: _Array, sixteenth: _Array, finer: Sequence[_Array]
 ) -> _Array:
-    """`vig_train.network.decoder.ContextDecoder`."""
+    """Write `vig_train.network.decoder.ContextDecoder`."""
     width, *narrower = settings.context
     x = writer.flat(writer.block(coarse, "context.recall.0", settings.squeezed), CELLS**2)
     x = writer.linear(x, "context.recall.2", settings.features)
@@ -307,7 +307,7 @@ def _context_decoder(
 
 
 def _attention(writer: _Writer, rows: _Array, name: str) -> _Array:
-    """A layer of a transformer's encoder whose normalisation comes first; rows (N, R, C)."""
+    """Return a layer of a transformer's encoder whose normalisation comes first; rows (N, R, C)."""
     width = rows.channels
 
     def normalised(x: _Array, number: int) -> _Array:
@@ -357,7 +357,7 @@ def _field(number: int, value: float | str | bytes) -> bytes:
 
 
 def _headed(number: int, parts: Sequence[bytes | memoryview]) -> list[bytes | memoryview]:
-    """`_field` of the parts together, which are not copied."""
+    """Return `_field` of the parts together, which are not copied."""
     size = sum(len(part) for part in parts)
     return [_varint(number << 3 | 2) + _varint(size), *parts]
 

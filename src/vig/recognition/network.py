@@ -29,12 +29,12 @@ LOG_VARIANCE = -8.0, 4.0
 
 
 def layout_of_numbers(count: int) -> LatentLayout:
-    """The layout of M regressed numbers; their K follows from it."""
+    """Return the layout of M regressed numbers; their K follows from it."""
     return regressed_layout(count - regressed_layout(0).size)
 
 
 def latents_of(numbers: Array, azimuth: Array) -> Latents:
-    """Latents of regressed numbers (B, M) and azimuths (B,) radians, clipped to the bounds."""
+    """Return latents of regressed numbers (B, M) and azimuths (B,) radians, clipped to the bounds."""
     layout = layout_of_numbers(numbers.shape[1])
     lower, upper = (like(numbers, bound) for bound in layout.bounds())
     parts = layout.split(numbers.clip(lower, upper))
@@ -48,8 +48,8 @@ _MIRRORED_LIGHT = (3, 4, 7)
 
 
 def mirrored(azimuth: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Azimuths (B,) and numbers (B, M) of photos flipped left to right, of a class that is its own mirror
-    image in y = 0.
+    """Return azimuths (B,) and numbers (B, M) of photos flipped left to right, of a class that is its own
+    mirror image in y = 0.
     """
     flipped = numbers.copy()
     light = layout_of_numbers(numbers.shape[1]).at("light")
@@ -58,7 +58,7 @@ def mirrored(azimuth: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def mask_at_pixels(logits: np.ndarray, height: int, width: int) -> np.ndarray:
-    """Probabilities (B, H, W, 3) of `MASK_CLASSES` from the mask head's (B, 3, h, w) logits."""
+    """Return probabilities (B, H, W, 3) of `MASK_CLASSES` from the mask head's (B, 3, h, w) logits."""
     across = _doubled(_doubled(logits.swapaxes(2, 3)).swapaxes(2, 3))
     full = across[:, :, :height, :width]
     full = np.exp(full - full.max(1, keepdims=True))
@@ -67,7 +67,7 @@ def mask_at_pixels(logits: np.ndarray, height: int, width: int) -> np.ndarray:
 
 
 def _doubled(rows: np.ndarray) -> np.ndarray:
-    """Twice as many rows (B, C, H, W), linear between the middles of the given ones."""
+    """Return twice as many rows (B, C, H, W), linear between the middles of the given ones."""
     count, channels, height, width = rows.shape
     near, far = np.float32(0.75) * rows, np.float32(0.25) * rows
     doubled = np.empty((count, channels, 2 * height, width), np.float32)
@@ -168,7 +168,7 @@ class Heads:
     mask: np.ndarray
 
     def of_mirrored(self, centre: np.ndarray) -> Heads:
-        """What these, of flipped photos, say of the photos themselves.
+        """Return the outputs for the photos whose flipped versions gave these.
 
         centre: (M,) the numbers 0 in units of the heads, about which those of the light change sign.
         """
@@ -184,7 +184,7 @@ class Heads:
         )
 
     def mean_with(self, other: Heads) -> Heads:
-        """The mean of two that speak of the same photos."""
+        """Return the mean of two that speak of the same photos."""
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)
         return Heads(*((mine + others) / 2 for mine, others in pairs))
 
@@ -208,7 +208,7 @@ class NetworkCalibration:
 
     @classmethod
     def of(cls, tensors: Mapping[str, np.ndarray], numbers: int) -> NetworkCalibration:
-        """From the arrays of a weights file; without effect when it has none.
+        """Read the arrays of a weights file; without effect when it has none.
 
         Raises:
             ValueError: They do not fit a network of `numbers` regressed numbers.
@@ -226,11 +226,11 @@ class NetworkCalibration:
         return cls(**own)
 
     def tensors(self) -> dict[str, np.ndarray]:
-        """As they go into a weights file."""
+        """Return the arrays of a weights file."""
         return {self.PREFIX + name: value for name, value in vars(self).items()}
 
 
 def check_sizes(name: str, sizes: tuple[int, ...], low: int, high: int) -> None:
-    """ValueError unless all sizes of a network lie in [low, high]."""
+    """Raise ValueError unless all sizes of a network lie in [low, high]."""
     if not all(low <= size <= high for size in sizes):
         raise ValueError(f"{name} must be from {low} to {high}; got {sizes}")

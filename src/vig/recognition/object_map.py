@@ -56,7 +56,7 @@ class Place:
 def places(
     photo: np.ndarray | ImagePyramid, recognizer: Recognizer, sides: Sequence[int] = PHOTO_SIDES
 ) -> list[Place]:
-    """Where objects are in a photo (H, W, 3), as `coded_photo` gives it, the surest first.
+    """Return where objects are in a photo (H, W, 3), as `coded_photo` gives it, the surest first.
 
     No two are of one object. The recognizer's network must have a map. sides: Longer ones of the photo,
     pixels, at which it is read.
@@ -72,7 +72,7 @@ def places(
 
 
 def _at_scale(photo: np.ndarray | ImagePyramid, recognizer: Recognizer, side: int) -> list[Place]:
-    """Local maxima of the map of a photo whose longer side is made `side` pixels."""
+    """Return local maxima of the map of a photo whose longer side is made `side` pixels."""
     height, width = photo.shape[:2]
     whole = Window.of(width, height)
     cut, inside = whole.crop(photo, side)
@@ -96,7 +96,7 @@ def _at_scale(photo: np.ndarray | ImagePyramid, recognizer: Recognizer, side: in
 
 
 def _is_highest(values: np.ndarray) -> np.ndarray:
-    """Whether each cell (H, W) is as high as its eight neighbours."""
+    """Return whether each cell (H, W) is as high as its eight neighbours."""
     padded = np.pad(values, 1, constant_values=-np.inf)
     height, width = values.shape
     shifted = [padded[i : i + height, j : j + width] for i in range(3) for j in range(3)]
@@ -105,7 +105,7 @@ def _is_highest(values: np.ndarray) -> np.ndarray:
 
 
 def box_overlap(one: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> float:
-    """Intersection over union of boxes x, y, w, h."""
+    """Return the intersection over union of boxes x, y, w, h."""
     shared = 1.0
     for low, size in ((0, 2), (1, 3)):
         end = min(one[low] + one[size], other[low] + other[size])

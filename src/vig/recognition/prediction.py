@@ -21,14 +21,14 @@ START_STEP = 1 / 4096
 
 
 def bin_centres(bins: int, fold: int = 1) -> np.ndarray:
-    """Azimuths (bins,) float32 in the middle of equal bins of the circle, or of a part of it."""
+    """Return azimuths (bins,) float32 in the middle of equal bins of the circle, or of a part of it."""
     return (np.arange(bins, dtype=np.float32) + np.float32(0.5)) * np.float32(
         2 * math.pi / bins / max(fold, 1)
     )
 
 
 def round_to_grid(numbers: np.ndarray, step: float) -> np.ndarray:
-    """Round to multiples of `step`, a power of two, so that results are exact."""
+    """Return round to multiples of `step`, a power of two, so that results are exact."""
     rounded: np.ndarray = np.round(numbers / step) * step
     return rounded
 
@@ -61,11 +61,13 @@ class Prediction:
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
-        """All but the symmetry."""
+        """Return all but the symmetry."""
         return self.azimuth, self.numbers, self.deviation, self.mask, self.roll, self.presence
 
     def folded(self, symmetry: Symmetry) -> Prediction:
-        """The same for a class with a symmetry: bins of the whole circle that look the same are added."""
+        """Return the same for a class with a symmetry: bins of the whole circle that look the same are
+        added.
+        """
         if symmetry is Symmetry.NONE:
             return self
         bins = self.azimuth.shape[1] // symmetry.fold if symmetry.fold else 1
@@ -73,21 +75,23 @@ class Prediction:
 
     @property
     def layout(self) -> LatentLayout:
-        """Of the regressed numbers."""
+        """Return the layout of the regressed numbers."""
         return layout_of_numbers(self.numbers.shape[1])
 
     def best(self) -> Latents:
-        """The most probable explanation of each photo: (N,) latents."""
+        """Return the most probable explanation of each photo: (N,) latents."""
         _, azimuth = self.modes(1)
         return latents_of(self.numbers, azimuth[:, 0])
 
     @functools.cached_property
     def _modes(self) -> dict[bool, tuple[np.ndarray, np.ndarray]]:
-        """The most peaks that `modes` found, broad and others; several steps of a fit ask for the same."""
+        """Return the most peaks that `modes` found, broad and others; several steps of a fit ask for the
+        same.
+        """
         return {}
 
     def modes(self, count: int, broad: bool = True) -> tuple[np.ndarray, np.ndarray]:
-        """The `count` best separate peaks of azimuth: log weight (N, count) and radians (N, count).
+        """Return the `count` best separate peaks of azimuth: log weight (N, count) and radians (N, count).
 
         Of views that look the same there is one; where all do, a single one at 0: (N, 1).
 
@@ -130,7 +134,7 @@ class Prediction:
         return self._modes[broad]
 
     def round_for_search(self) -> Prediction:
-        """The same prediction in steps far above rounding, as searches start from it.
+        """Return the same prediction in steps far above rounding, as searches start from it.
 
         Networks add up in another order on each kind of processor, and searches amplify a last digit. Masks
         are in steps of `MASK_STEP` nats, 0 below `LEAST_MASK`; numbers of `NUMBER_STEP`; the logarithms of
@@ -149,13 +153,16 @@ class Prediction:
 
     @functools.cached_property
     def _smooth(self) -> np.ndarray:
-        """Probability (bins,) float64 that the first photo's azimuth lies in a bin or two on either hand."""
+        """Return the probability (bins,) float64 that the first photo's azimuth lies in a bin or two on
+        either hand.
+        """
         azimuth = self.azimuth[0].astype(np.float64)
         smooth: np.ndarray = np.sum([np.roll(azimuth, offset) for offset in range(-2, 3)], axis=0)
         return smooth
 
     def log_mass(self, azimuth: np.ndarray) -> np.ndarray:
-        """Log probability that the first photo's azimuth lies within 2.5 bins of each angle (B,), float64.
+        """Return the log probability that the first photo's azimuth lies within 2.5 bins of each angle (B,),
+        float64.
 
         Linear between bins, and at least log 0.001, so that no view is ruled out.
         """
@@ -170,7 +177,9 @@ class Prediction:
         return logs
 
     def azimuth_offsets(self, azimuth: np.ndarray) -> np.ndarray:
-        """Radians (bins,) by which each bin of the azimuth lies off one (); of views alike the least."""
+        """Return radians (bins,) by which each bin of the azimuth lies off one (); of views alike the
+        least.
+        """
         bins = self.azimuth.shape[1]
         centres = bin_centres(bins, self.symmetry.fold)
         offsets: np.ndarray = self.symmetry.difference(centres, azimuth)
@@ -180,7 +189,7 @@ class Prediction:
         return Prediction(*(array[index] for array in self.arrays), symmetry=self.symmetry)
 
     def clone(self) -> Prediction:
-        """The same in arrays of its own."""
+        """Return the same in arrays of its own."""
         return Prediction(*(array.copy() for array in self.arrays), symmetry=self.symmetry)
 
     @staticmethod

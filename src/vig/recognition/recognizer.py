@@ -42,7 +42,9 @@ _creating = threading.Lock()
 
 
 def _session(model: bytes) -> onnxruntime.InferenceSession:
-    """A session of a model on one thread; the same for the same model, as long as somebody holds it."""
+    """Return a session of a model on one thread; the same for the same model, as long as somebody holds
+    it.
+    """
     digest = hashlib.sha256(model).digest()
     with _creating:
         if (session := _sessions.get(digest)) is None:
@@ -65,7 +67,7 @@ class Recognizer:
 
     @property
     def has_map(self) -> bool:
-        """Whether it finds objects in whole photos."""
+        """Return whether it finds objects in whole photos."""
         return bool(self.settings.object_map)
 
     kind = "vig"
@@ -117,7 +119,7 @@ class Recognizer:
 
     @functools.cached_property
     def _held(self) -> dict[str, onnxruntime.InferenceSession]:
-        """Sessions of the models that were needed: `window`, of the whole photo `map`."""
+        """Return sessions of the models that were needed: `window`, of the whole photo `map`."""
         return {}
 
     def _session_of(self, which: str) -> onnxruntime.InferenceSession:
@@ -127,23 +129,25 @@ class Recognizer:
         return self._held[which]
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without sessions, which another process makes anew."""
+        """Leave out sessions, which another process makes anew."""
         return {name: value for name, value in vars(self).items() if name not in ("_held", "_latest")}
 
     def with_weights(self, changed: Mapping[str, np.ndarray]) -> Self:
-        """The same with other weights in the place of some, by name, of the same shapes."""
+        """Return the same with other weights in the place of some, by name, of the same shapes."""
         other = copy.copy(self)
         other.weights = {**self.weights, **changed}
         other._session_of("window")
         return other
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """All numbers that its predictions depend on."""
+        """Return all numbers that its predictions depend on."""
         return {**self.weights, "mean": self.mean, "deviation": self.deviation, **self.calibration.tensors()}
 
     @classmethod
     def of_class(cls, object_class: ObjectClass, weights: Path | None = None) -> Self:
-        """The class's own recognizer, or one from other `weights`; UserError when it is of another class."""
+        """Return the class's own recognizer, or one from other `weights`; UserError when it is of another
+        class.
+        """
         path = weights or (object_class.folder or Path()) / WEIGHTS_FILE
         recognizer = cls(path)
         network_modes, modes = recognizer.settings.modes, object_class.shape_model.modes
@@ -184,7 +188,9 @@ class Recognizer:
         return predicted
 
     def heads(self, pixels: np.ndarray, sides: Sequence[bool] = BOTH_SIDES) -> Heads:
-        """The network's outputs, before any calibration, for sRGB images (N, 3, S, S); see `__call__`."""
+        """Return the network's outputs, before any calibration, for sRGB images (N, 3, S, S); see
+        `__call__`.
+        """
         sides = sides if self.mirror else (False,)
         zero = -self.mean / self.deviation
         seen = [self._heads(pixels[..., ::-1] if mirrored else pixels) for mirrored in sides]
@@ -207,7 +213,7 @@ class Recognizer:
         return Heads(azimuth, mean, log_variance.clip(*LOG_VARIANCE), others[:, 0], others[:, 1], mask)
 
     def object_map(self, image: np.ndarray) -> np.ndarray:
-        """The map of objects of an image (1, 3, H, W): `NUMBERS` of each cell (1, 5, h, w)."""
+        """Return the map of objects of an image (1, 3, H, W): `NUMBERS` of each cell (1, 5, h, w)."""
         image = np.ascontiguousarray(image, np.float32)
         height, width = image.shape[2:]
         for _ in range(4):

@@ -37,7 +37,7 @@ class UninformedRecognizer(Recognizer):
         self._deviation[layout["light"]] = LIGHT_FACTOR * lights + 0.2
 
     def __call__(self, photos: Any, batch: int = 32, sides: Sequence[bool] = ()) -> Prediction:
-        """As `Recognizer.__call__`: photos (N, S, S, 3)."""
+        """Predict for photos (N, S, S, 3), see `Recognizer.__call__`."""
         count, bins = len(photos), NetworkSettings().azimuth_bins
         # (0.5, 0.1, 0.4): shares of `MASK_CLASSES` among the pixels of boxes; hints overrule them: beyond the
         # box is nothing

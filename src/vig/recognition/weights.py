@@ -26,7 +26,8 @@ COUNTER, VARIANCE = "num_batches_tracked", "running_var"
 
 
 def network_weights(tensors: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The network's weights among the arrays of a weights file, as float32, by their names in the network.
+    """Return the network's weights among the arrays of a weights file, as float32, by their names in the
+    network.
 
     ValueError where one is no floating-point number, infinite, or a variance below 0.
     """
@@ -45,7 +46,7 @@ def network_weights(tensors: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 @functools.lru_cache(maxsize=1)
 def shared_trunk() -> tuple[dict[str, np.ndarray], str]:
-    """Arrays of the trunk that all classes share, by the network's names; and their fingerprint."""
+    """Return arrays of the trunk that all classes share, by the network's names; and their fingerprint."""
     with reading(TRUNK_FILE, "the shared trunk", "Install vig again."):
         tensors, _ = read_tensors(TRUNK_FILE)
     digest = hashlib.sha256()
@@ -55,7 +56,8 @@ def shared_trunk() -> tuple[dict[str, np.ndarray], str]:
 
 
 def whole_tensors(tensors: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> dict[str, np.ndarray]:
-    """The arrays of a weights file: packed matrices are unpacked, the trunk that it names is among them.
+    """Return the arrays of a weights file: packed matrices are unpacked, the trunk that it names is among
+    them.
 
     Raises:
         ValueError: It was trained on another trunk, or a packed matrix is not one.
@@ -73,7 +75,7 @@ def whole_tensors(tensors: Mapping[str, np.ndarray], metadata: Mapping[str, str]
 
 
 def unpacked(levels: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """The float32 matrix (R, 2 C) of 4-bit levels (R, C) uint8 and float16 steps (R,), see
+    """Return the float32 matrix (R, 2 C) of 4-bit levels (R, C) uint8 and float16 steps (R,), see
     `vig_train.network.weights.packed`. ValueError when they are something else.
     """
     if levels.dtype != np.uint8 or levels.ndim != 2 or steps.shape != levels.shape[:1]:

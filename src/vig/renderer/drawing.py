@@ -41,7 +41,8 @@ class Drawn:
 def vertex_irradiance(
     latents: Latents, normals: Array, object_class: ObjectClass, self_shadow: bool = True
 ) -> Array:
-    """Irradiance of the vertices, Eq. 1, with self-shadowing and interreflection where the class has a table.
+    """Return the irradiance of the vertices, Eq. 1, with self-shadowing and interreflection where the class
+    has a table.
 
     For one explanation (B = 1) and unit normals (V, 3) in the world frame: (V,), what a surface of albedo 1
     reflects, not below 0; less where the class's `reflectance` says so. The table is `ObjectClass.transfer`;
@@ -109,7 +110,7 @@ def draw_mesh(
 
 
 def mesh_of(faces: np.ndarray, vertices: np.ndarray | None = None) -> Any:
-    """Faces (F, 3) and their edges in the native library, as `vig_renderer.Topology.of` finds them.
+    """Return faces (F, 3) and their edges in the native library, as `vig_renderer.Topology.of` finds them.
 
     vertices: (V, 3); without them there are no edges, which `Drawn.triangle_id` does not need.
     """

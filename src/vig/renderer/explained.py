@@ -18,7 +18,9 @@ from vig_renderer.topology import Topology
 
 @with_default_settings
 def scene_of(latents: Latents, object_class: ObjectClass, camera: Camera, self_shadow: bool = True) -> Scene:
-    """One explanation (B = 1) before a camera as a scene: vertex colours are albedo times irradiance."""
+    """Return one explanation (B = 1) before a camera as a scene: vertex colours are albedo times
+    irradiance.
+    """
     latents = _tensors(latents)
     vertices = object_class.shape_model.vertices(latents.shape)[0]
     topology = _topology(object_class)
@@ -42,7 +44,7 @@ def render_latents(
 
 
 def _tensors(latents: Latents) -> Latents:
-    """The same as tensors, which may be differentiated if they were ones."""
+    """Return the same as tensors, which may be differentiated if they were ones."""
     return Latents(*(torch.as_tensor(getattr(latents, each.name)) for each in fields(latents)))
 
 

@@ -75,14 +75,15 @@ class Camera:
         camera_distance_ratio: float = 1.0,
         distance: float = DISTANCE,
     ) -> Camera:
-        """The paper's camera for a square image of `size` pixels: f = 1.12 x width, eye at 0.4 m or another
-        distance; or both `camera_distance_ratio` times as much, which shows the same with less perspective.
+        """Return the paper's camera for a square image of `size` pixels: f = 1.12 x width, eye at 0.4 m or
+        another distance; or both `camera_distance_ratio` times as much, which shows the same with less
+        perspective.
         """
         focal, middle = camera_distance_ratio * FOCAL_OVER_WIDTH * size, size / 2
         return Camera(size, size, focal, middle, middle, camera_distance_ratio * distance, target_height)
 
     def scaled(self, factor: float) -> Camera:
-        """The same camera for an image `factor` times as wide and high."""
+        """Return the same camera for an image `factor` times as wide and high."""
         return replace(
             self,
             width=round(self.width * factor),
@@ -94,8 +95,8 @@ class Camera:
         )
 
     def framed(self, shift_x: float, shift_y: float, log_scale: float, roll: float = 0.0) -> Camera:
-        """This camera with its image shifted (in widths, right and down), and magnified and turned about its
-        principal point (clockwise, radians).
+        """Return this camera with its image shifted (in widths, right and down), and magnified and turned
+        about its principal point (clockwise, radians).
         """
         return replace(
             self,
@@ -107,7 +108,9 @@ class Camera:
 
     @property
     def K(self) -> np.ndarray:  # noqa: N802
-        """Intrinsic matrix (3, 3) in pixels: K @ a point in the camera frame is z times (column, row, 1)."""
+        """Return intrinsic matrix (3, 3) in pixels: K @ a point in the camera frame is z times (column,
+        row, 1).
+        """
         vertical = self.focal_y or self.focal
         return np.array([[self.focal, 0.0, self.cx], [0.0, vertical, self.cy], [0.0, 0.0, 1.0]])
 
@@ -126,7 +129,7 @@ class Camera:
         return self.camera_from_world(float(latents.azimuth[0]), float(latents.elevation[0]))
 
     def pose(self, azimuth: Array, elevation: Array) -> tuple[Array, Array]:
-        """camera_from_world rotation (B, 3, 3) and translation (B, 3), metres.
+        """Return camera_from_world rotation (B, 3, 3) and translation (B, 3), metres.
 
         azimuth, elevation: (B,) radians. Azimuth 0 puts the eye on -Y, counter-clockwise about +Z.
         """
@@ -148,7 +151,9 @@ def _real(number: object) -> bool:
 
 
 def camera_rotation(azimuth: Array, elevation: Array) -> Array:
-    """Rotation camera_from_world of an eye that looks at the vertical axis: (...) radians to (..., 3, 3)."""
+    """Return the rotation camera_from_world of an eye that looks at the vertical axis: (...) radians to
+    (..., 3, 3).
+    """
     functions = namespace(azimuth)
     sin, cos, stack = functions.sin, functions.cos, functions.stack
     sa, ca, se, ce = sin(azimuth), cos(azimuth), sin(elevation), cos(elevation)

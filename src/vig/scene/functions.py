@@ -11,7 +11,7 @@ from vig_renderer.arrays import is_tensor
 
 
 def numpy_of_tensor(value: Any) -> Any:
-    """The array of one of torch's tensors; anything else as it is."""
+    """Return the array of one of torch's tensors; anything else as it is."""
     if not is_tensor(value):
         return value
     host = value.detach().cpu()
@@ -19,7 +19,7 @@ def numpy_of_tensor(value: Any) -> Any:
 
 
 def sigmoid(log_odds: np.ndarray) -> np.ndarray:
-    """Probabilities of log odds, in their dtype."""
+    """Return probabilities of log odds, in their dtype."""
     half = log_odds.dtype.type(0.5)
     probability: np.ndarray = half + half * np.tanh(half * log_odds)
     return probability
@@ -32,7 +32,7 @@ def log_odds(probability: float) -> float:
 
 
 def softmax(logits: np.ndarray, axis: int = -1) -> np.ndarray:
-    """Probabilities of logits along an axis."""
+    """Return probabilities of logits along an axis."""
     powers = np.exp(logits - logits.max(axis, keepdims=True))
     probability: np.ndarray = powers / powers.sum(axis, keepdims=True)
     return probability

@@ -50,7 +50,7 @@ class Block:
                 )
 
     def held(self, value: float = 0.0) -> Block:
-        """The same block with every number kept at `value`."""
+        """Return the same block with every number kept at `value`."""
         return replace(self, lower=value, upper=value)
 
 
@@ -78,12 +78,12 @@ class LatentLayout:
 
     @cached_property
     def size(self) -> int:
-        """P, how many numbers a vector has."""
+        """Return p, how many numbers a vector has."""
         return sum(block.size for block in self.blocks)
 
     @cached_property
     def labels(self) -> tuple[str, ...]:
-        """A name for each number, as written in tables."""
+        """Return a name for each number, as written in tables."""
         names: list[str] = []
         for block in self.blocks:
             alone = (block.name,) if block.size == 1 else ()
@@ -102,15 +102,15 @@ class LatentLayout:
         return self._slices[name]
 
     def at(self, name: str) -> int:
-        """The place of a block's first number."""
+        """Return the place of a block's first number."""
         return int(self[name].start)
 
     def count(self, name: str) -> int:
-        """How many numbers a block has, 0 when it is absent."""
+        """Return how many numbers a block has, 0 when it is absent."""
         return self._slices[name].stop - self._slices[name].start if name in self else 0
 
     def indices(self, *names: str) -> list[int]:
-        """The places of all numbers of these blocks, block by block."""
+        """Return the places of all numbers of these blocks, block by block."""
         return [place for name in names for place in range(self[name].start, self[name].stop)]
 
     def with_blocks(self, *blocks: Block) -> LatentLayout:
@@ -126,12 +126,12 @@ class LatentLayout:
         return LatentLayout(tuple(block for block in self.blocks if block.name not in names))
 
     def block(self, name: str) -> Block:
-        """A block by its name."""
+        """Return a block by its name."""
         self[name]
         return next(block for block in self.blocks if block.name == name)
 
     def split(self, vector: Array) -> dict[str, Array]:
-        """The blocks of vectors (..., P) by name, each (..., size). ValueError on another width."""
+        """Return the blocks of vectors (..., P) by name, each (..., size). ValueError on another width."""
         if vector.ndim < 1 or vector.shape[-1] != self.size:
             blocks = " + ".join(f"{block.size} {block.name}" for block in self.blocks)
             received = tuple(vector.shape)
@@ -141,7 +141,7 @@ class LatentLayout:
         return {name: vector[..., place] for name, place in self._slices.items()}
 
     def join(self, parts: Mapping[str, Array]) -> Array:
-        """The inverse of `split`: vectors (..., P) of all blocks, each (..., size)."""
+        """Return the inverse of `split`: vectors (..., P) of all blocks, each (..., size)."""
         sizes = {name: part.shape[-1] for name, part in parts.items()}
         wanted = {block.name: block.size for block in self.blocks}
         if sizes != wanted:
@@ -150,7 +150,9 @@ class LatentLayout:
         return namespace(columns[0]).concatenate(columns, axis=-1)
 
     def prior_deviations(self) -> dict[str, tuple[tuple[float, ...], bool]]:
-        """The blocks that have a Gaussian prior about 0: deviation of each number, and `Block.weighted`."""
+        """Return the blocks that have a Gaussian prior about 0: deviation of each number, and
+        `Block.weighted`.
+        """
         return {
             block.name: (tuple(_each(block.deviation, block.size)), block.weighted)
             for block in self.blocks
@@ -158,7 +160,7 @@ class LatentLayout:
         }
 
     def bounds(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Least and greatest value of each of the P numbers."""
+        """Return the least and greatest value of each of the P numbers."""
         lower = tuple(value for block in self.blocks for value in _each(block.lower, block.size))
         upper = tuple(value for block in self.blocks for value in _each(block.upper, block.size))
         return lower, upper
@@ -185,7 +187,7 @@ about the principal point, radians."""
 
 @cache
 def latent_layout(modes: int) -> LatentLayout:
-    """The latents of a scene with K shape components, as datasets and tables have them: P = K + 14."""
+    """Return the latents of a scene with K shape components, as datasets and tables have them: P = K + 14."""
     return LatentLayout(
         (
             Block(
@@ -205,7 +207,7 @@ def latent_layout(modes: int) -> LatentLayout:
 
 
 def layout_of_width(width: int) -> LatentLayout:
-    """The latents of a scene from how many numbers they have, P = K + 14. ValueError for too few."""
+    """Return the latents of a scene from how many numbers they have, P = K + 14. ValueError for too few."""
     modes = width - latent_layout(0).size
     if modes < 0:
         raise ValueError(f"latents must be K + {latent_layout(0).size} numbers; got {width}")
@@ -214,13 +216,15 @@ def layout_of_width(width: int) -> LatentLayout:
 
 @cache
 def regressed_layout(modes: int) -> LatentLayout:
-    """What a recognition network regresses: the latents without azimuth, which it classifies."""
+    """Return the layout of the numbers that a network regresses: the latents without azimuth, which it
+    classifies.
+    """
     return latent_layout(modes).without("azimuth")
 
 
 @cache
 def point_layout(modes: int) -> LatentLayout:
-    """What a fit moves: the latents, then the framing of the image."""
+    """Return the layout of a fit's points: the latents, then the framing of the image."""
     return latent_layout(modes).with_blocks(FRAMING)
 
 
@@ -267,14 +271,14 @@ class Latents:
         return Latents(*(getattr(self, field.name)[index] for field in fields(self)))
 
     def to_vector(self) -> Array:
-        """All latents as (B, P) in the order of `vig.scene.latents.latent_layout`."""
+        """Return all latents as (B, P) in the order of `vig.scene.latents.latent_layout`."""
         parts = {field.name: getattr(self, field.name) for field in fields(self)}
         columns = {name: part if part.ndim == 2 else part[:, None] for name, part in parts.items()}
         return latent_layout(self.shape.shape[1]).join(columns)
 
     @staticmethod
     def from_vector(vector: Array) -> Latents:
-        """The inverse of `to_vector`; K follows from the width. Raises ValueError on a wrong shape."""
+        """Return the inverse of `to_vector`; K follows from the width. Raises ValueError on a wrong shape."""
         if vector.ndim != 2 or vector.shape[1] < latent_layout(0).size:
             wanted, received = f"(B, K + {latent_layout(0).size})", tuple(vector.shape)
             raise ValueError(f"latents must be {wanted}; got {received}. Give a row an image.")

@@ -49,7 +49,7 @@ EXPOSURE_L00 = 0.75 * math.pi
 
 
 def irradiance(light: Array, normals: Array) -> Array:
-    """What a white Lambertian surface reflects (irradiance / pi, Eq. 1 with SH light).
+    """Return the light that a white Lambertian surface reflects (irradiance / pi, Eq. 1 with SH light).
 
     light: (..., 9); normals: (..., 3) unit, broadcast against light's leading axes. Result >= 0.
     """
@@ -58,7 +58,7 @@ def irradiance(light: Array, normals: Array) -> Array:
 
 
 def rotate_z(light: Array, angle: Array | float) -> Array:
-    """Light turned by `angle` radians about +Z, counter-clockwise: (..., 9), angle (...) or a number.
+    """Return light turned by `angle` radians about +Z, counter-clockwise: (..., 9), angle (...) or a number.
 
     The turned light in direction d is the given light in direction Rz(-angle) d.
     """
@@ -81,7 +81,9 @@ def rotate_z(light: Array, angle: Array | float) -> Array:
 
 
 def rotations_z(angle: Array) -> Array:
-    """Matrices of `rotate_z`: (B,) radians to (B, 9, 9), so that rotations_z(angle) @ light turns it."""
+    """Return matrices of `rotate_z`: (B,) radians to (B, 9, 9), so that rotations_z(angle) @ light turns
+    it.
+    """
     angle = floating(angle)
     identity = like(angle, np.eye(L_COUNT))[None]
     return rotate_z(identity, angle[:, None]).swapaxes(-1, -2)

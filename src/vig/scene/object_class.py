@@ -180,7 +180,7 @@ class ObjectClass:
 
     @property
     def fingerprint(self) -> str:
-        """A short hash of shapes and views, so that a dataset is not continued with another class."""
+        """Return a short hash of shapes and views, so that a dataset is not continued with another class."""
         model, digest = self.shape_model, hashlib.sha256()
         for array in (model.mean, model.basis, model.faces):
             digest.update(np.ascontiguousarray(array).tobytes())
@@ -192,26 +192,26 @@ class ObjectClass:
 
     @cached_property
     def reflectance_of_parts(self) -> np.ndarray:
-        """(parts,) float32, `part_reflectance`, or 1 where nothing is known."""
+        """Return (parts,) float32, `part_reflectance`, or 1 where nothing is known."""
         return np.array(self.part_reflectance or [1.0] * len(self.shape_model.part_names), np.float32)
 
     @cached_property
     def reflectance(self) -> np.ndarray:
-        """(V,) float32, that of each vertex's part."""
+        """Return (V,) float32, that of each vertex's part."""
         return np.asarray(self.reflectance_of_parts[self.shape_model.parts])
 
     def camera(self, size: int = IMAGE_SIZE, camera_distance_ratio: float = 1.0) -> Camera:
-        """The class's standard camera for a square image of `size` pixels; see `Camera.standard`."""
+        """Return the class's standard camera for a square image of `size` pixels; see `Camera.standard`."""
         return Camera.standard(size, self.target_height, camera_distance_ratio, self.viewing_distance)
 
     @property
     def scale(self) -> float:
-        """How large such things are, over things that suit the paper's camera."""
+        """Return how large such things are, over things that suit the paper's camera."""
         return self.viewing_distance / DISTANCE
 
     @cached_property
     def at_unit_scale(self) -> ObjectClass:
-        """The same class as small or large as suits the paper's camera: its `scale` is 1."""
+        """Return the same class as small or large as suits the paper's camera: its `scale` is 1."""
         if self.scale == 1:
             return self
         model, size, height = self.shape_model, np.float32(self.scale), self.target_height / self.scale
@@ -314,6 +314,6 @@ def _check_text(what: str, text: str) -> None:
 
 
 def axis_name(axis: np.ndarray) -> str:
-    """The axis nearest to a vector (3,), such as "+x"."""
+    """Return the axis nearest to a vector (3,), such as "+x"."""
     best = int(np.abs(axis).argmax())
     return f"{'+' if axis[best] > 0 else '-'}{'xyz'[best]}"

@@ -62,16 +62,16 @@ class ShapeModel:
 
     @property
     def modes(self) -> int:
-        """K, how many components there are."""
+        """Return k, how many components there are."""
         return len(self.basis)
 
     @property
     def rigid(self) -> bool:
-        """Whether there is but one shape: its single component is 0."""
+        """Return whether there is but one shape: its single component is 0."""
         return not self.basis.any()
 
     def vertices(self, coefficients: Array) -> Array:
-        """Vertices (B, V, 3) of coefficients (B, K), in the coefficients' dtype."""
+        """Return vertices (B, V, 3) of coefficients (B, K), in the coefficients' dtype."""
         coefficients = floating(coefficients)
         if coefficients.ndim != 2 or coefficients.shape[1] != self.modes:
             raise ValueError(f"coefficients must be (B, {self.modes}); got {tuple(coefficients.shape)}")

@@ -13,15 +13,15 @@ class Valued(Protocol):
 
     @property
     def value(self) -> np.ndarray:
-        """(B,) float64, NaN or -inf where there is none."""
+        """Return (B,) float64, NaN or -inf where there is none."""
 
     @property
     def gradient(self) -> np.ndarray | None:
-        """(B, P')."""
+        """Return (B, P')."""
 
     @property
     def normal(self) -> np.ndarray | None:
-        """(B, P', P'), the negative Gauss-Newton Hessian."""
+        """Return (B, P', P'), the negative Gauss-Newton Hessian."""
 
 
 class Problem(Protocol):
@@ -88,7 +88,7 @@ class Optimizer(Protocol):
     def __call__(
         self, problem: Problem, starts: np.ndarray, photo: np.ndarray, sigma: float, budget: Budget, /
     ) -> Descent:
-        """starts (B, P') within the bounds, left alone; photo (B,) int; sigma: the noise's deviation.
+        """Return starts (B, P') within the bounds, left alone; photo (B,) int; sigma: the noise's deviation.
 
         A search that begins where the problem has no finite value ends there, not converged.
         """

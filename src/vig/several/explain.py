@@ -117,8 +117,9 @@ def _explainers(value: Any) -> list[Explainer]:
 def find_together(
     picture: np.ndarray, explainers: Sequence[Explainer], most: int
 ) -> list[tuple[Explainer, Window, float]]:
-    """Where objects of one or more classes are in a photo, as `coded_photo` gives it, and the probability of
-    each that it is there; the surest first."""
+    """Return where objects of one or more classes are in a photo, as `coded_photo` gives it, and the
+    probability of each that it is there; the surest first.
+    """
     pyramid = ImagePyramid(picture)
     candidates = [
         (candidate, explainer)
@@ -146,5 +147,5 @@ class _PhotoLens:
         return None if self.lens is None else self.lens[0]
 
     def with_source(self, explanation: Explanation) -> Explanation:
-        """The explanation, which states where the focal length is from."""
+        """Return the explanation, which states where the focal length is from."""
         return explanation if self.lens is None else replace(explanation, focal_from=self.lens[1])

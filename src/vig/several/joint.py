@@ -44,7 +44,7 @@ LIGHT_PRECISION = 2.0
 
 
 def fit_jointly(alone: Sequence[Explanation], explainers: Sequence[Explainer]) -> SceneExplanation:
-    """The same from explanations of each object alone, of one photo."""
+    """Return the same from explanations of each object alone, of one photo."""
     if len(alone) < 2:
         return SceneExplanation(tuple(alone), np.zeros((len(alone), len(alone)), bool))
     pyramid = ImagePyramid(alone[0].picture)
@@ -63,7 +63,7 @@ def fit_jointly(alone: Sequence[Explanation], explainers: Sequence[Explainer]) -
 
 
 def order(alone: Sequence[Explanation], predictions: Sequence[Prediction]) -> np.ndarray:
-    """Whether object i is before object j (N, N) bool, of pairs whose silhouettes overlap or touch.
+    """Return whether object i is before object j (N, N) bool, of pairs whose silhouettes overlap or touch.
 
     By the sum, over the M pixels that both cover, of the difference of their log odds of being visible as the
     network predicts them, over the root of M; and, as things stand on one ground, by which of them ends lower
@@ -88,14 +88,16 @@ def order(alone: Sequence[Explanation], predictions: Sequence[Prediction]) -> np
 
 
 def _lower(one: Explanation, other: Explanation) -> float:
-    """By how much one object ends lower in the photo than another, of the less tall one's height."""
+    """Return by how much one object ends lower in the photo than another, of the less tall one's height."""
     if one.box is None or other.box is None:
         return 0.0
     return (one.box[1] + one.box[3] - other.box[1] - other.box[3]) / min(one.box[3], other.box[3])
 
 
 def _without_cycles(gains: Mapping[tuple[int, int], float], count: int) -> np.ndarray:
-    """Whether i is before j (N, N) bool, from gains above 0 where i is; the surest pairs decide first."""
+    """Return whether i is before j (N, N) bool, from gains above 0 where i is; the surest pairs decide
+    first.
+    """
     direct, behind = np.zeros((2, count, count), bool)  # directly, and by way of others
     for (i, j), gain in sorted(gains.items(), key=lambda item: -abs(item[1])):
         first, second = (i, j) if gain > 0 else (j, i)
@@ -111,7 +113,7 @@ def _without_cycles(gains: Mapping[tuple[int, int], float], count: int) -> np.nd
 
 
 def _focal_of(alone: Sequence[Explanation]) -> float:
-    """Focal length in pixels of the photo, the vertical one of a lens."""
+    """Return focal length in pixels of the photo, the vertical one of a lens."""
     if (lens := alone[0].window.lens) is not None:
         return lens.fy
     standard = [FOCAL_OVER_WIDTH * each.window.side for each in alone]
@@ -162,7 +164,9 @@ class _Refit:
         return replace(alone, fit=fit, camera_distance_ratio=distance_ratio)
 
     def _others(self) -> tuple[np.ndarray, np.ndarray]:
-        """Pixels (S, S) bool of the window that objects before this one cover; where others are seen."""
+        """Return pixels (S, S) bool of the window that objects before this one cover; where others are
+        seen.
+        """
         here = self.alone[self.index].window
         covered = self.alone[self.index].fit.coverage > 0.5
         # 4: pixels of a window within which an object's outline may be wrong: its pixels are left undecided
@@ -179,7 +183,9 @@ class _Refit:
         return infront, elsewhere & ~own & ~infront
 
     def _level(self, prediction: Prediction) -> Prediction:
-        """The prediction with the elevation that the others tell as a second Gaussian: all stand upright."""
+        """Return the prediction with the elevation that the others tell as a second Gaussian: all stand
+        upright.
+        """
         focal = _focal_of(self.alone)
         lens = self.alone[0].window.lens
         middle = self.alone[0].picture.shape[0] / 2 if lens is None else lens.cy
@@ -194,7 +200,9 @@ class _Refit:
         return _with_gaussian(prediction, "elevation", np.mean(elevations), precision)
 
     def _lit(self, prediction: Prediction, power: float) -> Prediction:
-        """The prediction with the other objects' light as a second Gaussian; `power` is the first one's."""
+        """Return the prediction with the other objects' light as a second Gaussian; `power` is the first
+        one's.
+        """
         others = [heading_light(each) for index, each in enumerate(self.alone) if index != self.index]
         return _with_gaussian(
             prediction, "light", np.mean(others, axis=0), LIGHT_PRECISION * len(others), power
@@ -214,7 +222,7 @@ def _with_gaussian(
 
 
 def _agreed(one: Prediction, other: Prediction) -> Prediction:
-    """What two predictions of one photo say together: geometric mean of azimuth, mean of all else."""
+    """Combine two predictions of one photo: geometric mean of azimuth, mean of all else."""
     azimuth = np.sqrt(np.maximum(one.azimuth, 1e-6) * np.maximum(other.azimuth, 1e-6))
     return replace(
         one,
@@ -226,7 +234,7 @@ def _agreed(one: Prediction, other: Prediction) -> Prediction:
 
 
 def _of_view(prediction: Prediction, azimuth: np.floating[Any]) -> Prediction:
-    """The prediction without all views but one: what evidence tells of others, the fit alone told."""
+    """Return the prediction without all views but one: what evidence tells of others, the fit alone told."""
     fold, bins = prediction.symmetry.fold, prediction.azimuth.shape[1]
     if not fold:
         return prediction
@@ -236,7 +244,9 @@ def _of_view(prediction: Prediction, azimuth: np.floating[Any]) -> Prediction:
 
 
 def _without(cut: np.ndarray, infront: np.ndarray, elsewhere: np.ndarray) -> np.ndarray:
-    """A window (S, S, 3) without other objects: grey where one is before this, else what is round them."""
+    """Return a window (S, S, 3) without other objects: grey where one is before this, else what is round
+    them.
+    """
     painted, holes = cut.copy(), dilation(elsewhere, 2)
     filled = ~holes
     for width in (2, 4, 8, 16, 32, 64):
@@ -253,7 +263,7 @@ def _without(cut: np.ndarray, infront: np.ndarray, elsewhere: np.ndarray) -> np.
 
 
 def _exclusive(explanations: Sequence[Explanation], occludes: np.ndarray) -> list[Explanation]:
-    """The same with masks that exclude each other: a pixel that two show is that of the one before."""
+    """Return the same with masks that exclude each other: a pixel that two show is that of the one before."""
     masks = [each.mask for each in explanations]
     result = []
     for index, each in enumerate(explanations):

@@ -32,37 +32,39 @@ class SceneExplanation:
 
     @cached_property
     def masks(self) -> np.ndarray:
-        """(N, H, W) bool, the pixels in which each is seen, of which each pixel has one at most."""
+        """Return (N, H, W) bool, the pixels in which each is seen, of which each pixel has one at most."""
         return np.stack([each.mask for each in self.objects])
 
     @cached_property
     def light(self) -> np.ndarray:
-        """(9,) SH of incident radiance in the heading frame of the camera, the mean of the objects'."""
+        """Return (9,) SH of incident radiance in the heading frame of the camera, the mean of the
+        objects'.
+        """
         light: np.ndarray = np.mean([heading_light(each) for each in self.objects], axis=0)
         return light
 
     @cached_property
     def poses(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Of each object K (3, 3) and camera_from_object (4, 4), metres, before the one camera that took the
-        photo, its principal point in the middle; see `Explanation.pinhole_pose`.
+        """Return for each object K (3, 3) and camera_from_object (4, 4), metres, before the one camera
+        that took the photo, its principal point in the middle; see `Explanation.pinhole_pose`.
         """
         return [each.pinhole_pose()[:2] for each in self.objects]
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Of each object, `1-teapot`, `2-mug` and so on: its folder within that of the photo."""
+        """Return the objects' names, `1-teapot`, `2-mug` and so on: its folder within that of the photo."""
         plain = (re.sub(r"[^\w.-]+", "_", each.object_class.name) for each in self.objects)
         return tuple(f"{number}-{name}" for number, name in enumerate(plain, 1))
 
     def overlay(self) -> np.ndarray:
-        """The photo (H, W, 3) uint8, each object's visible pixels tinted in a colour of its own and what it
-        covers outlined in it.
+        """Return the photo (H, W, 3) uint8, each object's visible pixels tinted in a colour of its own and
+        what it covers outlined in it.
         """
         picture: np.ndarray = output("scene_overlay")(self)
         return picture
 
     def to_dict(self) -> dict[str, Any]:
-        """What `scene.json` holds."""
+        """Return the content of `scene.json`."""
         height, width = self.objects[0].picture.shape[:2]
         return {
             "format": 1,
@@ -105,12 +107,12 @@ class SceneExplanation:
 
     @property
     def order_note(self) -> str:
-        """Which object is before which, in words."""
+        """Return which object is before which, in words."""
         pairs = [f"{self.names[i]} is before {self.names[j]}" for i, j in np.argwhere(self.occludes)]
         return ", ".join(pairs) or "none hides another"
 
 
 def heading_light(each: Explanation) -> np.ndarray:
-    """Light (9,) in the frame that turns along with the camera."""
+    """Return light (9,) in the frame that turns along with the camera."""
     light: np.ndarray = rotate_z(each.latents.light[0], -each.latents.azimuth[0])
     return light

@@ -82,7 +82,7 @@ class Sighting:
 
     @staticmethod
     def of(explanation: Explanation, network: np.ndarray | None = None) -> Sighting:
-        """What an explanation says."""
+        """Return the sighting of an explanation."""
         layout = latent_layout(explanation.object_class.shape_model.modes).split(explanation.fit.deviation)
         views, hidden = explanation.fit.alternatives, _hidden(explanation)
         latents = explanation.latents, *(view.latents for view in views)
@@ -112,7 +112,7 @@ class Sighting:
 
     @property
     def visible_share(self) -> float:
-        """Share of the object that is seen."""
+        """Return the share of the object that is seen."""
         return 0.0 if self.hidden is None else 1 - self.hidden
 
 
@@ -129,7 +129,7 @@ class RunningPrediction:
     mirrored: bool = False
 
     def __call__(self, photos: np.ndarray) -> Prediction:
-        """Of the next frame's window (1, S, S, 3)."""
+        """Predict for the next frame's window (1, S, S, 3)."""
         self.mirrored = not self.mirrored
         seen: Prediction = self.recognizer(photos, sides=(self.mirrored,))
         if self.numbers is not None:
@@ -138,13 +138,13 @@ class RunningPrediction:
         return seen
 
     def keep(self) -> None:
-        """The latest frame showed the object."""
+        """Keep the latest frame, which showed the object."""
         if self.latest is not None:
             self.numbers = self.latest.numbers
 
 
 def window_at(place: np.ndarray, roll: float) -> Window:
-    """The window of a `Sighting.place` (3,), turned by radians."""
+    """Return the window of a `Sighting.place` (3,), turned by radians."""
     side = math.exp(place[2])
     return Window.round_box((place[0] - side / 2, place[1] - side / 2, side, side), roll)
 
@@ -222,7 +222,7 @@ class Follower:
         return explanation, Sighting.of(explanation, None if seen is None else seen.azimuth[0])
 
     def _expected(self, window: Window) -> ExpectedStart | None:
-        """The latest fit, turned to the expected view, at the expected place."""
+        """Return the latest fit, turned to the expected view, at the expected place."""
         if self.view is None or self.latest is None or self.place is None:
             return None
         azimuth, elevation = (np.array([angle], np.float32) for angle in self.view)
@@ -236,7 +236,7 @@ class Follower:
         return ExpectedStart(latents, (left + 0.5, top + 0.5, wide, high), self.predict)
 
     def _found_again(self, frame: Photo, place: np.ndarray) -> Window | None:
-        """The window of what is found near the predicted place, if surely."""
+        """Return the window of what is found near the predicted place, if surely."""
         if not self.explainer.recognizer.has_map:
             return None
         # 3.0: sides of the square about the predicted place in which a lost object is sought
@@ -252,7 +252,9 @@ class Follower:
         return window if best.present >= LEAST_PRESENT else None
 
     def _is_object(self, sighting: Sighting) -> bool:
-        """Whether what is seen may be the object: near the predicted place, as large, of its colour."""
+        """Return whether what is seen may be the object: near the predicted place, as large, of its
+        colour.
+        """
         # 0.2: share by which each frame without the object widens these
         # 2.0: factor to which they are widened at most
         off, wider = sighting.place - self.place, min(1 + 0.2 * self.missed, 2.0)
@@ -299,7 +301,7 @@ def _box_of(explanation: Explanation) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _hidden(explanation: Explanation) -> float | None:
-    """`Explanation.hidden_fraction` by the pixels of the window, which is quicker."""
+    """Return `Explanation.hidden_fraction` by the pixels of the window, which is quicker."""
     fit, window, (height, width) = explanation.fit, explanation.window, explanation.picture.shape[:2]
     size = len(fit.coverage)
     offsets = ((np.arange(size) + 0.5) / size - 0.5) * window.side
@@ -310,7 +312,8 @@ def _hidden(explanation: Explanation) -> float | None:
 
 
 def _straight(explanation: Explanation) -> Camera:
-    """The camera that looks straight at the object, as if the frame had been cut from a larger one about it.
+    """Return the camera that looks straight at the object, as if the frame had been cut from a larger one
+    about it.
 
     `turned_pose` leads back to the pose before the frame's own.
     """

@@ -53,7 +53,7 @@ class LikeliestPath:
         self._steps.append(best)
 
     def angles(self, near: float | None = None) -> np.ndarray:
-        """The likeliest angles (T,) float64 of all frames so far: centres of bins, radians, unwrapped.
+        """Return the likeliest angles (T,) float64 of all frames so far: centres of bins, radians, unwrapped.
 
         near: radians of the frame before, by which another path must be likelier by `KEEPING` nats.
         """
@@ -110,7 +110,7 @@ def _smoothed(
     acceleration: float | np.ndarray,
     speed: float | np.ndarray = math.inf,
 ) -> np.ndarray:
-    """`smoothed` of Gaussian noise of such variances (..., T)."""
+    """Smooth by `smoothed` with Gaussian noise of such variances (..., T)."""
     change = np.broadcast_to(np.square(acceleration), values.shape[:-1])
     step = np.array([[1.0, 1.0], [0.0, 1.0]])
     noise = change[..., None, None] * np.array([[1 / 3, 1 / 2], [1 / 2, 1.0]])

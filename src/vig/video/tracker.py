@@ -51,12 +51,12 @@ class TrackedPose(FramePose):
 
     @property
     def amodal(self) -> np.ndarray:
-        """All pixels (H, W) bool that the object covers, hidden ones included."""
+        """Return all pixels (H, W) bool that the object covers, hidden ones included."""
         return self.explanation.amodal
 
     @property
     def mask(self) -> np.ndarray:
-        """The pixels (H, W) bool in which the object is seen; made when they are first asked for."""
+        """Return the pixels (H, W) bool in which the object is seen; made when they are first asked for."""
         return self.explanation.mask
 
 
@@ -90,7 +90,7 @@ class Tracker:
         self._last: float | None = None
 
     def __call__(self, frame: Photo) -> TrackedPose | None:
-        """The pose in the next frame; None until the object is found in one."""
+        """Return the pose in the next frame; None until the object is found in one."""
         return self.start(frame) if self._follower is None else self.step(frame)
 
     def start(
@@ -116,7 +116,7 @@ class Tracker:
         return self._begun(coded_photo(frame), mask, box)
 
     def step(self, frame: Photo) -> TrackedPose:
-        """The pose in the next frame, from that of the last.
+        """Return the pose in the next frame, from that of the last.
 
         Raises:
             UserError: It was not started, or the frame is unreadable or of another size.
@@ -140,7 +140,7 @@ class Tracker:
     def _begun(
         self, picture: np.ndarray, mask: np.ndarray | None = None, box: Box | None = None
     ) -> TrackedPose | None:
-        """`start` in a picture (H, W, 3)."""
+        """Start in a picture (H, W, 3)."""
         began, hints = time.perf_counter(), None if mask is None else Hints(mask=mask)
         follower = Follower(self.explainer, hints=hints, camera=self._K)
         explanation, sighting = follower.explain(picture, box)
@@ -165,7 +165,7 @@ class Tracker:
     def _pose(
         self, picture: np.ndarray, explanation: Explanation, sighting: Sighting, began: float
     ) -> TrackedPose:
-        """What the frames say of the last one."""
+        """Return the pose of the last frame by all frames."""
         assert self._follower is not None
         if self._nothing_seen and (self._seen is None or not sighting.lost):
             self._views, self._last = LikeliestPath(MEMORY), None
@@ -208,7 +208,7 @@ class Tracker:
         )
 
     def _near(self, azimuth: float, explanation: Explanation) -> list[Sighting]:
-        """What the explanation by the alternative nearest to an azimuth says, if it is of that view."""
+        """Return the sighting of the alternative nearest to an azimuth, if it is of that view."""
         views = explanation.fit.alternatives
         off = [abs(azimuth_off(float(view.latents.azimuth[0]), azimuth, self._fold)) for view in views]
         if not off or min(off) > FAR:
@@ -228,7 +228,7 @@ class Tracker:
     def _placed(
         self, numbers: np.ndarray, deviations: np.ndarray, explanation: Explanation
     ) -> tuple[Camera, np.ndarray]:
-        """The frame's camera, and the covariance (6, 6) of the pose before it.
+        """Return the frame's camera, and the covariance (6, 6) of the pose before it.
 
         numbers: (6,) azimuth, elevation, middle, scale and roll, see `Trajectory`; deviations: (6,) of these.
         """

@@ -123,17 +123,17 @@ class Trajectory:
 
     @property
     def azimuth(self) -> np.ndarray:
-        """(2, T) means and deviations."""
+        """Return (2, T) means and deviations."""
         return self.numbers[:, 0]
 
     @property
     def elevation(self) -> np.ndarray:
-        """(2, T) likewise."""
+        """Return (2, T) likewise."""
         return self.numbers[:, 1]
 
     @property
     def place(self) -> np.ndarray:
-        """(T, 3) means of `Sighting.place`."""
+        """Return (T, 3) means of `Sighting.place`."""
         return self.numbers[0, 6:].T
 
     @staticmethod
@@ -172,21 +172,21 @@ class Trajectory:
         return Trajectory(numbers)
 
     def contradicts(self, number: int, sighting: Sighting, fold: int) -> bool:
-        """Whether a frame sees the object from another side or elsewhere than its neighbours."""
+        """Return whether a frame sees the object from another side or elsewhere than its neighbours."""
         off = sighting.place - self.place[number]
         away = max(math.hypot(*off[:2]) / math.exp(self.place[number, 2]), abs(off[2]))
         turned = abs(azimuth_off(sighting.azimuths[0], self.azimuth[0, number], fold))
         return sighting.lost or turned > FAR or away > OFF
 
     def expected(self, number: int, hints: Hints | None = None) -> tuple[Window, Hints]:
-        """Where and from which side a frame shows the object, and what else is known of it."""
+        """Return where and from which side a frame shows the object, and what else is known of it."""
         azimuth, elevation = np.degrees(self.numbers[0, :2, number]).tolist()
         window = window_at(self.place[number], float(self.numbers[0, 5, number]))
         return window, replace(hints or Hints(), azimuth_deg=azimuth % 360, elevation_deg=elevation)
 
 
 def _listed(frames: Iterable[Photo]) -> Sequence[Photo]:
-    """Frames as a sequence; UserError where there are fewer than two, or something else."""
+    """Return frames as a sequence; UserError where there are fewer than two, or something else."""
     frames = numpy_of_tensor(frames)
     one = isinstance(frames, Photo) and not (getattr(frames, "ndim", None) == 4)
     if not one and not isinstance(frames, Iterable):
@@ -273,7 +273,7 @@ def track(
 
 
 def _check_seen(sightings: Sequence[Sighting], explainer: Explainer, box: Box | None) -> None:
-    """UserError where the object is lost in all frames."""
+    """Raise UserError where the object is lost in all frames."""
     if all(sighting.lost for sighting in sightings):
         given = "Give its box" if box is None else f"Check that the box {tuple(box)} is round it"
         raise UserError(
@@ -282,7 +282,8 @@ def _check_seen(sightings: Sequence[Sighting], explainer: Explainer, box: Box | 
 
 
 def _slowed(numbers: np.ndarray) -> np.ndarray:
-    """Slow down numbers (2, N, 1 + G), seen in the first frame and extrapolated in the others; (2, N, G).
+    """Return slow down numbers (2, N, 1 + G), seen in the first frame and extrapolated in the others; (2, N,
+    G).
 
     The object may go on as fast as before, or stand: the way that it would go is added to the deviations.
     """
@@ -310,7 +311,7 @@ def camera_before(
 
 
 def views_of(sightings: Sequence[Sighting], fold: int = 1) -> np.ndarray:
-    """The likeliest azimuths (T,) of all frames together, radians, unwrapped.
+    """Return the likeliest azimuths (T,) of all frames together, radians, unwrapped.
 
     fold: Number of views of the circle that look the same.
     """
@@ -321,7 +322,7 @@ def views_of(sightings: Sequence[Sighting], fold: int = 1) -> np.ndarray:
 
 
 def view_evidence(sighting: Sighting, fold: int = 1) -> np.ndarray:
-    """Log likelihood (BINS,) of a frame's views, of the circle's part in which they differ."""
+    """Return the log likelihood (BINS,) of a frame's views, of the circle's part in which they differ."""
     if sighting.lost:
         return np.zeros(BINS)
     centres = (np.arange(BINS) + 0.5) * (2 * math.pi / BINS)
@@ -385,12 +386,12 @@ def _frames(
 
 
 def _spread(sighting: Sighting) -> float:
-    """Standard deviation of a frame's azimuth about one view, radians."""
+    """Return the standard deviation of a frame's azimuth about one view, radians."""
     # 2.0: A deviation of azimuth counts views from the other side, too: about one view it is so much smaller
     return min(max(sighting.azimuth_deviation / 2.0, LEAST_SPREAD), MOST_SPREAD)
 
 
 def azimuth_off(azimuth: float, other: float, fold: int) -> float:
-    """azimuth - other of the two nearest views that look like these, radians."""
+    """Return azimuth - other of the two nearest views that look like these, radians."""
     circle = 2 * math.pi / fold
     return float((azimuth - other + circle / 2) % circle - circle / 2)

@@ -55,8 +55,8 @@ def boxes_of(
 def check_place(
     place: PlaceOptions, hints: HintOptions, track: bool = False, folders: Sequence[Path] = ()
 ) -> None:
-    """UserError where nothing tells where the object of --mesh is, before the mesh is made ready; corrections
-    by hand in folders of earlier results do.
+    """Raise UserError where nothing tells where the object of --mesh is, before the mesh is made ready;
+    corrections by hand in folders of earlier results do.
     """
     places = (place.box, place.boxes, place.objects, hints.mask, hints.marks)
     if place.mesh is None or places != (None,) * 5 or any(map(corrected_in, folders)):
@@ -95,7 +95,7 @@ def classes_of(place: PlaceOptions, say: Callable[[str], None]) -> tuple[str, ..
 
 
 def parse_box(text: str) -> Box:
-    """ "x,y,w,h" as four numbers; UserError when it is not."""
+    """Return "x,y,w,h" as four numbers; UserError when it is not."""
     try:
         return checked_box(text.replace(" ", "").split(","))
     except UserError:
@@ -103,7 +103,7 @@ def parse_box(text: str) -> Box:
 
 
 def _read(entry: Any, class_name: str) -> tuple[Box | None, Objects]:
-    """One photo's box or objects from the file."""
+    """Return one photo's box or objects from the file."""
     if not isinstance(entry, list) or not entry:
         raise ValueError("what it has for a photo is not a list with something in it")
     if not isinstance(entry[0], list | dict):

@@ -20,7 +20,7 @@ REMEDY = 'Write {"photo.jpg": [fx, fy, cx, cy]}, one camera for all, or name BOP
 
 
 def cameras_of(options: CameraOptions, photos: Sequence[Path]) -> list[Any]:
-    """The camera of each photo as `vig.photo.Intrinsics.of` takes it; None where none is given.
+    """Return the camera of each photo as `vig.photo.Intrinsics.of` takes it; None where none is given.
 
     UserError where a file cannot be used, has no camera for a photo, or what is given does not go together.
     """
@@ -47,7 +47,7 @@ def cameras_of(options: CameraOptions, photos: Sequence[Path]) -> list[Any]:
 
 
 def _numbered(photos: Sequence[Path], cameras: Mapping[str, Any], path: Path) -> list[Any]:
-    """Each photo's camera by its number, as in BOP's scene_camera.json."""
+    """Return each photo's camera by its number, as in BOP's scene_camera.json."""
     scenes = {folder.resolve().parent for folder in {photo.parent for photo in photos}}
     by_number = {int(name): camera for name, camera in cameras.items()}
     of_photos = []
@@ -65,7 +65,7 @@ def _numbered(photos: Sequence[Path], cameras: Mapping[str, Any], path: Path) ->
 
 
 def _parsed(text: str) -> tuple[float, ...]:
-    """ "fx,fy,cx,cy" as four numbers; UserError when it is not."""
+    """Return "fx,fy,cx,cy" as four numbers; UserError when it is not."""
     try:
         numbers = tuple(float(number) for number in text.replace(" ", "").split(","))
     except ValueError:

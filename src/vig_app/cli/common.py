@@ -125,7 +125,7 @@ MESH_GROUP = "vig.meshes"
 
 
 def pack_of_mesh(mesh: Path, length: float | None, say: Callable[[str], None], up: str | None) -> Path:
-    """The class pack of a mesh file; UserError where it is no mesh, or what makes packs is missing."""
+    """Return the class pack of a mesh file; UserError where it is no mesh, or what makes packs is missing."""
     for point in entry_points(group=MESH_GROUP):
         folder: Path = point.load()(mesh, length, say, up)
         return folder
@@ -151,7 +151,7 @@ class Verb:
 
 
 def verbs_of_packages() -> tuple[Verb, ...]:
-    """The verbs that installed packages bring, in the order of their entry points' names.
+    """Return the verbs that installed packages bring, in the order of their entry points' names.
 
     A wheel names those of vig_paper, too, which is only in a clone.
     """

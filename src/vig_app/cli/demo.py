@@ -105,7 +105,7 @@ def explained_demo(
 
 
 def demo_card(photo: DemoPhoto, out: Path, link: str = "") -> Card:
-    """What a gallery shows of a packaged photo that was explained into `out`, with the truth."""
+    """Return the gallery's card of a packaged photo that was explained into `out`, with the truth."""
     truth = f"truth: azimuth {photo.azimuth_deg:.0f}°, {photo.occlusion:.0%} hidden"
     if not photo.present:
         truth = f"truth: a {photo.shows}, no {photo.class_name}"
@@ -113,7 +113,7 @@ def demo_card(photo: DemoPhoto, out: Path, link: str = "") -> Card:
 
 
 def has_screen() -> bool:
-    """Whether somebody sits before it: a terminal, and a display where the system has such."""
+    """Return whether somebody sits before it: a terminal, and a display where the system has such."""
     displays = sys.platform in ("win32", "darwin") or any(
         os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
     )
@@ -121,7 +121,7 @@ def has_screen() -> bool:
 
 
 def write_overview(path: Path, entries: Sequence[Entry]) -> None:
-    """A picture of all photos with what was found in them, `COLUMNS` to a row."""
+    """Write a picture of all photos with their explanations, `COLUMNS` to a row."""
     step = CELL + GAP
     rows = math.ceil(len(entries) / COLUMNS)
     sheet = Image.new("RGB", (COLUMNS * step - GAP, rows * (step + CAPTION) - GAP), "white")
@@ -136,7 +136,7 @@ def write_overview(path: Path, entries: Sequence[Entry]) -> None:
 
 
 def _caption(described: Mapping[str, Any]) -> str:
-    """What was found, in a few words."""
+    """Describe the result in a few words."""
     name, verdict = described["class"], described["verdict"]
     if verdict == "absent":
         return f"{name}: absent"
@@ -145,7 +145,7 @@ def _caption(described: Mapping[str, Any]) -> str:
 
 
 def _enlarged(entry: Entry, explanation: Explanation) -> Entry:
-    """With a larger picture than that of many photos."""
+    """Enlarge the picture beyond that of many photos."""
     # 480: pixels of a photo's longer side from which overview.jpg is made
     picture = reduced(coded(explanation.picture), 480)
     if entry.described["verdict"] != "absent":
@@ -154,7 +154,7 @@ def _enlarged(entry: Entry, explanation: Explanation) -> Entry:
 
 
 def _table(rows: Sequence[Mapping[str, Any]]) -> Table:
-    """Truth beside estimate; of a photo of another thing there is no truth."""
+    """Return truth beside estimate; of a photo of another thing there is no truth."""
     table = Table(title="truth | estimate", title_justify="left")
     for name in ("photo", "asked", *NUMBERS, "verdict"):
         table.add_column(name, justify="right" if name in NUMBERS else "left")
@@ -174,7 +174,9 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def _compared(photo: DemoPhoto, explanation: Explanation, described: Mapping[str, Any]) -> dict[str, Any]:
-    """Truth and estimate of a photo as plain numbers; null where it does not show what it is asked for."""
+    """Return truth and estimate of a photo as plain numbers; null where it does not show what it is asked
+    for.
+    """
     row = {
         "photo": photo.name,
         "class": photo.class_name,

@@ -33,7 +33,7 @@ def doctor() -> dict[str, Any]:
 
 
 def check_classes() -> dict[str, str]:
-    """Each packaged class's name with "ok", or with what is missing or damaged of its pack."""
+    """Return each packaged class's name with "ok", or with what is missing or damaged of its pack."""
     from vig.inference import calibration_of
     from vig.recognition import Recognizer
     from vig.scene import ObjectClass
@@ -82,7 +82,7 @@ def run_doctor(settings: Doctor) -> int:
 
 
 def report_lines(report: dict[str, Any]) -> str:
-    """The report as aligned plain text."""
+    """Return the report as aligned plain text."""
     rows = [
         ("vig", report["vig"]),
         ("python", report["python"]),

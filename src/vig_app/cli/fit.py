@@ -102,7 +102,9 @@ def _next(plan: Plan, out: Path, track: bool, explained: int) -> str:
 
 
 def _results(rows: Iterable[dict[str, Any]], out: Path) -> dict[str, Any]:
-    """What each explanation.json holds, by photo; a list of them where a photo has several objects."""
+    """Return the content of each explanation.json, by photo; a list of them where a photo has several
+    objects.
+    """
     results: dict[str, Any] = {}
     for row in rows:
         if row["error"] is None:
@@ -129,7 +131,7 @@ def _add_line(log: Path | None, words: str) -> None:
 
 
 def _line(row: dict[str, Any]) -> str:
-    """What is printed of a row."""
+    """Return the printed line of a row."""
     if row["error"] is not None:
         return f"error: {row['error']}"
     when = "done before" if row.get("done_before") else f"{row['seconds']:.1f} s"

@@ -38,7 +38,7 @@ def gallery(settings: Gallery) -> int:
 
 
 def demo_gallery() -> tuple[str, int]:
-    """The page of the packaged photos, and how many they are."""
+    """Return the page of the packaged photos, and how many they are."""
     with TemporaryDirectory() as folder:
         photos = demo_photos()
         cards = [

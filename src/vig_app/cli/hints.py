@@ -59,7 +59,7 @@ def mask_of(path: Path | None, photos: Sequence[Path]) -> Callable[[Path], Path 
 
 
 def parse_point(text: str) -> tuple[str, tuple[float, float]]:
-    """ "spout=120,80" as a name and a place; UserError when it is not."""
+    """Return "spout=120,80" as a name and a place; UserError when it is not."""
     name, equals, place = text.partition("=")
     try:
         x, y = (float(number) for number in place.split(","))
@@ -71,7 +71,7 @@ def parse_point(text: str) -> tuple[str, tuple[float, float]]:
 
 
 def read_marks(path: Path) -> np.ndarray:
-    """Marks (H, W) uint8, `PixelLabel`, from a picture."""
+    """Return marks (H, W) uint8, `PixelLabel`, from a picture."""
     colours = eight_bit_photo(path).astype(int)
     marks = np.zeros(colours.shape[:2], np.uint8)
     for channel, kind in MARK_CHANNELS:
@@ -84,7 +84,9 @@ def read_marks(path: Path) -> np.ndarray:
 
 
 def read_pose(path: Path) -> np.ndarray:
-    """A pose from JSON: four lists of four numbers, or an object that has them as `camera_from_object`."""
+    """Return a pose from JSON: four lists of four numbers, or an object that has them as
+    `camera_from_object`.
+    """
     with reading(path, "a 4 x 4 camera_from_object", "Write four lists of four numbers."):
         content: Any = read_json(path)
         if isinstance(content, dict):

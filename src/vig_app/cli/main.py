@@ -102,12 +102,12 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _print_error(line: str) -> None:
-    """The JSON object of a command that came to no result."""
+    """Print the JSON object of a command that came to no result."""
     print(json.dumps({"error": line}))
 
 
 def _check_verb(names: set[str], arguments: list[str]) -> None:
-    """UserError where the arguments begin with no verb, with the one that is most alike."""
+    """Raise UserError where the arguments begin with no verb, with the one that is most alike."""
     for depth in (1, 2):
         given = " ".join(arguments[:depth])
         if given in names or len(arguments) < depth or arguments[depth - 1].startswith("-"):
@@ -126,7 +126,7 @@ def _check_verb(names: set[str], arguments: list[str]) -> None:
 
 
 def _parsed(verbs: list[Verb], arguments: list[str]) -> Any:
-    """The settings of the verb that the arguments name; UserError where it does not take them."""
+    """Return the settings of the verb that the arguments name; UserError where it does not take them."""
     complaint = io.StringIO()
     try:
         with redirect_stderr(complaint):

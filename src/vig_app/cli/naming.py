@@ -47,7 +47,7 @@ def note_order(frames: Sequence[Path]) -> None:
 def by_photo(
     entries: Mapping[str, Value], photos: Sequence[Path], what: str, path: Path
 ) -> dict[Path, Value]:
-    """The entry of each photo that a file has one of.
+    """Return the entry of each photo that a file has one of.
 
     A photo is named by its file's name, or by the end of its path, in any Unicode composition. Entries of
     other photos are passed over with a line.
@@ -102,7 +102,9 @@ class PhotoNames:
         self._by_end: dict[int, dict[Parts, list[Parts]]] = {}
 
     def __call__(self, name: str) -> list[Parts]:
-        """The paths of which a name is the end, in any composition unless they differ in that alone."""
+        """Return the paths of which a name is the end, in any composition unless they differ in that
+        alone.
+        """
         end = _parts(name)
         depth = len(end)
         if depth not in self._by_end:
@@ -114,7 +116,9 @@ class PhotoNames:
 
 
 def _parts(path: str) -> Parts:
-    """The parts of a path with slashes or backslashes; those of an absolute one begin with "" or a drive."""
+    """Return the parts of a path with slashes or backslashes; those of an absolute one begin with "" or a
+    drive.
+    """
     first, *others = path.replace("\\", "/").split("/")
     return (
         *((first,) if first != "." and (first or others) else ()),
@@ -123,6 +127,6 @@ def _parts(path: str) -> Parts:
 
 
 def listed(names: Iterable[str]) -> str:
-    """A few names in one line."""
+    """Return a few names in one line."""
     all_names = list(names)
     return ", ".join(all_names[:LISTED]) + (", ..." if len(all_names) > LISTED else "")

@@ -149,7 +149,7 @@ class FitCommand:
 
     @property
     def groups(self) -> tuple[Any, ...]:
-        """All groups."""
+        """Return all groups."""
         return self.camera, self.model, self.video, self.place, self.hints, self.run
 
 

@@ -36,8 +36,8 @@ SYSTEM_FILES = {"Thumbs.db", "desktop.ini", "__MACOSX"}
 
 
 def photos_of(images: tuple[Path, ...], out: Path) -> list[Path]:
-    """The photos that are named, those in folders that are, and frames of videos, which are put into
-    `out`/frames first; UserError when there are none.
+    """Return the photos that are named, those in folders that are, and frames of videos, which are put
+    into `out`/frames first; UserError when there are none.
     """
     photos: list[Path] = []
     expanded = [path for image in images for path in _expanded(image)]
@@ -56,7 +56,7 @@ def photos_of(images: tuple[Path, ...], out: Path) -> list[Path]:
 
 
 def _photos_in(folder: Path) -> list[Path]:
-    """The photos in a folder; what else is there is named in a line, UserError where that is all.
+    """Return the photos in a folder; what else is there is named in a line, UserError where that is all.
 
     Hidden files are passed over, such as those that macOS puts beside others (._photo.jpg).
     """
@@ -80,7 +80,7 @@ def _photos_in(folder: Path) -> list[Path]:
 
 
 def _kind_of(path: Path) -> str:
-    """What a file is that is not taken as a photo from its folder."""
+    """Describe a file that is not taken as a photo from its folder."""
     if path.is_dir():
         return "a folder"
     if is_video(path):
@@ -91,7 +91,9 @@ def _kind_of(path: Path) -> str:
 
 
 def _expanded(path: Path) -> list[Path]:
-    """Files of a pattern such as photos/*.jpg, which not every shell expands; any other path as it is."""
+    """Return files of a pattern such as photos/*.jpg, which not every shell expands; any other path as it
+    is.
+    """
     pattern = str(path := as_stored(path))
     if os.path.lexists(path) or not glob.has_magic(pattern) or ADDRESS.match(pattern):
         return [path]
@@ -101,8 +103,8 @@ def _expanded(path: Path) -> list[Path]:
 
 
 def result_folders(images: Sequence[Path], out: Path) -> list[Path]:
-    """A folder for each photo, named after it, cut where files' names could not be so long; a number is added
-    where two photos share a name.
+    """Return a folder for each photo, named after it, cut where files' names could not be so long; a
+    number is added where two photos share a name.
     """
     used, numbers = set(map(compose_name, TAKEN)), defaultdict[str, Iterator[int]](lambda: count(2))
     folders = []

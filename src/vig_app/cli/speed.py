@@ -59,12 +59,14 @@ EXTRAS = {
 
 
 def findings(cpus: int) -> list[Finding]:
-    """What determines how fast vig is here, with so many processors that it may use, as it stands now."""
+    """Return the findings on how fast vig is here, with so many processors that it may use, as it stands
+    now.
+    """
     return [threads(cpus), load(cpus), memory(cpus)]
 
 
 def threads(cpus: int) -> Finding:
-    """How many of the processors a fit uses."""
+    """Return how many of the processors a fit uses."""
     from vig.parallel import thread_count
 
     count = thread_count()
@@ -79,7 +81,7 @@ def threads(cpus: int) -> Finding:
 
 
 def load(cpus: int) -> Finding:
-    """Whether other processes take the processors' time."""
+    """Return whether other processes take the processors' time."""
     try:
         running = os.getloadavg()[0]
     except (AttributeError, OSError):
@@ -89,7 +91,7 @@ def load(cpus: int) -> Finding:
 
 
 def memory(cpus: int) -> Finding:
-    """How many processes of `vig fit` there is memory for."""
+    """Return how many processes of `vig fit` there is memory for."""
     there = memory_of()
     if there is None:
         return Finding("memory", "unknown on this system")
@@ -107,7 +109,7 @@ def memory(cpus: int) -> Finding:
 
 
 def memory_of(root: Path = Path("/")) -> tuple[int, int] | None:
-    """Bytes in all and those free without swapping, within a container's limit; None where unknown.
+    """Return bytes in all and those free without swapping, within a container's limit; None where unknown.
 
     root: Of the files that state it.
     """
@@ -129,7 +131,9 @@ def memory_of(root: Path = Path("/")) -> tuple[int, int] | None:
 
 
 def extras(known: Mapping[str, Extra] = EXTRAS) -> dict[str, dict[str, Any]]:
-    """Each extra's `{"missing": [modules], "brings", "install"}`; Blender may be in another environment."""
+    """Return each extra's `{"missing": [modules], "brings", "install"}`; Blender may be in another
+    environment.
+    """
     apart = {"bpy"} if os.environ.get("VIG_BLENDER_PYTHON") else set()
     return {
         extra_name: {
@@ -142,14 +146,14 @@ def extras(known: Mapping[str, Extra] = EXTRAS) -> dict[str, dict[str, Any]]:
 
 
 def extra_of(module: str) -> str | None:
-    """The extra that brings a module, if one does."""
+    """Return the extra that brings a module, if one does."""
     return next((name for name, extra in EXTRAS.items() if module.split(".")[0] in extra.modules), None)
 
 
 def rows(
     speed: Sequence[Mapping[str, str]], optional: Mapping[str, Mapping[str, Any]]
 ) -> list[tuple[str, str]]:
-    """The lines of a report: a name, and what there is to say."""
+    """Return the lines of a report: a name, and what there is to say."""
     lines = [(each["what"], "; ".join(filter(None, (each["state"], each["do"])))) for each in speed]
     for name, each in optional.items():
         missing = f"without {', '.join(each['missing'])} no {each['brings']}; {each['install']}"

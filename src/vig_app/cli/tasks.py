@@ -104,7 +104,7 @@ def files_of(run: RunOptions) -> tuple[str, ...] | None:
 
 
 def _check_track(command: FitCommand) -> None:
-    """UserError where what was given does not go with `--track`."""
+    """Raise UserError where what was given does not go with `--track`."""
     images = command.images
     if len(images) != 1 or not (images[0].is_dir() or is_video(images[0])):
         names = f"{len(images)} names" if len(images) != 1 else f"'{images[0]}'"

@@ -30,7 +30,7 @@ class DemoPhoto(PackagedPhoto):
 
     @property
     def present(self) -> bool:
-        """Whether the photo shows what it is asked for."""
+        """Return whether the photo shows what it is asked for."""
         return self.class_name == self.shows
 
 

@@ -83,7 +83,7 @@ def formats_in(folder: Path) -> tuple[str, ...]:
 
 
 def _check(formats: Sequence[str]) -> None:
-    """UserError for a text in place of a list, or what is no format."""
+    """Raise UserError for a text in place of a list, or what is no format."""
     wrong = [formats] if isinstance(formats, str) else [name for name in formats if name not in FORMATS]
     if wrong:
         raise UserError(

@@ -37,7 +37,9 @@ class ExportedRun:
 
     @staticmethod
     def read(folder: Path, first_id: int) -> ExportedRun:
-        """The run in a folder, classes numbered by name from `first_id`; UserError as `read_results`."""
+        """Return the run in a folder, classes numbered by name from `first_id`; UserError as
+        `read_results`.
+        """
         rows = read_results(folder)
         photos = tuple(dict.fromkeys(row["photo"] for row in rows))
         objects = tuple(
@@ -51,7 +53,8 @@ class ExportedRun:
         return ExportedRun(folder, photos, objects, class_ids, sizes)
 
     def image_numbers(self, patterns: Sequence[str]) -> dict[str, tuple[int, int]]:
-        """Scene and image of each photo: from the paths where those of all match and differ, else by place.
+        """Return scene and image of each photo: from the paths where those of all match and differ, else by
+        place.
 
         Args:
             patterns: Of the ends of paths, with a group for the scene and one for the image.

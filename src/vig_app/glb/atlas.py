@@ -52,7 +52,7 @@ class Atlas:
     weights: np.ndarray
 
     def at_texels(self, values: np.ndarray) -> np.ndarray:
-        """Values (T, C) at the texels' middles from those of the vertices (V, C)."""
+        """Return values (T, C) at the texels' middles from those of the vertices (V, C)."""
         first, second, third = self.source[self.faces[self.face]].T
         at: np.ndarray = self.weights[:, :1] * values[first]
         at += self.weights[:, 1:2] * values[second]
@@ -62,7 +62,9 @@ class Atlas:
 
 @functools.lru_cache(maxsize=8)
 def atlas_of(object_class: ObjectClass) -> Atlas | None:
-    """The atlas of a class's shapes; None where its mesh is in more pieces than the image has room for."""
+    """Return the atlas of a class's shapes; None where its mesh is in more pieces than the image has room
+    for.
+    """
     model = object_class.shape_model
     vertices, faces = model.mean.astype(np.float64), model.faces
     direction = _directions(vertices, faces)
@@ -82,7 +84,9 @@ def atlas_of(object_class: ObjectClass) -> Atlas | None:
 
 
 def _joined(place: np.ndarray, faces: np.ndarray, chart: np.ndarray, seen: np.ndarray, count: int) -> Atlas:
-    """The atlas of faces of `count` vertices, corners at texels `place`; `seen` (SIDE, SIDE) shows them."""
+    """Return the atlas of faces of `count` vertices, corners at texels `place`; `seen` (SIDE, SIDE) shows
+    them.
+    """
     keys, first, corners = np.unique(
         chart[:, None] * np.int64(count) + faces, return_index=True, return_inverse=True
     )
@@ -107,7 +111,9 @@ def _joined(place: np.ndarray, faces: np.ndarray, chart: np.ndarray, seen: np.nd
 
 
 def _widened(number: np.ndarray) -> np.ndarray:
-    """Numbers (SIDE, SIDE), -1 for none, taken over by what is up to `WIDENED` texels beside; 0 elsewhere."""
+    """Return numbers (SIDE, SIDE), -1 for none, taken over by what is up to `WIDENED` texels beside; 0
+    elsewhere.
+    """
     number = number.copy()
     for _ in range(WIDENED):
         before = number.copy()
@@ -118,7 +124,7 @@ def _widened(number: np.ndarray) -> np.ndarray:
 
 
 def _directions(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(F,) the row of `AXES` that each face is seen along."""
+    """Return (F,) the row of `AXES` that each face is seen along."""
     a, b, c = vertices[faces].transpose(1, 0, 2)
     normals = np.cross(b - a, c - a)
     own = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
@@ -135,7 +141,7 @@ def _directions(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def _neighbours(faces: np.ndarray) -> np.ndarray:
-    """(N, 2) pairs of faces that share an edge."""
+    """Return (N, 2) pairs of faces that share an edge."""
     edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     order = np.lexsort(edges.T)
     same = (edges[order[1:]] == edges[order[:-1]]).all(1)
@@ -143,7 +149,7 @@ def _neighbours(faces: np.ndarray) -> np.ndarray:
 
 
 def _charts(faces: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """(F,) the number of each face's chart."""
+    """Return (F,) the number of each face's chart."""
     pairs = _neighbours(faces)
     one, other = pairs[direction[pairs[:, 0]] == direction[pairs[:, 1]]].T
     first = np.arange(len(faces))  # of each face the first face that it is known to be connected to
@@ -157,7 +163,9 @@ def _charts(faces: np.ndarray, direction: np.ndarray) -> np.ndarray:
 
 
 def _flat(vertices: np.ndarray, faces: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of each face's corners the place in its chart (F, 3, 2), clockwise, and height above it (F, 3)."""
+    """Return the places of each face's corners in its chart (F, 3, 2), clockwise, and height above it (F,
+    3).
+    """
     axis = direction % len(AXES)
     side = np.where(axis % 2, -1.0, 1.0)[:, None]
     right, up = np.array([[1, 2], [2, 0], [0, 1]])[axis // 2].T
@@ -168,7 +176,7 @@ def _flat(vertices: np.ndarray, faces: np.ndarray, direction: np.ndarray) -> tup
 
 
 def _packed(flat: np.ndarray, chart: np.ndarray) -> tuple[np.ndarray, float] | None:
-    """Texels (F, 3, 2) of the corners, and texels per metre; None where even points do not go in.
+    """Return texels (F, 3, 2) of the corners, and texels per metre; None where even points do not go in.
 
     Charts lie in rows of falling height, as large as they go in together.
     """
@@ -190,7 +198,7 @@ def _packed(flat: np.ndarray, chart: np.ndarray) -> tuple[np.ndarray, float] | N
 
 
 def _boxes(flat: np.ndarray, chart: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Least coordinates (N, 2) and extent (N, 2) of each chart."""
+    """Return the least coordinates (N, 2) and extent (N, 2) of each chart."""
     low, high = np.full((2, chart.max() + 1, 2), [[[np.inf]], [[-np.inf]]])
     np.minimum.at(low, np.repeat(chart, 3), flat.reshape(-1, 2))
     np.maximum.at(high, np.repeat(chart, 3), flat.reshape(-1, 2))
@@ -198,7 +206,7 @@ def _boxes(flat: np.ndarray, chart: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def _corners(size: np.ndarray) -> np.ndarray | None:
-    """Upper left texels of rectangles (N, 2) in rows, None where they do not go into the image."""
+    """Return upper left texels of rectangles (N, 2) in rows, None where they do not go into the image."""
     corner = np.empty_like(size)
     x = y = high = float(GAP)
     for number in np.argsort(-size[:, 1], kind="stable").tolist():
@@ -215,7 +223,7 @@ def _corners(size: np.ndarray) -> np.ndarray | None:
 
 
 def _drawn(place: np.ndarray, height: np.ndarray) -> np.ndarray:
-    """(SIDE, SIDE) the face that is the highest at each texel, -1 for none."""
+    """Return (SIDE, SIDE) the face that is the highest at each texel, -1 for none."""
     # 0.02: depth of the charts before the camera that draws them, over its distance
     depth = 1 - 0.02 * (height - height.min()) / max(float(np.ptp(height)), 1e-9)
     points = np.concatenate([place, np.ones_like(height)[..., None]], axis=2) * depth[..., None]
@@ -226,7 +234,7 @@ def _drawn(place: np.ndarray, height: np.ndarray) -> np.ndarray:
 
 
 def _below(place: np.ndarray, height: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """(F,) whether another face lies over a face's middle, and not only beside it; all in texels."""
+    """Return (F,) whether another face lies over a face's middle, and not only beside it; all in texels."""
     column, row = place.mean(1).astype(int).T
     over = seen[row, column]
     reach = np.ptp(place[over], axis=1).max(1) + np.ptp(place, axis=1).max(1) + 2

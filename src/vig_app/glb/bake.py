@@ -60,13 +60,13 @@ class Texture:
 
     @property
     def shares(self) -> dict[str, float]:
-        """Of the texels, by where their colours are from."""
+        """Return the shares of the texels, by the origin of their colours."""
         names = {"seen": SEEN, "mirrored": MIRRORED, "invented": INVENTED}
         return {name: float((self.origin == value).mean()) for name, value in names.items()}
 
     @property
     def picture(self) -> np.ndarray:
-        """(SIDE, SIDE, 3) uint8, sRGB."""
+        """Return (SIDE, SIDE, 3) uint8, sRGB."""
         levels = np.zeros((len(self.colours), 4), np.uint8)  # by words of four bytes: faster
         levels[:, :3] = LEVELS[(self.colours * (len(LEVELS) - 1) + 0.5).astype(np.uint16)]
         pixels = levels.view(np.uint32)[:, 0][self.atlas.texels]
@@ -74,12 +74,12 @@ class Texture:
 
     @property
     def origin_picture(self) -> np.ndarray:
-        """(SIDE, SIDE) uint8, where each pixel's colour is from."""
+        """Return (SIDE, SIDE) uint8, where each pixel's colour is from."""
         return self.origin[self.atlas.texels].reshape(SIDE, SIDE)
 
 
 def bake(explanation: Explanation) -> Texture | None:
-    """The texture of an explained object from its photo; None where its class has no atlas."""
+    """Return the texture of an explained object from its photo; None where its class has no atlas."""
     object_class, vertices = explanation.object_class, explanation.vertices
     model, atlas = object_class.shape_model, atlas_of(object_class)
     if atlas is None:
@@ -116,7 +116,7 @@ class _Shown:
 
     @staticmethod
     def of(explanation: Explanation) -> _Shown | None:
-        """None where the window shows nothing of it."""
+        """Return none where the window shows nothing of it."""
         shown, latents = close_up(explanation), explanation.latents
         camera = shown.camera
         box = box_of(shown.visible & (shown.part >= 0))
@@ -144,8 +144,8 @@ class _Shown:
         )
 
     def placed(self, vertices: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """Where vertices with normals are, (V, 4) float32: x, y and 1, times their depth; above 0 where they
-        face the eye. All are linear in the place on a face.
+        """Return where vertices with normals are, (V, 4) float32: x, y and 1, times their depth; above 0
+        where they face the eye. All are linear in the place on a face.
         """
         places = vertices @ self.place_from_object[:, :3].T + self.place_from_object[:, 3]
         facing = ((self.eye - vertices) * normals).sum(1)
@@ -164,7 +164,7 @@ class _Shown:
         return texels[weight[:, 0] > 0.5]
 
     def _found(self, layers: slice, where: np.ndarray) -> np.ndarray:
-        """Layers at places (N, 2), between the middles of four pixels: (layers, N)."""
+        """Return layers at places (N, 2), between the middles of four pixels: (layers, N)."""
         chosen = self.layers[layers]
         height, width = chosen.shape[1:]
         x = (where[:, 0] + 1) * np.float32(width / 2) - np.float32(0.5)
@@ -182,7 +182,7 @@ class _Shown:
 
 
 def _light(explanation: Explanation) -> np.ndarray:
-    """What a white surface in the place of the object's would reflect, (S, S) of the window."""
+    """Return the light that a white surface in the object's place would reflect, (S, S) of the window."""
     latents, object_class, shown = explanation.latents, explanation.object_class, close_up(explanation)
     albedo = latents.albedo[0]
     channel = int(albedo.argmax())
@@ -196,12 +196,12 @@ def _light(explanation: Explanation) -> np.ndarray:
 
 @functools.lru_cache(maxsize=8)
 def _uniform(object_class: ObjectClass) -> ObjectClass:
-    """The class with parts that all reflect alike."""
+    """Return the class with parts that all reflect alike."""
     return replace(object_class, part_reflectance=None)
 
 
 def _facing(normals: np.ndarray, camera: Camera, part: tuple[slice, slice]) -> np.ndarray:
-    """Cosine (h, w) between normals (h, w, 3), camera axes, and the sight of a part of its picture."""
+    """Return cosine (h, w) between normals (h, w, 3), camera axes, and the sight of a part of its picture."""
     rows, columns = (np.arange(each.start, each.stop, dtype=np.float32) + 0.5 for each in part)
     x = (columns - camera.cx) / camera.focal
     y = ((rows - camera.cy) / (camera.focal_y or camera.focal))[:, None]
@@ -211,7 +211,7 @@ def _facing(normals: np.ndarray, camera: Camera, part: tuple[slice, slice]) -> n
 
 
 def _visible(explanation: Explanation, part: tuple[slice, slice]) -> np.ndarray:
-    """Where nothing hides the object, (h, w) bool of a part of the window."""
+    """Return where nothing hides the object, (h, w) bool of a part of the window."""
     visible = close_up(explanation).visible[part]
     if explanation.others is not None:
         others = np.repeat(explanation.others[..., None].astype(np.float32), 3, axis=2)
@@ -220,7 +220,9 @@ def _visible(explanation: Explanation, part: tuple[slice, slice]) -> np.ndarray:
 
 
 def _inside(visible: np.ndarray, depth: np.ndarray, jump: float) -> np.ndarray:
-    """How far pixels (h, w) are from outlines, of what is seen and of what is nearer: 0 to 1 at `BORDER`."""
+    """Return how far pixels (h, w) are from outlines, of what is seen and of what is nearer: 0 to 1 at
+    `BORDER`.
+    """
     inside = np.zeros(np.add(visible.shape, 2 * BORDER), np.uint8)
     here = inside[BORDER:-BORDER, BORDER:-BORDER]
     here[visible & np.isfinite(depth)] = 255
@@ -240,6 +242,6 @@ def _inside(visible: np.ndarray, depth: np.ndarray, jump: float) -> np.ndarray:
 
 
 def _ramp(values: np.ndarray, bounds: tuple[float, float]) -> np.ndarray:
-    """From 0 at the lower bound to 1 at the upper one."""
+    """Rise from 0 at the lower bound to 1 at the upper one."""
     low, high = bounds
     return ((values - np.float32(low)) / np.float32(high - low)).clip(0, 1)

@@ -65,7 +65,8 @@ def write_scene(path: Path, scene: SceneExplanation, textures: Sequence[Texture 
 
 
 def on_one_ground(poses: Sequence[np.ndarray]) -> tuple[list[float], np.ndarray]:
-    """How objects before a camera come to stand on one ground without a change of what the camera sees.
+    """Return how objects before a camera come to stand on one ground without a change of what the camera
+    sees.
 
     Args:
         poses: (4, 4) camera_from_object of each, metres; the object stands on its z = 0.

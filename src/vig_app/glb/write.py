@@ -149,14 +149,14 @@ class _File:
         self.add_node(each.name, each.node, mesh=self.add("meshes", mesh), **extras)
 
     def _add_material(self, name: str, colour: np.ndarray, surface: dict[str, Any]) -> int:
-        """Of a part; `surface` names a texture, if there is one."""
+        """Add the material of a part; `surface` names a texture, if there is one."""
         surface = surface or {"baseColorFactor": [*colour.tolist(), 1.0]}
         matte = surface | {"metallicFactor": 0, "roughnessFactor": 1}
         extras = {"albedo": colour.tolist()}
         return self.add("materials", {"name": name, "pbrMetallicRoughness": matte, "extras": extras})
 
     def _add_texture(self, texture: Texture) -> tuple[dict[str, Any], dict[str, Any]]:
-        """How materials name the texture, and the mesh's `extras` on it."""
+        """Return how materials name the texture, and the mesh's `extras` on it."""
         photo = io.BytesIO()
         Image.fromarray(texture.picture).save(photo, "JPEG", quality=JPEG_QUALITY, subsampling=0)
         files = (
@@ -181,7 +181,7 @@ class _File:
         return {"baseColorTexture": {"index": number}}, extras
 
     def data(self) -> bytes:
-        """The file's bytes."""
+        """Return the file's bytes."""
         binary = b"".join(self.blocks)
         text = json.dumps(self.described | {"buffers": [{"byteLength": len(binary)}]}).encode()
         chunks = (b"JSON", text + b" " * (-len(text) % 4)), (b"BIN\0", binary)
@@ -190,7 +190,7 @@ class _File:
 
 
 def _camera(camera: Camera) -> dict[str, Any]:
-    """glTF's camera, which has no principal point.
+    """Return glTF's camera, which has no principal point.
 
     This one sees the photo and as much beyond it as puts that point in the middle; `extras` hold the exact
     numbers.

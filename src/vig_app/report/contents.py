@@ -28,7 +28,7 @@ def report(explanation: Explanation, photo: str) -> str:
 
 
 def page_of(explanation: Explanation, photo: str, described: dict[str, Any], reduced: np.ndarray) -> str:
-    """HTML of an explanation's page.
+    """Return HTML of an explanation's page.
 
     Args:
         explanation: What it shows.
@@ -62,7 +62,9 @@ def page_of(explanation: Explanation, photo: str, described: dict[str, Any], red
 def drawing_data(
     explanation: Explanation, views: Sequence[Pose], steps: Sequence[Pose], width: int, height: int
 ) -> dict[str, Any]:
-    """What templates/drawing.js draws: the object in its poses, and outlines on a photo of width x height."""
+    """Return the data that templates/drawing.js draws: the object in its poses, and outlines on a photo
+    of width x height.
+    """
     poses = pose_data(explanation, [*views, *steps])
     scale = width / explanation.picture.shape[1], height / explanation.picture.shape[0]
     return {
@@ -77,7 +79,7 @@ def drawing_data(
 
 
 def page_photo(photo: np.ndarray) -> np.ndarray:
-    """A photo (H, W, 3) uint8 as the page shows it, `PAGE_SIDE` pixels at most."""
+    """Return a photo (H, W, 3) uint8 as the page shows it, `PAGE_SIDE` pixels at most."""
     height, width = photo.shape[:2]
     scale = min(1.0, PAGE_SIDE / max(height, width))
     size = max(1, round(width * scale)), max(1, round(height * scale))
@@ -87,7 +89,8 @@ def page_photo(photo: np.ndarray) -> np.ndarray:
 
 
 def _outline_maps(explanation: Explanation) -> np.ndarray:
-    """Distances to the outlines of what is covered and of what is seen, one above the other, (2 S, S) uint8.
+    """Return distances to the outlines of what is covered and of what is seen, one above the other, (2 S, S)
+    uint8.
 
     128 is on the outline and 1 to 255 are within `REACH` pixels of what was fitted, inside and outside.
     """
@@ -102,7 +105,9 @@ def _outline_maps(explanation: Explanation) -> np.ndarray:
 
 
 def _outline_data(explanation: Explanation, scale: tuple[float, float], line: float) -> dict[str, Any]:
-    """How the page draws outlines as overlay.png has them, on a photo reduced by a scale across and down."""
+    """Return how the page draws outlines as overlay.png has them, on a photo reduced by a scale across
+    and down.
+    """
     window, size = explanation.window, len(explanation.outlines[0]) // COARSER
     to_map = np.array([[size / window.side, 0, size / 2], [0, size / window.side, size / 2], [0, 0, 1]])
     matrix = to_map @ np.linalg.inv(window.photo_from_window) @ np.diag([1 / scale[0], 1 / scale[1], 1])

@@ -34,7 +34,7 @@ class Pose:
 
 
 def views_of(explanation: Explanation) -> list[Pose]:
-    """The fit and its alternatives."""
+    """Return the fit and its alternatives."""
     fit = explanation.fit
     first = Pose("this fit: " + words.view_words(fit.latents, fit.confidence), fit.latents, fit.framing)
     return [first] + [
@@ -44,7 +44,7 @@ def views_of(explanation: Explanation) -> list[Pose]:
 
 
 def steps_of(explanation: Explanation) -> Iterable[Pose]:
-    """Some steps of the fit that moved, the first and the last among them."""
+    """Yield some steps of the fit that moved, the first and the last among them."""
     path = explanation.fit.descent
     moved = np.flatnonzero(np.concatenate([[True], (path[1:] != path[:-1]).any(1)]))
     for number in moved[np.unique(np.linspace(0, len(moved) - 1, STEPS).round().astype(int))].tolist():
@@ -54,7 +54,9 @@ def steps_of(explanation: Explanation) -> Iterable[Pose]:
 
 
 def mesh_data(explanation: Explanation) -> dict[str, Any]:
-    """The mesh that all poses share: corners of faces, vertices of the fit in 16 bits, colours of parts."""
+    """Return the mesh that all poses share: corners of faces, vertices of the fit in 16 bits, colours of
+    parts.
+    """
     object_class, vertices = explanation.object_class, explanation.vertices
     model = object_class.shape_model
     low, extent = vertices.min(0), np.ptp(vertices, axis=0)
@@ -75,7 +77,7 @@ def mesh_data(explanation: Explanation) -> dict[str, Any]:
 
 
 def pose_data(explanation: Explanation, poses: Sequence[Pose]) -> list[dict[str, Any]]:
-    """Of each pose what the page needs beside `mesh_data`; see `_differences` for its vertices and light.
+    """Return the data of each pose beside `mesh_data`; see `_differences` for its vertices and light.
 
     `clip` takes vertices to OpenGL's clip space of the window, by columns.
     """
@@ -101,7 +103,7 @@ def pose_data(explanation: Explanation, poses: Sequence[Pose]) -> list[dict[str,
 
 
 def clip_matrix(camera: Camera, pose: np.ndarray, vertices: np.ndarray) -> list[float]:
-    """(16,) by columns: clip coordinates of OpenGL from the object's frame.
+    """Return (16,) by columns: clip coordinates of OpenGL from the object's frame.
 
     Args:
         camera: Whose picture fills the canvas.
@@ -125,7 +127,7 @@ def clip_matrix(camera: Camera, pose: np.ndarray, vertices: np.ndarray) -> list[
 def _differences(
     explanation: Explanation, latents: Latents
 ) -> tuple[list[dict[str, Any] | None], list[dict[str, Any] | None]]:
-    """Of B poses the vertices (V, 3) less the fit's, and what self-shadowing adds to irradiance (V,).
+    """Return for B poses the vertices (V, 3) less the fit's, and what self-shadowing adds to irradiance (V,).
 
     Each is rounded to 8 bits of its own largest number; None where all are 0.
     """
@@ -143,7 +145,7 @@ def _differences(
 
 
 def _in_8_bits(numbers: np.ndarray) -> dict[str, Any] | None:
-    """Numbers as whole multiples of a step, -127 to 127; None where all are 0."""
+    """Return numbers as whole multiples of a step, -127 to 127; None where all are 0."""
     most = float(np.abs(numbers).max())
     return {"step": most / 127, "numbers": _base64((numbers * (127 / most)).round(), "i1")} if most else None
 

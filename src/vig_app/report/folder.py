@@ -59,7 +59,7 @@ def save_entry(
     files: Sequence[str] | None = None,
     full_size: bool = False,
 ) -> tuple[Entry, Texture | None]:
-    """`save_explanation`; returns what the page of several photos or objects shows of it under a name, and
+    """Save as `save_explanation` does; return the entry for the page of several photos or objects, and
     the texture where a file has it.
     """
     files = FILES if files is None else files
@@ -95,7 +95,7 @@ def save_entry(
 
 
 def check_files(files: Sequence[str]) -> None:
-    """UserError unless all are of `FILES` or `OPTIONAL_FILES`."""
+    """Raise UserError unless all are of `FILES` or `OPTIONAL_FILES`."""
     wanted = f"expected files of {', '.join(FILES + OPTIONAL_FILES)}"
     if isinstance(files, str) or not isinstance(files, Sequence):
         raise UserError(f"{wanted}; got {str(files)[:60]!r}. Pass a list of names.")

@@ -54,7 +54,7 @@ class Entry:
 
     @property
     def link(self) -> str:
-        """Address of its own page, or of its folder where it has none."""
+        """Return address of its own page, or of its folder where it has none."""
         return quote(os.fsencode(self.folder)) + ("/report.html" if self.has_page else "/")
 
 
@@ -66,7 +66,7 @@ def folder_html(
     picture: np.ndarray | None = None,
     note: str = "",
 ) -> str:
-    """The page, in the order of `review_order`.
+    """Return the page, in the order of `review_order`.
 
     Args:
         entries: The photos that are shown.
@@ -95,7 +95,9 @@ def folder_html(
 
 
 def write_run_page(out: Path, rows: Iterable[Mapping[str, Any]]) -> None:
-    """report.html of a run: the first `MOST_ENTRIES` of its photos in review order. Takes the rows twice."""
+    """Write report.html of a run: the first `MOST_ENTRIES` of its photos in review order. Takes the rows
+    twice.
+    """
     objects, photos, errors = 0, set[str](), []
     for row in rows:
         if row["error"] is None:
@@ -124,7 +126,7 @@ def review_order(row: Mapping[str, Any]) -> tuple[int, float]:
 
 
 def reduced(picture: np.ndarray, side: int = SMALLEST_PICTURE) -> np.ndarray:
-    """A picture (H, W, 3) uint8 whose longer side has `side` pixels at most."""
+    """Return a picture (H, W, 3) uint8 whose longer side has `side` pixels at most."""
     if max(picture.shape) <= side:
         return picture
     image = Image.fromarray(picture)

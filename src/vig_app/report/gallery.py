@@ -49,7 +49,7 @@ class Card:
 
 
 def card_of(folder: Path, name: str, note: str = "", link: str = "") -> Card:
-    """The card of an explanation's folder, which holds explanation.json and report.html."""
+    """Return the card of an explanation's folder, which holds explanation.json and report.html."""
     page = folder / "report.html"
     with reading(page, "the page of an explanation", "Explain the photo anew with `vig fit`."):
         described = read_explanation(folder)
@@ -65,8 +65,8 @@ def card_of(folder: Path, name: str, note: str = "", link: str = "") -> Card:
 
 
 def cards_of(results: Path, out: Path) -> tuple[list[Card], int]:
-    """The cards of a folder of results, by name, `MOST` at most, for a page in `out`, from which they link to
-    each one's own; and how many results it holds.
+    """Return the cards of a folder of results, by name, `MOST` at most, for a page in `out`, from which they
+    link to each one's own; and how many results it holds.
 
     Raises:
         UserError: No explanation with its page is in it.
@@ -86,7 +86,7 @@ def cards_of(results: Path, out: Path) -> tuple[list[Card], int]:
 
 
 def _link(folder: Path, out: Path) -> str:
-    """Address of a result's report.html from a page in `out`."""
+    """Return address of a result's report.html from a page in `out`."""
     page = folder.resolve() / "report.html"
     try:
         return quote(os.fsencode(Path(os.path.relpath(page, out.resolve())).as_posix()))
@@ -95,7 +95,7 @@ def _link(folder: Path, out: Path) -> str:
 
 
 def gallery_html(cards: Sequence[Card], title: str, note: str = "") -> str:
-    """The page; what is not in a photo is shown as its photo alone."""
+    """Return the page; what is not in a photo is shown as its photo alone."""
     shown = [card for card in cards if card.described["verdict"] != "absent"]
     return filled(
         "gallery.html",

@@ -19,7 +19,9 @@ QUALITY = 88
 
 
 def filled(template: str, **content: Any) -> str:
-    """A page. Whatever it shows is escaped: no text of a photo's name or class becomes markup or script."""
+    """Return a page. Whatever it shows is escaped: no text of a photo's name or class becomes markup or
+    script.
+    """
     return _PAGES.get_template(template).render(content)
 
 
@@ -30,14 +32,14 @@ def write_page(path: Path, html: str) -> None:
 
 
 def jpeg_url(picture: np.ndarray) -> str:
-    """A picture (H, W, 3) uint8 as the address of an image within a page."""
+    """Return a picture (H, W, 3) uint8 as the address of an image within a page."""
     file = io.BytesIO()
     Image.fromarray(picture).save(file, "JPEG", quality=QUALITY)
     return "data:image/jpeg;base64," + base64.b64encode(file.getvalue()).decode()
 
 
 def png_url(picture: np.ndarray) -> str:
-    """As `jpeg_url`, of numbers (H, W) uint8 that must stay as they are."""
+    """Return a URL as `jpeg_url` does, of numbers (H, W) uint8 that must stay as they are."""
     return "data:image/png;base64," + base64.b64encode(png_bytes(picture)).decode()
 
 

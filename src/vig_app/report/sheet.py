@@ -44,7 +44,7 @@ LETTERS = 26
 
 
 def sheet_name(number: int) -> str:
-    """sheet.jpg, then sheet-2.jpg and so on."""
+    """Return sheet.jpg, then sheet-2.jpg and so on."""
     return "sheet.jpg" if number == 0 else f"sheet-{number + 1}.jpg"
 
 
@@ -86,7 +86,7 @@ def _sheet(out: Path, rows: Sequence[Mapping[str, Any]]) -> Image.Image:
 
 
 def _tile(out: Path, row: Mapping[str, Any]) -> Image.Image:
-    """A photo in a frame of its verdict's colour, under it its name and the confidence."""
+    """Return a photo in a frame of its verdict's colour, under it its name and the confidence."""
     verdict = "error" if row["error"] is not None else row["verdict"]
     side = TILE + 2 * BORDER
     tile = Image.new("RGB", (side, side + LABEL), BACKGROUND)
@@ -112,5 +112,5 @@ def _tile(out: Path, row: Mapping[str, Any]) -> Image.Image:
 
 
 def _printable(text: str) -> str:
-    """Text as the font has it: what is not printable is replaced."""
+    """Return the text as the font has it: what is not printable is replaced."""
     return "".join(letter if letter.isprintable() else "?" for letter in text)

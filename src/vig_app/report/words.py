@@ -13,14 +13,14 @@ from vig.scene.light import srgb8_from_linear
 
 
 def view_words(latents: Latents, probability: float) -> str:
-    """A view (B = 1), and how likely it is right."""
+    """Return a view (B = 1), and how likely it is right."""
     azimuth, elevation = (math.degrees(float(angle[0])) for angle in (latents.azimuth, latents.elevation))
     words = f"azimuth {azimuth % 360:.0f}°, elevation {elevation:.0f}°, {likely_right(probability)}"
     return words.removesuffix(", ")
 
 
 def likely_right(probability: float) -> str:
-    """How likely a view is right; nothing for a NaN."""
+    """Return how likely a view is right; nothing for a NaN."""
     return "" if math.isnan(probability) else f"{probability:.0%} likely right"
 
 
@@ -49,7 +49,7 @@ def table_rows(described: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def badge(described: dict[str, Any]) -> str:
-    """The verdict, which is of the view, with what else of the answer can or cannot be trusted."""
+    """Return the verdict, which is of the view, with what else of the answer can or cannot be trusted."""
     verdict, mask = described["verdict"], "mask" in described["trusted"]
     if described["mask_confidence"] is None or (verdict == "trusted") == mask:
         return str(verdict)
@@ -57,7 +57,7 @@ def badge(described: dict[str, Any]) -> str:
 
 
 def summary(described: dict[str, Any]) -> str:
-    """Class, what is trusted with which probability, and the share hidden."""
+    """Return class, what is trusted with which probability, and the share hidden."""
     confidence, hidden = described["confidence"], described["hidden_fraction"]
     if described["verdict"] == "absent":
         return (
@@ -84,7 +84,7 @@ def summary(described: dict[str, Any]) -> str:
 
 
 def probabilities(described: dict[str, Any]) -> list[tuple[str, float]]:
-    """What the answer's probabilities are of, as far as they were learned; then those of other views."""
+    """Return the answer's probabilities with labels, as far as they were learned; then other views'."""
     named = (("in the photo", "present"), ("view right", "confidence"), ("mask right", "mask_confidence"))
     known = [(name, described[key]) for name, key in named if described[key] is not None]
     if described["verdict"] == "absent":
@@ -96,7 +96,7 @@ def probabilities(described: dict[str, Any]) -> list[tuple[str, float]]:
 
 
 def views_note(described: dict[str, Any]) -> str:
-    """What to do with the views."""
+    """Return advice on the views."""
     if described["alternatives"]:
         other = described["alternatives"][0]["azimuth_deg"]
         return (
@@ -107,13 +107,15 @@ def views_note(described: dict[str, Any]) -> str:
 
 
 def css_colour(colour: np.ndarray) -> str:
-    """Linear RGB (3,) as a style sheet has it."""
+    """Return linear RGB (3,) as a style sheet has it."""
     red, green, blue = srgb8_from_linear(np.asarray(colour, np.float32)).tolist()
     return f"rgb({red}, {green}, {blue})"
 
 
 def _light(light: list[float]) -> str:
-    """Where most light comes from, by the first order of its SH coefficients, in the object's frame."""
+    """Return where most light comes from, by the first order of its SH coefficients, in the object's
+    frame.
+    """
     y, z, x = light[1:4]
     above = "from above" if z > 0.5 * float(np.hypot(x, y)) else "from the side"
     directedness = float(np.linalg.norm([x, y, z])) / max(abs(light[0]), 1e-6)

@@ -58,8 +58,8 @@ def ledger_of(out: Path) -> Iterator[Any]:
 
 
 def rows_done(ledger: Any) -> dict[str, tuple[str, Rows]]:
-    """Key and rows of photos that were explained, by their folders, the last of each; half a line, as a kill
-    leaves it, is ended.
+    """Return key and rows of photos that were explained, by their folders, the last of each; half a line,
+    as a kill leaves it, is ended.
     """
     ledger.seek(0)
     done: dict[str, tuple[str, Rows]] = {}
@@ -75,7 +75,7 @@ def rows_done(ledger: Any) -> dict[str, tuple[str, Rows]]:
 
 
 def is_done(task: Task, key: str, rows: Rows) -> bool:
-    """Whether a photo's folder holds the results of its rows, whole, and those of a key."""
+    """Return whether a photo's folder holds the results of its rows, whole, and those of a key."""
     try:
         complete = all((task.folder.parent / row["folder"] / "explanation.json").exists() for row in rows)
         return complete and (task.folder / KEY).read_text() == key
@@ -84,14 +84,14 @@ def is_done(task: Task, key: str, rows: Rows) -> bool:
 
 
 def settings_key(settings: RunSettings, explainer: Explainer) -> str:
-    """What all photos' results depend on."""
+    """Return the key of everything that all photos' results depend on."""
     packs = [_pack_state(explainer.object_class.folder), *map(_pack_state, settings.others)]
     files = (sorted(settings.files or ()), settings.full_size) if settings.files or settings.full_size else ()
     return repr((FORMAT, __version__, settings.explain, sorted(settings.export), packs, *files))
 
 
 def key_of(task: Task, settings: str) -> str:
-    """What a row's key must be for its results to be those of a photo, its hints and the `settings_key`."""
+    """Return the key of a row whose results are those of a photo, its hints and the `settings_key`."""
     options = task.box, task.focal, task.objects, task.most, task.camera
     packs = [_pack_state(name) for name in sorted({name for name, _ in task.objects})]
     digest = hashlib.sha256(repr((settings, _file_state(task.photo), options, packs)).encode())
@@ -107,13 +107,13 @@ def key_of(task: Task, settings: str) -> str:
 
 
 def _pack_state(name: str | Path | None) -> Any:
-    """What changes when a class pack does; the packaged classes change with the version."""
+    """Return a value that changes when a class pack does; the packaged classes change with the version."""
     folder = None if name is None else Path(name)
     return str(name), sorted(map(_file_state, folder.iterdir())) if folder and folder.is_dir() else []
 
 
 def _file_state(path: Path) -> Any:
-    """What changes when a file does."""
+    """Return a value that changes when a file does."""
     try:
         stat = path.stat()
     except OSError:

@@ -278,7 +278,7 @@ def _reason(error: Exception) -> str:
 
 
 def drawn(picture: np.ndarray, pose: TrackedPose, tracker: Tracker) -> np.ndarray:
-    """A frame (H, W, 3) uint8 with the object's outline, and its axes: x red, y green, z blue."""
+    """Return a frame (H, W, 3) uint8 with the object's outline, and its axes: x red, y green, z blue."""
     shown = picture if pose.lost else overlay(pose.explanation)
     image = Image.fromarray(shown)
     length = AXIS * float(np.ptp(tracker.explainer.object_class.shape_model.mean, axis=0).max())
@@ -294,7 +294,9 @@ def drawn(picture: np.ndarray, pose: TrackedPose, tracker: Tracker) -> np.ndarra
 
 
 def curves(poses: list[TrackedPose]) -> Image.Image:
-    """Azimuth and elevation over the frames, each with a band of a standard deviation; lost frames grey."""
+    """Return the azimuth and elevation over the frames, each with a band of a standard deviation; lost
+    frames grey.
+    """
     # (1000, 280): pixels of the picture of one curve
     (width, height), margin = (1000, 280), 40
     image = Image.new("RGB", (width, 2 * height), "white")

@@ -92,7 +92,7 @@ def run(
 def _rows(
     tasks: Iterable[Task], settings: RunSettings, explainer: Explainer, workers: int, cluster: str | None
 ) -> Iterator[tuple[Task, Rows]]:
-    """Tasks and their rows as they are done; tasks are taken as they are needed."""
+    """Yield tasks and their rows as they are done; tasks are taken as they are needed."""
     if cluster is not None:
         yield from rows_of_cluster(tasks, settings, cluster)
         return

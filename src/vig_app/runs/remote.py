@@ -28,7 +28,7 @@ Sent = tuple[Task, bytes, bytes | None]
 def rows_of_cluster(
     tasks: Iterable[Task], settings: RunSettings, address: str
 ) -> Iterator[tuple[Task, Rows]]:
-    """As `_rows`; photos go as bytes, and files come back as bytes and are written here."""
+    """Yield rows as `_rows` does; photos go as bytes, and files come back as bytes and are written here."""
     unread: deque[tuple[Task, Rows]] = deque()
     sent: dict[int, Task] = {}
     numbers = count()
@@ -61,7 +61,9 @@ def rows_of_cluster(
 
 
 def prepare_remote(settings: RunSettings) -> Callable[[Sent], Any]:
-    """The work of a process on a node: explains a photo's bytes, returns its rows and its files' bytes."""
+    """Return the work of a process on a node: explains a photo's bytes, returns its rows and its files'
+    bytes.
+    """
     work = prepare(settings)
 
     def remote(item: Sent) -> tuple[Rows, dict[str, bytes]]:

@@ -100,7 +100,7 @@ class RunSettings:
 
 
 def prepare(settings: RunSettings) -> Callable[[Task], Rows]:
-    """The work of a worker process."""
+    """Return the work of a worker process."""
     return Work(Explainer(settings.object_class, settings.explain), settings)
 
 
@@ -124,7 +124,7 @@ class Work:
         return [row | {"seconds": seconds} for row in rows]
 
     def one(self, task: Task) -> dict[str, Any]:
-        """The row of a photo of one object."""
+        """Return the row of a photo of one object."""
         if task.corrected:
             correction = task.corrected[0]
             if correction.name or correction.state is None:
@@ -142,13 +142,13 @@ class Work:
         return row_of(task, explanation)
 
     def of_class(self, name: str) -> Explainer:
-        """The explainer of a class, which is loaded when it is first needed."""
+        """Return the explainer of a class, which is loaded when it is first needed."""
         if name not in self.by_class:
             self.by_class[name] = Explainer(name, self.settings.explain)
         return self.by_class[name]
 
     def several(self, task: Task) -> Rows:
-        """The rows of a photo of several objects."""
+        """Return the rows of a photo of several objects."""
         if task.objects:
             explainers = [self.of_class(name) for name, _ in task.objects]
             boxes = [box for _, box in task.objects]
@@ -180,7 +180,7 @@ class Work:
         ]
 
     def write(self, task: Task, explanation: Explanation, corrected: State | None = None) -> None:
-        """All files of a photo beside its folder, then in their place; see `beside_folder`."""
+        """Write all files of a photo beside its folder, then in their place; see `beside_folder`."""
         with beside_folder(task) as beside:
             save_explanation(
                 explanation, beside, task.photo.name, self.settings.files, self.settings.full_size
@@ -195,7 +195,8 @@ class Work:
 
 
 def _states(task: Task, scene: SceneExplanation) -> dict[str, State]:
-    """Corrections by the names of the objects that they were made for, which may have other numbers now.
+    """Return corrections by the names of the objects that they were made for, which may have other numbers
+    now.
 
     Raises:
         UserError: One was made for none of the objects.
@@ -222,14 +223,14 @@ def _of_no_object(task: Task, correction: Correction) -> UserError:
 
 
 def _lens(task: Task, explanation: Explanation) -> tuple[float, float, float, float] | None:
-    """fx, fy, cx, cy of the camera that was given."""
+    """Return fx, fy, cx, cy of the camera that was given."""
     lens = None if task.camera is None else explanation.window.lens
     return None if lens is None else (lens.fx, lens.fy, lens.cx, lens.cy)
 
 
 @contextmanager
 def beside_folder(task: Task) -> Iterator[Path]:
-    """A folder to write into; when the block ends well it takes the place of the photo's, else it goes.
+    """Give a folder to write into; when the block ends well it takes the place of the photo's, else it goes.
 
     Where the photo's folder is there its files are replaced one by one, those of earlier results that are not
     made anew go, and what else is there stays. Without `KEY`, which goes first and comes last, a folder is
@@ -265,14 +266,14 @@ def row_of(task: Task, explanation: Explanation) -> dict[str, Any]:
 
 
 def failed(task: Task, error: object) -> Rows:
-    """The one row of a photo that was not explained; the reason names the photo."""
+    """Return the one row of a photo that was not explained; the reason names the photo."""
     name, reason = str(task.photo), str(error)
     reason = reason if str(UserError(name)) in reason else f"{name}: {reason}"
     return [dict.fromkeys(COLUMNS) | {"photo": name, "folder": task.folder.name, "error": reason}]
 
 
 def lost_row(task: Task, lost: Lost) -> Rows:
-    """The one row of a photo whose workers were killed."""
+    """Return the one row of a photo whose workers were killed."""
     return failed(
         task,
         f"{task.photo}: a worker process was killed {lost.attempts} times while it explained this photo,"

@@ -81,7 +81,7 @@ class _Server(ThreadingHTTPServer):
 
 
 def _bound(port: int, host: str, handler: Callable[..., Any]) -> _Server:
-    """A server at the port, or the next one that is free; UserError when none is."""
+    """Return a server at the port, or the next one that is free; UserError when none is."""
     if not 1 <= port <= 65535:
         raise UserError(f"expected a port of 1 to 65535; got {port}. 8080 is usual.")
     # 100: ports that are tried, from the one that was named
@@ -128,17 +128,17 @@ class Viewer:
         self.walk.close()
 
     def on_thread(self, work: Callable[[], Any]) -> Any:
-        """What some work returns or raises, done after that before it."""
+        """Do some work after that before it; return or raise its outcome."""
         return self._thread.submit(work).result()
 
     def page(self) -> str:
-        """The page's HTML."""
+        """Return the page's HTML."""
         points = list(self.walk.session.explainer.object_class.points)
         names = [item.name for item in self.walk.items]
         return filled("view.html", data={"items": names, "points": points}, run=len(names) > 1)
 
     def photo(self, number: int) -> bytes:
-        """The photo of an item as a JPEG file; ValueError where there is none."""
+        """Return the photo of an item as a JPEG file; ValueError where there is none."""
         if not 0 <= number < len(self.walk.items):
             raise ValueError(f"expected an item below {len(self.walk.items)}; got {number}")
         path, session = self.walk.items[number].read()[0], self.walk.session
@@ -148,14 +148,14 @@ class Viewer:
         return file.getvalue()
 
     def _size_sent(self) -> list[int]:
-        """Width and height of the photo that is sent."""
+        """Return the width and height of the photo that is sent."""
         session = self.walk.session
         if session.path not in self._sizes:
             self._sizes[session.path] = [*reduced(coded(session.photo), SENT_SIDE).shape[1::-1]]
         return self._sizes[session.path]
 
     def state(self) -> dict[str, Any]:
-        """All that the page shows."""
+        """Return all that the page shows."""
         walk, session = self.walk, self.walk.session
         explanation = session.explanation
         described, views = explanation.to_dict(), views_of(explanation)
@@ -220,7 +220,7 @@ class Viewer:
         self._message, self._refused = message, refused
 
     def _do(self, action: Action) -> None:
-        """An action that is no correction."""
+        """Do an action that is no correction."""
         walk = self.walk
         if action.do == "find":
             boxes = walk.session.places()
@@ -243,7 +243,7 @@ class Viewer:
         self._say(f"{message} {saved}".strip(), refused=bool(message))
 
     def _change(self, action: Action) -> Change | None:
-        """The correction of an action; None to undo one."""
+        """Return the correction of an action; None to undo one."""
         at, value = action.at, action.value
         match action.do:
             case "box":
@@ -275,7 +275,9 @@ class Viewer:
             self._say(str(error) if len(changes) == 1 else self._one_by_one(changes), refused=True)
 
     def _one_by_one(self, changes: list[Change | None]) -> str:
-        """Each by itself; the messages of those that are refused. Taking one of these back does nothing."""
+        """Return each by itself; the messages of those that are refused. Taking one of these back does
+        nothing.
+        """
         messages: list[str] = []
         refused = 0
         for change in changes:
@@ -302,7 +304,7 @@ class _Handler(BaseHTTPRequestHandler):
         """Print no line for each request."""
 
     def do_GET(self) -> None:
-        """The page, the state, the photo."""
+        """Answer with the page, the state or the photo."""
         viewer, url = self.viewer, urlsplit(self.path)
         match url.path:
             case "/":
@@ -315,7 +317,7 @@ class _Handler(BaseHTTPRequestHandler):
                 self._send(404, b"expected / of vig view", "text/plain")
 
     def do_POST(self) -> None:
-        """Actions."""
+        """Take an action."""
         try:
             length = int(self.headers["Content-Length"])
             if self.path != "/act" or not 0 < length <= MOST_BYTES:
@@ -354,8 +356,8 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 def _is_own(host: str) -> bool:
-    """Whether a Host header is an address or localhost: names that a page of another site could have made to
-    point here are not.
+    """Return whether a Host header is an address or localhost: names that a page of another site could
+    have made to point here are not.
     """
     with suppress(ValueError):
         name = urlsplit(f"//{host}").hostname or ""

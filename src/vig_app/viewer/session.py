@@ -64,12 +64,12 @@ class Session:
 
     @property
     def state(self) -> State:
-        """The hints now."""
+        """Return the hints now."""
         return self.states[-1]
 
     @property
     def unsaved(self) -> bool:
-        """Whether there are corrections that were not saved."""
+        """Return whether there are corrections that were not saved."""
         return self.state != self.saved
 
     def correct(self, *changes: Change | None) -> Explanation:
@@ -93,7 +93,9 @@ class Session:
         return self.explanation
 
     def boxed(self, x: float, y: float, width: float, height: float) -> Change:
-        """A box round the whole object, cut at the photo's edges, in place of the one that was found."""
+        """Return a box round the whole object, cut at the photo's edges, in place of the one that was
+        found.
+        """
         photo_height, photo_width = self.photo.shape[:2]
         left, top = max(x, 0.0), max(y, 0.0)
         right, bottom = min(x + width, float(photo_width)), min(y + height, float(photo_height))
@@ -107,7 +109,7 @@ class Session:
         return folder
 
     def places(self) -> list[tuple[float, float, float, float]]:
-        """Boxes of the places at which objects of the class are found, the surest first.
+        """Return boxes of the places at which objects of the class are found, the surest first.
 
         Raises:
             UserError: The class's network does not find objects.
@@ -124,17 +126,19 @@ class Session:
 
 
 def placed(name: str, x: float, y: float) -> Change:
-    """Where a named point of the class is."""
+    """Return where a named point of the class is."""
     return lambda state: replace(state, points={**state.points, name: (x, y)})
 
 
 def marked(label: PixelLabel, x: float, y: float, radius: float, path: Places = ()) -> Change:
-    """What the photo shows under a stroke of a brush, set down at a place and moved along a path."""
+    """Mark the pixels under a stroke of a brush, set down at a place and moved along a path."""
     return lambda state: replace(state, strokes=(*state.strokes, Stroke(x, y, radius, label, tuple(path))))
 
 
 def changed(**values: Any) -> Change:
-    """Other values of fields of the state: a view, whether nothing hides the object; None leaves one open."""
+    """Return other values of fields of the state: a view, whether nothing hides the object; None leaves
+    one open.
+    """
     return lambda state: replace(state, **values)
 
 

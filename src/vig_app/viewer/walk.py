@@ -51,14 +51,14 @@ class Item:
     box: Box | None = None
 
     def read(self) -> tuple[Path, str, State]:
-        """Photo, class and state; UserError where they cannot be read."""
+        """Return the photo, class and state; UserError where they cannot be read."""
         photo, object_class, state = self.photo if self.photo is not None else State.read(self.folder)
         photo = photo.resolve()  # without the way round by the folder
         photo = photo.relative_to(Path.cwd()) if photo.is_relative_to(Path.cwd()) else photo
         return photo, object_class, state if self.box is None else replace(state, box=self.box, found=None)
 
     def others(self) -> np.ndarray | None:
-        """Pixels (H, W) bool in which a run of several objects in a photo saw the others."""
+        """Return pixels (H, W) bool in which a run of several objects in a photo saw the others."""
         if not (self.folder.parent / "scene.json").exists():
             return None
         path = self.folder.parent / "mask.png"
@@ -81,12 +81,12 @@ class Walk:
 
     @staticmethod
     def of_photo(photo: Path, object_class: str, out: Path) -> Walk:
-        """Of a photo, whose results will be in a folder."""
+        """Walk a photo, whose results will be in a folder."""
         return Walk([Item(photo.name, out, photo=(photo, object_class, State()))])
 
     @staticmethod
     def of_folder(folder: Path) -> Walk:
-        """Of results: of a photo or an object, of several objects in a photo, or of a run.
+        """Walk results: of a photo or an object, of several objects in a photo, or of a run.
 
         Raises:
             UserError: It holds none, or they cannot be read.
@@ -189,7 +189,7 @@ class Walk:
                 write_sheets(self.run, rows)
 
     def objects(self) -> list[dict[str, Any]]:
-        """Box, name and number of the other items that are of the photo that is open."""
+        """Return the box, name and number of the other items that are of the photo that is open."""
         here = self.items[self.place].folder
         if not (here.parent / "scene.json").exists():
             return []
@@ -202,14 +202,14 @@ class Walk:
 
 
 def _with_row(rows: list[dict[str, Any]], row: dict[str, Any]) -> list[dict[str, Any]]:
-    """The rows with that of a folder in place of the one they have, or at their end."""
+    """Return the rows with that of a folder in place of the one they have, or at their end."""
     folders = [each["folder"] for each in rows]
     place = folders.index(row["folder"]) if row["folder"] in folders else len(rows)
     return [*rows[:place], row, *rows[place + 1 :]]
 
 
 def _of_row(run: Path, row: dict[str, Any]) -> Item:
-    """Of a row of a run's table."""
+    """Return the item of a row of a run's table."""
     folder = run / row["folder"]
     photo = None
     if not (folder / CORRECTIONS).exists():  # it was given a mask, marks or a pose
@@ -218,7 +218,7 @@ def _of_row(run: Path, row: dict[str, Any]) -> Item:
 
 
 def _of_result(path: Path) -> Item:
-    """Of a folder of results, by its corrections.json."""
+    """Return the item of a folder of results, by its corrections.json."""
     folder = path.parent
     described = read_explanation(folder)
     described |= dict(zip(BOX, described["box"] or [], strict=False))

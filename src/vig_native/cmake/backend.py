@@ -19,7 +19,7 @@ from scikit_build_core.build import prepare_metadata_for_build_wheel as prepare_
 
 
 def has_compiler() -> bool:
-    """Whether there is a C++ compiler that CMake finds; VIG_ZIG=1 in the environment hides it."""
+    """Return whether there is a C++ compiler that CMake finds; VIG_ZIG=1 in the environment hides it."""
     if os.environ.get("VIG_ZIG") == "1":
         return False
     return bool(os.environ.get("CXX")) or any(map(shutil.which, ("c++", "g++", "clang++")))

@@ -74,7 +74,7 @@ def fit_animation(
 
 
 def _frame(photo: np.ndarray, colour: np.ndarray, coverage: np.ndarray, caption: str) -> Image.Image:
-    """The photo, linear RGB, on the left; on the right the rendering over it, outlined."""
+    """Return the photo, linear RGB, on the left; on the right the rendering over it, outlined."""
     with optional_import("world"):
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
@@ -90,7 +90,7 @@ def _frame(photo: np.ndarray, colour: np.ndarray, coverage: np.ndarray, caption:
 
 
 def _write(path: Path, frames: list[Image.Image], durations: list[int]) -> None:
-    """Animated WebP of the best quality that stays under `MAX_BYTES`; durations in ms."""
+    """Write an animated WebP of the best quality that stays under `MAX_BYTES`; durations in ms."""
     first, *following = frames
     with atomic_write(path) as temporary:
         for quality in (80, 60, 40, 20):

@@ -143,7 +143,7 @@ def reliability_figure(
 
 
 def _logarithmic(axes: Axes) -> None:
-    """A logarithmic axis with plain numbers."""
+    """Make a logarithmic axis with plain numbers."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     axes.set_yscale("log")

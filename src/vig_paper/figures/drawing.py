@@ -103,6 +103,6 @@ def choose(
 
 
 def worst(results: Mapping[str, MethodResult], method: str, count: int) -> list[int]:
-    """The images of largest azimuth error, the worst first."""
+    """Return the images of largest azimuth error, the worst first."""
     errors = results[method].errors["azimuth_deg"]
     return [int(index) for index in np.argsort(-errors, kind="stable")[:count]]

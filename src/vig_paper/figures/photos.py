@@ -78,18 +78,20 @@ def figure4(
 def _render_chosen(
     result: MethodResult, chosen: list[int], object_class: ObjectClass
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Linear RGB and coverage of a method's explanations of the chosen images, shaded as fits are."""
+    """Return linear RGB and coverage of a method's explanations of the chosen images, shaded as fits are."""
     assert result.latents is not None
     return render_explanations(result.latents[np.array(chosen)], object_class, ExplainSettings().self_shadow)
 
 
 def _fade(photo: np.ndarray) -> np.ndarray:
-    """The photo behind a rendering or a mask: 45 % white is mixed in."""
+    """Return the photo behind a rendering or a mask: 45 % white is mixed in."""
     return 0.55 * photo + 0.45
 
 
 def _tint_masks(photo: np.ndarray, amodal: np.ndarray, visible: np.ndarray) -> np.ndarray:
-    """The photo faded, with visible pixels in green and the silhouette's others in pink, half transparent."""
+    """Return the photo faded, with visible pixels in green and the silhouette's others in pink, half
+    transparent.
+    """
     picture = _fade(photo)
     for mask, colour in ((amodal & ~visible, (235, 40, 120)), (visible, (25, 179, 107))):
         picture[mask] = 0.4 * photo[mask] + 0.6 * np.array(colour) / 255
@@ -139,7 +141,7 @@ def figure5(
 
 
 def environment(library: Library, spec: SceneSpec, azimuth: float) -> np.ndarray:
-    """The panorama that lit a scene, as seen from a camera at `azimuth` radians.
+    """Return the panorama that lit a scene, as seen from a camera at `azimuth` radians.
 
     (MAP_ROWS, 2 MAP_ROWS, 3) linear radiance, straight up in the first row, straight ahead in the middle.
     """
@@ -152,7 +154,9 @@ def environment(library: Library, spec: SceneSpec, azimuth: float) -> np.ndarray
 
 
 def light_map(light: np.ndarray, azimuth: float) -> np.ndarray:
-    """Radiance (MAP_ROWS, 2 MAP_ROWS) of a light (9,), in the same view as `environment`; at least 0."""
+    """Return the radiance (MAP_ROWS, 2 MAP_ROWS) of a light (9,), in the same view as `environment`; at
+    least 0.
+    """
     theta = ((np.arange(MAP_ROWS) + 0.5) * np.pi / MAP_ROWS)[:, None]
     phi = _headings(azimuth)
     directions = np.stack(
@@ -163,7 +167,8 @@ def light_map(light: np.ndarray, azimuth: float) -> np.ndarray:
 
 
 def _headings(azimuth: float) -> np.ndarray:
-    """World angle about +Z, from +X, of each column of a map: ahead in the centre, decreasing to the right.
+    """Return world angle about +Z, from +X, of each column of a map: ahead in the centre, decreasing to the
+    right.
 
     An eye at azimuth 0 is on -Y and looks along +Y, which is 90 degrees from +X.
     """
@@ -172,7 +177,7 @@ def _headings(azimuth: float) -> np.ndarray:
 
 
 def white_sphere(latents: Latents) -> np.ndarray:
-    """A white sphere under one explanation's light and camera: (160, 160, 3) sRGB."""
+    """Return a white sphere under one explanation's light and camera: (160, 160, 3) sRGB."""
     across = (np.arange(160) + 0.5) / 80 - 1
     x, y = np.meshgrid(across, across)
     inside = x**2 + y**2 < 1
@@ -184,12 +189,14 @@ def white_sphere(latents: Latents) -> np.ndarray:
 
 
 def _own_panoramas(dataset: Dataset) -> bool:
-    """Whether a split was made with a user's own panoramas, which are not published in figures."""
+    """Return whether a split was made with a user's own panoramas, which are not published in figures."""
     settings = read_info(dataset.folder.parent)["splits"][dataset.folder.name]
     return any(name.startswith("panorama/") for name in settings["own_assets"])
 
 
 def _expose(radiance: np.ndarray) -> np.ndarray:
-    """Radiance or irradiance, grey (H, W) or (H, W, 3), as sRGB (H, W, 3) at one exposure for all."""
+    """Return the radiance or irradiance, grey (H, W) or (H, W, 3), as sRGB (H, W, 3) at one exposure for
+    all.
+    """
     colours = radiance if radiance.ndim == 3 else np.repeat(radiance[..., None], 3, axis=-1)
     return srgb_from_linear(0.4 * colours)

@@ -39,7 +39,7 @@ EXPLAINING_METHODS = ("rm", "gaussian", "robust", "spatial")
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """A white figure of a size in inches, laid out without overlaps."""
+    """Return a white figure of a size in inches, laid out without overlaps."""
     with optional_import("world"):
         from matplotlib.figure import Figure
         from matplotlib.layout_engine import ConstrainedLayoutEngine
@@ -49,7 +49,7 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def style_axes(axes: Axes, title: str) -> None:
-    """Axes with a plain frame and their title above it."""
+    """Style axes with a plain frame and their title above it."""
     axes.set_title(title, loc="left", fontsize=10, color=INK)
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["bottom", "left"]].set_color(FAINT)
@@ -70,8 +70,9 @@ def show_picture(axes: Axes, picture: np.ndarray, caption: str = "") -> None:
 def picture_grid(
     titles: Sequence[str], rows: int, inches: float, widths: Sequence[float] | None = None
 ) -> tuple[Figure, np.ndarray]:
-    """A figure, and its axes (rows, columns) for pictures: titles above the columns, each picture as high as
-    `inches` and as wide as that times its entry of `widths`, by default 1."""
+    """Return a figure, and its axes (rows, columns) for pictures: titles above the columns, each picture
+    as high as `inches` and as wide as that times its entry of `widths`, by default 1.
+    """
     widths = widths or [1.0] * len(titles)
     figure = new_figure(inches * sum(widths) + 0.5, (inches + 0.15) * rows + 0.3)
     panels = figure.subplots(rows, len(titles), squeeze=False, width_ratios=widths)
@@ -87,7 +88,7 @@ def outline(axes: Axes, mask: np.ndarray) -> None:
 
 
 def last_fit(results: Mapping[str, MethodResult]) -> str | None:
-    """The last fit, else "rm"; None where there is neither."""
+    """Return the last fit, else "rm"; None where there is neither."""
     return next((method for method in reversed(EXPLAINING_METHODS) if method in results), None)
 
 

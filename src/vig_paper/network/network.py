@@ -95,7 +95,7 @@ class FactorNetwork(nn.Module):
         self.register_buffer("scale", torch.ones(()))
 
     def channels(self, image: torch.Tensor) -> torch.Tensor:
-        """The network's channels of images (B, 3, H, W): all three, or their luma (B, 1, H, W)."""
+        """Return the network's channels of images (B, 3, H, W): all three, or their luma (B, 1, H, W)."""
         if not self.grey:
             return image
         return (image * image.new_tensor(_LUMA)[:, None, None]).sum(1, keepdim=True)
@@ -126,13 +126,13 @@ class PaperNetworks(nn.Module):
         self.register_buffer("deviation", torch.ones(regressed_layout(settings.modes).size))
 
     def of(self, factor: str) -> FactorNetwork:
-        """One factor's network."""
+        """Return one factor's network."""
         network = self.factors[factor]
         assert isinstance(network, FactorNetwork)
         return network
 
     def numbers(self, image: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """Azimuth (B,) in radians, and the regressed numbers (B, M), light in the heading frame.
+        """Return the azimuth (B,) in radians, and the regressed numbers (B, M), light in the heading frame.
 
         The light is predicted in the object's frame, as in the paper, and turned by the predicted azimuth.
         """
@@ -144,7 +144,7 @@ class PaperNetworks(nn.Module):
         return torch.remainder(azimuth, 2 * math.pi), numbers
 
     def forward(self, image: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
-        """The fields of a `Prediction` for images (B, 3, 150, 150), sRGB in [0, 1].
+        """Return the fields of a `Prediction` for images (B, 3, 150, 150), sRGB in [0, 1].
 
         Azimuth is a Gaussian round the circle; the mask is a third for each class, uninformative.
         """
@@ -156,7 +156,7 @@ class PaperNetworks(nn.Module):
 
 
 def targets_of(latents: Latents) -> dict[str, torch.Tensor]:
-    """The targets of each factor's network, (B, count).
+    """Return the targets of each factor's network, (B, count).
 
     Cosine and sine of azimuth and of elevation; shape; albedo; light in the object's frame, the world's.
     """
@@ -166,7 +166,7 @@ def targets_of(latents: Latents) -> dict[str, torch.Tensor]:
 
 
 def networks_from(settings: Mapping[str, Any], tensors: Mapping[str, torch.Tensor]) -> PaperNetworks:
-    """The networks of a weights file, from its settings and tensors.
+    """Return the networks of a weights file, from its settings and tensors.
 
     Raises ValueError when these are not of the paper's networks.
     """
@@ -179,5 +179,5 @@ def networks_from(settings: Mapping[str, Any], tensors: Mapping[str, torch.Tenso
 
 
 def _convolution(inputs: int, outputs: int) -> tuple[nn.Module, ...]:
-    """ReLU after pooling: the same as before it, as in the paper, in less time."""
+    """Return ReLU after pooling: the same as before it, as in the paper, in less time."""
     return nn.Conv2d(inputs, outputs, _KERNEL), nn.MaxPool2d(2), nn.ReLU()

@@ -64,11 +64,11 @@ class _TrainingData:
 
     @property
     def held_out(self) -> torch.Tensor:
-        """Indices of the images that no network is trained on."""
+        """Return indices of the images that no network is trained on."""
         return torch.arange(self.count, len(self.images))
 
     def pixels(self, chosen: torch.Tensor) -> torch.Tensor:
-        """Network input (B, 3, H, W), sRGB in [0, 1]."""
+        """Return the network input (B, 3, H, W), sRGB in [0, 1]."""
         return self.images[chosen].permute(0, 3, 1, 2).float() / 255
 
 
@@ -144,7 +144,7 @@ def save_paper_weights(networks: PaperNetworks, path: Path) -> None:
 
 
 def _initialise_networks(settings: PaperSettings, data: _TrainingData, seed: int) -> PaperNetworks:
-    """Networks with Glorot's initial weights, and the training data's mean image, centre and scale.
+    """Return networks with Glorot's initial weights, and the training data's mean image, centre and scale.
 
     A factor has one scale, so that the learning rate means the same for each and its numbers weigh against
     each other as in the paper's loss.
@@ -213,14 +213,14 @@ def _train_factor(
 
 
 def _loss(network: FactorNetwork, images: torch.Tensor, targets: torch.Tensor) -> torch.Tensor:
-    """Mean squared error in units of the factor's scale."""
+    """Return the mean squared error in units of the factor's scale."""
     with bfloat16(images.device):
         predicted = network(images)
     return functional.mse_loss(predicted, targets) / network.scale**2
 
 
 def _held_out_loss(network: FactorNetwork, data: _TrainingData, targets: torch.Tensor) -> float:
-    """The mean of `_loss` over the held-out images."""
+    """Return the mean of `_loss` over the held-out images."""
     network.eval()
     with torch.inference_mode():
         total = sum(
@@ -248,7 +248,7 @@ def _calibrate(networks: PaperNetworks, data: _TrainingData) -> None:
 
 
 def _fingerprint(settings: PaperTrainingSettings, dataset: Dataset) -> str:
-    """Settings and data that a checkpoint must match to be resumed."""
+    """Return settings and data that a checkpoint must match to be resumed."""
     data = zlib.crc32(np.ascontiguousarray(dataset.latents).tobytes())
     described = {"net": "paper"} | asdict(settings) | {"count": len(dataset), "data": data}
     return json.dumps({name: value for name, value in described.items() if name != "threads"})

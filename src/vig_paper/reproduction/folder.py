@@ -40,33 +40,35 @@ class RunFolder:
         self.ablations = root / "tables" / "ablations.json"
 
     def data(self, name: str) -> Path:
-        """Folder of a dataset that the run makes."""
+        """Return the folder of a dataset that the run makes."""
         return self.root / "data" / name
 
     def fits(self, name: str) -> Path:
-        """Folder that keeps the fits of a renderer's test photos, of "validation" or of "ablations"."""
+        """Return the folder that keeps the fits of a renderer's test photos, of "validation" or of
+        "ablations".
+        """
         return self.root / "fits" / name
 
     def tables(self, renderer: str) -> Path:
-        """Folder of a renderer's tables, which are named as in `work.OCCLUSION_LIMITS`."""
+        """Return the folder of a renderer's tables, which are named as in `work.OCCLUSION_LIMITS`."""
         return self.root / "tables" / renderer
 
     def figures(self, renderer: str) -> Path:
-        """Folder of a renderer's figures."""
+        """Return the folder of a renderer's figures."""
         return self.root / "figures" / renderer
 
     def read_table(self, renderer: str) -> dict[str, Any] | None:
-        """A renderer's table of the paper's range of occlusion; None when it does not exist."""
+        """Return a renderer's table of the paper's range of occlusion; None when it does not exist."""
         return read_json(self.tables(renderer) / "table.json")
 
 
 def read_json(path: Path) -> dict[str, Any] | None:
-    """A table of a run; None when it does not exist."""
+    """Return a table of a run; None when it does not exist."""
     return json.loads(path.read_text()) if path.exists() else None
 
 
 def duration(seconds: float) -> str:
-    """Such as 12.3 s, 4 min 10 s, 2 h 5 min."""
+    """Return such as 12.3 s, 4 min 10 s, 2 h 5 min."""
     if seconds < 60:
         return f"{seconds:.1f} s"
     minutes, remaining_seconds = divmod(round(seconds), 60)

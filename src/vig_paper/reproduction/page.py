@@ -73,7 +73,7 @@ def write_page(root: Path) -> Path:
 
 
 def _introduction(folder: RunFolder, record: Mapping[str, Any], tables: Mapping[str, Any]) -> list[str]:
-    """What was run, on how much it was trained, and how many cells of Table 1 pass.
+    """Describe what was run, on how much it was trained, and how many cells of Table 1 pass.
 
     A run too small for that is put beside others of its size first.
     """
@@ -108,7 +108,9 @@ def _introduction(folder: RunFolder, record: Mapping[str, Any], tables: Mapping[
 def _results(
     folder: RunFolder, record: Mapping[str, Any], renderer: str, table: Mapping[str, Any]
 ) -> list[Part]:
-    """Tables and figures of a renderer's photos, judged by runs of its size where these were measured."""
+    """Return tables and figures of a renderer's photos, judged by runs of its size where these were
+    measured.
+    """
     medians = reached(record["settings"], table)
     first, *further = blocks(table)
     judged = [reached_block(medians), first] if medians else [comparison_block(table)]
@@ -122,13 +124,13 @@ def _results(
 
 
 def _tables(path: Path, blocks_of: Any) -> list[Part]:
-    """The blocks of a table in a file; none where there is no file."""
+    """Return the blocks of a table in a file; none where there is no file."""
     table = read_json(path)
     return [] if table is None else [("table", block) for block in blocks_of(table)]
 
 
 def _picture(path: Path, caption: str) -> list[Part]:
-    """A PNG or WebP picture that becomes part of the page; none where there is no file."""
+    """Return a PNG or WebP picture that becomes part of the page; none where there is no file."""
     if not path.exists():
         return []
     data = base64.b64encode(path.read_bytes()).decode()
@@ -136,7 +138,7 @@ def _picture(path: Path, caption: str) -> list[Part]:
 
 
 def _training(folder: RunFolder) -> list[Part]:
-    """The training's curve and the last line of its log; empty when weights were given."""
+    """Return the training's curve and the last line of its log; empty when weights were given."""
     reliability = "The network's predicted uncertainty on validation photos, before and after calibration."
     parts = _picture(folder.recognition / "losses.png", "The losses of the training, epoch by epoch.")
     parts += _picture(folder.recognition / "reliability.png", reliability)
@@ -151,7 +153,9 @@ def _training(folder: RunFolder) -> list[Part]:
 
 
 def _making(folder: RunFolder, record: Mapping[str, Any]) -> list[Part]:
-    """Command, machine, photos, the time of each step, and the settings but for the counts of photos."""
+    """Return command, machine, photos, the time of each step, and the settings but for the counts of
+    photos.
+    """
     machine = record["machine"]
     packages = ", ".join(f"{name} {version}" for name, version in machine.get("packages", {}).items())
     done = {name: step for name, step in record["steps"].items() if step["complete"]}

@@ -42,12 +42,12 @@ class ReachedMedian:
 
     @property
     def text(self) -> str:
-        """The range of those runs."""
+        """Return the range of those runs."""
         return f"{self.least:.3g} to {self.largest:.3g}"
 
     @property
     def word(self) -> str:
-        """What a cell says of ours."""
+        """Return the cell's word on ours."""
         return "ok" if self.passed else "worse"
 
 
@@ -73,13 +73,13 @@ def reached(settings: Mapping[str, Any], table: Mapping[str, Any]) -> list[Reach
 
 
 def reached_line(medians: list[ReachedMedian]) -> str:
-    """How many of the medians are as good as those of runs of the same size."""
+    """Return how many of the medians are as good as those of runs of the same size."""
     passed = sum(median.passed for median in medians)
     return f"{passed} of {len(medians)} medians are as those of {RUNS}, or better"
 
 
 def training_line(settings: Mapping[str, Any], photos: int) -> str:
-    """What the recognition model of a run was trained on; photos: how many there were."""
+    """Describe the training data of a run's recognition model; photos: how many there were."""
     if settings["weights"] is not None:
         return f"It took the given weights {settings['weights']} in place of a training."
     passes = (
@@ -89,7 +89,7 @@ def training_line(settings: Mapping[str, Any], photos: int) -> str:
 
 
 def reached_block(medians: list[ReachedMedian]) -> TableBlock:
-    """The comparison for a terminal."""
+    """Return the comparison for a terminal."""
     methods = list(dict.fromkeys(median.method for median in medians))
     rows = []
     for metric in dict.fromkeys(median.metric for median in medians):

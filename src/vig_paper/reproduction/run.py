@@ -33,16 +33,16 @@ class Step:
 
     @property
     def kind(self) -> str:
-        """One of `STEP_KINDS`."""
+        """Return one of `STEP_KINDS`."""
         return self.name.split()[0]
 
     def done(self, record: Record) -> bool:
-        """Whether it was completed and its product still exists."""
+        """Return whether it was completed and its product still exists."""
         return record.complete(self.name) and (self.product is None or self.product.exists())
 
 
 def steps_of(run: Run, renderers: tuple[str, ...]) -> list[Step]:
-    """The steps of a run over these renderers' test photos, in the order in which they are done."""
+    """Return the steps of a run over these renderers' test photos, in the order in which they are done."""
     folder, names = run.folder, [RENDERERS[renderer] for renderer in renderers]
     if run.settings.weights is not None:  # they are used with the calibration they come with
         model = [Step("train", partial(work.take_weights, run), (), folder.weights)]
@@ -73,7 +73,7 @@ def steps_of(run: Run, renderers: tuple[str, ...]) -> list[Step]:
 
 
 def dependent_steps(step: Step, steps: list[Step]) -> list[str]:
-    """The names of all steps that take a step's product, or the product of one that does."""
+    """Return the names of all steps that take a step's product, or the product of one that does."""
     dependent = {step.name}
     for candidate in steps:  # they are in order, so that one pass is enough
         if dependent & {*candidate.needs, *candidate.shows}:

@@ -61,36 +61,36 @@ class Run:
 
     @property
     def threads(self) -> int:
-        """The number of workers."""
+        """Return the number of workers."""
         return self.workers or os.cpu_count() or 1
 
     @cached_property
     def object_class(self) -> ObjectClass:
-        """The paper's class, copied into the run's folder."""
+        """Return the paper's class, copied into the run's folder."""
         if not (self.folder.object_class / "class.json").exists():
             copy_class(self.folder.object_class, self.settings.objects == "designs")
         return ObjectClass.load(self.folder.object_class)
 
     def dataset_folder(self, name: str) -> Path:
-        """Folder of one of `DATASETS`: the one that the settings name, or the run's own."""
+        """Return the folder of one of `DATASETS`: the one that the settings name, or the run's own."""
         return getattr(self.settings, name) or self.folder.data(name)
 
     def dataset(self, name: str) -> Dataset:
-        """One of `DATASETS`. Raises UserError when it is missing, incomplete or damaged."""
+        """Return one of `DATASETS`. Raises UserError when it is missing, incomplete or damaged."""
         return read_dataset(self.dataset_folder(name), DATASETS[name][0]).at_network_size()
 
     def recognizer(self) -> Recognizer:
-        """The run's recognition model. Raises UserError when its weights are missing or invalid."""
+        """Return the run's recognition model. Raises UserError when its weights are missing or invalid."""
         return recognizer_of(self.object_class, self.folder.weights)
 
     def explain_settings(self) -> ExplainSettings:
-        """How photos are fitted: with the run's calibration, or uncalibrated where it has none."""
+        """Return how photos are fitted: with the run's calibration, or uncalibrated where it has none."""
         if self.folder.calibration.exists():
             return ExplainSettings(calibration=FitCalibration.load(self.folder.calibration))
         return ExplainSettings(calibrated=False)
 
     def renderers(self) -> tuple[str, ...]:
-        """The renderers whose photos are evaluated; reports when path-traced photos are left out.
+        """Return the renderers whose photos are evaluated; reports when path-traced photos are left out.
 
         They are left out when they are not wanted, and when there is neither a Blender nor finished photos.
         """
@@ -242,7 +242,7 @@ def draw_figures(run: Run, renderer: str) -> None:
 
 
 def _results(run: Run, renderer: str, dataset: Dataset) -> dict[str, MethodResult]:
-    """Results of the methods on a renderer's photos; fits made before are read from their folder."""
+    """Return results of the methods on a renderer's photos; fits made before are read from their folder."""
     with Meter(
         len(dataset) * len(fitted_likelihoods(run.settings.methods)), 0, run.progress, "fits"
     ) as meter:

@@ -24,7 +24,7 @@ NAMES = tuple(engine.DENSITIES)
 
 
 def density_of(name: str) -> ModuleType:
-    """The module of a density. ValueError when there is none of that name."""
+    """Return the module of a density. ValueError when there is none of that name."""
     if name not in NAMES:
         raise ValueError(f"density must be one of {', '.join(NAMES)}; got '{name}'")
     return import_module(f"{__name__}.{name}")

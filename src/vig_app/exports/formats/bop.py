@@ -29,7 +29,7 @@ RUN_FILE = "bop.csv"
 
 
 def write(folder: Path, explanation: Explanation, photo: str) -> None:
-    """The photo is image 0 of its scene."""
+    """Write the photo as image 0 of its scene."""
     pose, pixels, visible = explanation.camera_from_object, explanation.amodal.sum(), explanation.mask.sum()
     truth = {
         "obj_id": OBJECT_ID,
@@ -58,17 +58,17 @@ def write(folder: Path, explanation: Explanation, photo: str) -> None:
 
 
 def bop_box(mask: np.ndarray) -> list[int]:
-    """x, y, width, height round a mask (H, W) bool; -1 four times for nothing, as BOP has it."""
+    """Return x, y, width, height round a mask (H, W) bool; -1 four times for nothing, as BOP has it."""
     return list(box_of(mask) or (-1, -1, -1, -1))
 
 
 def score(explanation: Explanation) -> float | None:
-    """The confidence that the view is right, None for a class without calibration."""
+    """Return the confidence that the view is right, None for a class without calibration."""
     return None if math.isnan(explanation.confidence) else round(explanation.confidence, 5)
 
 
 def write_run(path: Path, run: ExportedRun) -> None:
-    """A line for each object."""
+    """Write a line for each object."""
     numbers = run.image_numbers(SCENE_NUMBERS)
     with atomic_write(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
         print("scene_id,im_id,obj_id,score,R,t,time", file=file)

@@ -26,7 +26,9 @@ RUN_FILE = "coco.json"
 
 
 def write(folder: Path, explanation: Explanation, photo: str) -> None:
-    """The image's id is the number at the end of the photo's name, 139 of COCO_val2014_000000000139.jpg."""
+    """Write the photo; its id is the number at the end of the photo's name, 139 of
+    COCO_val2014_000000000139.jpg.
+    """
     height, width = explanation.mask.shape
     digits = re.search(r"([0-9]{1,18})\.\w+$", photo)
     image = (int(digits[1]) if digits else 0) or 1
@@ -41,7 +43,7 @@ def write(folder: Path, explanation: Explanation, photo: str) -> None:
 
 
 def write_run(path: Path, run: ExportedRun) -> None:
-    """A line for each object, as there may be many."""
+    """Write a line for each object, as there may be many."""
     numbers = run.image_numbers(FILE_NUMBERS)
     names = [PurePath(photo).name for photo in run.sizes]
     names = names if len(set(names)) == len(names) else [PurePath(photo).as_posix() for photo in run.sizes]
@@ -71,7 +73,7 @@ def write_run(path: Path, run: ExportedRun) -> None:
 def annotation_of(
     number: int, image: int, category: int, amodal: np.ndarray, visible: np.ndarray, score: float | None
 ) -> dict[str, Any]:
-    """An object: its whole mask (H, W) bool, and what is seen of it."""
+    """Return an object: its whole mask (H, W) bool, and what is seen of it."""
     return {
         "id": number,
         "image_id": image,
@@ -86,7 +88,7 @@ def annotation_of(
 
 
 def run_lengths(mask: np.ndarray) -> dict[str, Any]:
-    """COCO's uncompressed run lengths of a mask (H, W) bool: down the columns, zeros first."""
+    """Return COCO's uncompressed run lengths of a mask (H, W) bool: down the columns, zeros first."""
     flat = mask.ravel(order="F")
     changes = np.flatnonzero(np.diff(flat)) + 1
     starts = np.concatenate([[0], changes, [flat.size]])

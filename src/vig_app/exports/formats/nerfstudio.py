@@ -21,7 +21,7 @@ FILES = (TRANSFORMS, PHOTO, MASK)
 
 
 def write(folder: Path, explanation: Explanation, photo: str) -> None:
-    """One frame."""
+    """Write one frame."""
     camera = explanation.camera
     write_png(folder / PHOTO, coded(explanation.picture))
     write_png(folder / MASK, explanation.mask)

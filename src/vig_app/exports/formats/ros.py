@@ -18,7 +18,7 @@ FILES = (POSE, CAMERA)
 
 
 def write(folder: Path, explanation: Explanation, photo: str) -> None:
-    """As JSON, which YAML holds."""
+    """Write JSON, which is YAML."""
     intrinsics, pose, covariance = explanation.pinhole_pose()
     stamp = {"header": {"frame_id": "camera_optical_frame"}}
     position = dict(zip("xyz", pose[:3, 3].tolist(), strict=True))
@@ -40,7 +40,9 @@ def write(folder: Path, explanation: Explanation, photo: str) -> None:
 
 
 def quaternion_of(rotation: np.ndarray) -> np.ndarray:
-    """x, y, z, w of a rotation matrix, w at least 0: the first eigenvector of Bar-Itzhack's matrix (2000)."""
+    """Return x, y, z, w of a rotation matrix, w at least 0: the first eigenvector of Bar-Itzhack's matrix
+    (2000).
+    """
     (a, b, c), (d, e, f), (g, h, i) = rotation
     lower = [
         [a - e - i, 0, 0, 0],

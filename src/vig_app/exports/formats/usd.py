@@ -17,7 +17,7 @@ FILES = ("object.usdc",)
 
 
 def write(folder: Path, explanation: Explanation, photo: str) -> None:
-    """Raises UserError where usd-core is not installed."""
+    """Write the scene. Raises UserError where usd-core is not installed."""
     try:
         from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
     except ImportError:
@@ -70,6 +70,6 @@ def write(folder: Path, explanation: Explanation, photo: str) -> None:
 
 
 def _identifier(name: str) -> str:
-    """A name as USD takes it: letters, digits and underscores, no digit first."""
+    """Return a name as USD takes it: letters, digits and underscores, no digit first."""
     plain = "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in name)
     return plain if plain[:1].isalpha() else f"_{plain}"
