@@ -27,7 +27,7 @@ def read_panorama(path: str | Path) -> np.ndarray:
     Raises:
         UserError: For a missing, unreadable or damaged file, one that is not twice as wide as high, tiny or
             huge, one that holds NaN, infinite or more negative values, one that is black throughout, and
-            what is no RGB radiance: XYZE, cube maps, deep pixels, integers, luminance and chroma.
+            one without RGB radiance: XYZE, cube maps, deep pixels, integers, luminance and chroma.
     """
     path = existing_file(path)
     head = head_of(path)

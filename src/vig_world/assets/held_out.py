@@ -23,7 +23,7 @@ NAMED = "held_out_designs"
 
 @dataclass(frozen=True)
 class _Named:
-    """As class.json holds each of them."""
+    """Entry of one held-out design in class.json."""
 
     name: str
     split: str

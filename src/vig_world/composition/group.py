@@ -47,7 +47,7 @@ class Member:
     """One object of a group.
 
     Attributes:
-        class_name: Of its class.
+        class_name: Name of its class.
         scene: Room, props, light and this object, all in the object's own frame: its latents are those of
             the object alone. Its lens is not the camera's.
         turn: Radians about +Z from its frame to the first member's.
@@ -87,10 +87,10 @@ def sample_group(
     others stand beside it on the same support, each overlapping another on the image.
 
     Args:
-        library: Of the split.
+        library: Assets of the split.
         classes: Each object is of one of them.
-        seed: Of the groups.
-        index: Of the group.
+        seed: Seed of the groups.
+        index: Number of the group.
         aspect: Width over height of the image.
 
     Raises:

@@ -178,12 +178,12 @@ def _drawn(
 
     Args:
         stage: Where.
-        kind: As native code names them.
+        kind: Name of the kind in native code.
         level: Share of the object that is to be hidden.
         names: The props, in turn one for each draw.
-        uniform: (N, 3) in [0, 1) for what stands, else (N, 7).
-        normal: (N, 3) standard normal numbers, for what hangs in mid-air.
-        ends: Of the offset of what hangs in mid-air.
+        uniform: (N, 3) in [0, 1) for `standing`, else (N, 7).
+        normal: (N, 3) standard normal numbers, for occluders in mid-air.
+        ends: Bounds of the offset of occluders in mid-air.
         arms: N that hold it, if any do.
     """
     library = stage.library

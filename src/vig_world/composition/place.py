@@ -35,7 +35,7 @@ LOWEST_EYE = 0.02
 MOST_NEAR = 0.02
 """Share of the frame in which something may be nearer than `Actor.nearest`."""
 EDGE = 0.01
-"""Metres between the object's outline and the edge of what it stands on."""
+"""Metres between the object's outline and the edge of its support."""
 WALL_SHARE = 0.9
 """Share of views from the side where people stand, for supports with a wall or back behind."""
 COVERED, LOW_COVER = 12.0, 0.7
@@ -93,7 +93,7 @@ def find_place(
         elif np.isinf(stage.behind).any():
             rejected["place open"] += 1  # beside a window, for example: nothing is behind the object
         elif layout.kind == EMPTY:
-            return stage  # what is near its eye is the ground alone
+            return stage  # only the ground is near its camera
         elif (stage.behind < actor.nearest).mean() > MOST_NEAR or not proposals.is_free(place, slid):
             rejected["place near"] += 1
         else:
@@ -124,7 +124,7 @@ class _Proposals:
 
     Attributes:
         support: (N,) number of each one's support.
-        states: (N,) whether each is good, or what it lacks: `PLACE_GOOD` and others of native code.
+        states: (N,) `PLACE_GOOD`, or the condition that it fails: constants of native code.
     """
 
     def __init__(self, layout: Layout, actor: Actor, hiding: bool, rng: np.random.Generator) -> None:
@@ -163,7 +163,7 @@ class _Proposals:
         self.states, self._poses = propose(slice(None), 0.0)
 
     def sifted(self, rejected: Counter[str]) -> list[int]:
-        """Return numbers of the first good places; the others are counted by what they lack."""
+        """Return numbers of the first good places; the others are counted by the condition that they fail."""
         small = engine.PLACE_TOO_SMALL
         state = self.states if self.fits_any else np.full(len(self.states), small)
         for lack, reason in ((small, "too small"), (engine.PLACE_EYE, "eye")):

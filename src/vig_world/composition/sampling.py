@@ -66,15 +66,15 @@ def sample(
     What has no place there either, as its camera finds no space, stands in an empty hall that has it.
 
     Args:
-        library: Of the split.
-        object_class: Of the object.
-        seed: Of the scenes.
-        index: Of the scene.
-        world: What scenes are like.
+        library: Assets of the split.
+        object_class: Class of the object.
+        seed: Seed of the scenes.
+        index: Number of the scene.
+        world: Kind of scenes.
         smaller: Factor of a photograph's object's size in the frame.
         target: Share to be hidden, in place of one that is drawn.
         draw: Number of the scene among those that the sample may have: the next one takes the place of one
-            that cannot be made. Of further draws the target is uniform; `rejected["scene"]` holds the number.
+            that cannot be made. The target of further draws is uniform; `rejected["scene"]` holds the number.
 
     Raises:
         CompositionError: No placement reached the target in `ATTEMPTS` rooms and `HALL_ATTEMPTS` halls.
@@ -178,7 +178,7 @@ def target_occlusion(seed: int, index: int, split: Split) -> float:
     """Return the share to be hidden, in [0, 0.9): multiples of the golden ratio, wrapped, from a random
     start.
 
-    Any run of samples is spread evenly over the range: of N, each tenth has N / 10, give or take one or two.
+    Any run of samples is spread evenly over the range: each tenth of N has N / 10, give or take one or two.
     """
     start = stream(seed, 0, split, TARGET_STREAM).uniform()
     return MAX_OCCLUSION * ((start + index * GOLDEN) % 1.0)

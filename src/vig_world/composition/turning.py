@@ -24,7 +24,7 @@ HIDDEN, OPEN = (0.55, 0.95), 0.15
 """Share of the object that is hidden as the props pass, and at most that is when they are away."""
 TURNING_STREAM = 2**20 + 5
 TURNS, UNEVEN = (0.5, 1.0), 0.5
-"""Of the object in a video, of either sense; how much its speed may vary."""
+"""Turns of the object in a video, in either sense; how much its speed may vary."""
 WAY = 1.2
 """By how much the props move to either side, of the object's greatest distance from its axis."""
 

@@ -46,11 +46,11 @@ class Dataset:
     """One split of a dataset, N samples; pictures are read when first asked for.
 
     latents: (N, P) float32 in the order of `vig.scene.Latents.to_vector`. occlusion: (N,) float32,
-    1 - visible / alone pixels within the frame. target_occlusion: (N,) what was asked for. cause: what hides.
+    1 - visible / alone pixels within the frame. target_occlusion: (N,) as requested. cause: the occluder.
     truncated: (N,) bool, the frame cuts the object off. design: (N,) the further design whose deviation from
     the model the object has, see `vig_world.assets.target`; -1 for none. finish: `matt`, `glossy`, `painted`
     or `metal`. roll: (N,) clockwise turn of the image, radians. world: of all scenes, see
-    `vig_world.WORLDS`. size: of the image files. normals: whether there are some. cut: whether pictures are
+    `vig_world.WORLDS`. size: of the image files. normals: whether there are any. cut: whether pictures are
     those of `at_network_size`.
     """
 
@@ -94,8 +94,8 @@ class Dataset:
         """Return pictures of one kind of the samples `indices` (all by default).
 
         kind: `rgb` gives (n, H, W, 3) uint8 sRGB; `depth` (n, H, W) float32 metres, inf where unknown, as it
-        is of what is farther than its image can hold; `mask`
-        (the object alone) and `mask_visib` (n, H, W) bool; `normal` (n, H, W, 3) float32 in the camera's
+        is beyond the range of its image; `mask` (the object alone)
+        and `mask_visib` (n, H, W) bool; `normal` (n, H, W, 3) float32 in the camera's
         frame, 0 where unknown, of datasets that have `normals`. Raises UserError for a missing or damaged
         file.
         """
@@ -141,7 +141,7 @@ class Dataset:
 
     @cached_property
     def visible(self) -> np.ndarray:
-        """Return all masks of what is seen of the object, (N, H, W) bool."""
+        """Return all masks of visible pixels of the object, (N, H, W) bool."""
         return self.read("mask_visib")
 
     def specs(self) -> list[SceneSpec]:

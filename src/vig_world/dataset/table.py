@@ -17,7 +17,7 @@ with optional_import("world"):
 MOST_TABLE = 1 << 30
 """Bytes of the table's file."""
 MOST_IN_LIST, MOST_TEXT = 256, 16_384
-"""Of each sample: entries of a list, bytes of each text column."""
+"""Limits of each sample: entries of a list, bytes of each text column."""
 
 _TYPES = {
     **dict.fromkeys(("index", "seed", "panorama", "layout", "design"), pa.int64()),

@@ -52,7 +52,7 @@ def write_picture(path: Path, data: bytes) -> None:
                 return
     except OSError:
         pass
-    write_bytes(path, data)  # makes folders, replaces what a killed run left, and says what is wrong
+    write_bytes(path, data)  # makes folders, replaces files of a killed run, and reports errors
 
 
 def read_scene(folder: Path, count: int) -> list[dict[str, Any]]:

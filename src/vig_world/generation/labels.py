@@ -62,7 +62,7 @@ def label_problems(
     canvas = silhouette(object_class, vertices, spec, (width, height))
     yield from _visibility_problems(item["gt_info"][0], alone, visible, pictures["depth"], canvas)
     yield from _share_problems(item["row"], item["gt_info"][0], alone, visible)
-    inner = binary_erosion(visible)  # a pixel at an edge has the depth of what is nearest in it
+    inner = binary_erosion(visible)  # a pixel at an edge has the depth of its nearest surface
     scale = item["camera"]["depth_scale"]
     millimetres = pictures["depth"][inner] * scale
     z = 1000 * (vertices @ view.rotation[2] + view.translation[2])

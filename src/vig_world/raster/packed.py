@@ -29,7 +29,7 @@ class PackedAsset:
     """An asset in the memory of native code; some 50 kB for a prop.
 
     Attributes:
-        native: What drawing reads.
+        native: Data that drawing reads.
         slots: Names of the finishes that its parts take, in their order.
     """
 

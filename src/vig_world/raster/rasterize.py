@@ -12,7 +12,7 @@ from vig_renderer import NEAR
 
 @dataclass(frozen=True)
 class Fragments:
-    """What is seen at each pixel's centre.
+    """The visible face at each pixel's centre.
 
     face[y, x] = f means that face f is the nearest there; -1: nothing.
     barycentric[y, x] are the perspective-correct weights of that face's three corners (0 where nothing).

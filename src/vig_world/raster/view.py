@@ -18,8 +18,8 @@ from vig_world.rotations import about_z
 NEAR = 0.02
 """Metres; anything nearer to the camera's plane is clipped."""
 NEAR_SHARE, EYE_SHARE = 0.2, 0.5
-"""Of the distance to the object, and of the height of the eye, up to which things are clipped where it is
-less: things of 7 cm and less, and eyes on the ground."""
+"""Shares of the distance to the object, and of the camera's height, up to which things are clipped where
+that is less: for things of at most 7 cm, and cameras on the ground."""
 LOWEST = 1e-3
 """Metres that an eye is over the ground, at least, where it counts."""
 

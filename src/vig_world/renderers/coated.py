@@ -1,4 +1,4 @@
-"""How an object with a coat looks, point by point: its albedo in the model's light, and what it mirrors."""
+"""Appearance of an object with a coat, point by point: its albedo in the model's light, and reflections."""
 
 from __future__ import annotations
 
@@ -61,15 +61,15 @@ def appearance_of(
     """Return an object's look.
 
     Args:
-        coat: What covers it.
+        coat: Its covering.
         model: Whose vertices and parts these are.
         vertices: (V, 3) metres.
         faces: (F, 3), some of the model's.
         normals: (V, 3) unit.
         irradiance: (V,) over pi, see `vig.renderer.drawing.vertex_irradiance`.
         view: Its camera, a pixel for each sample.
-        mirrored: What glaze and metal mirror.
-        reflectance: Of metal, times its colour.
+        mirrored: Radiance that glaze and metal reflect.
+        reflectance: Reflectance of metal, times its colour.
     """
     fragments = rasterize(vertices, faces, view.rotation, view.translation, view.camera)
     on = fragments.face >= 0
@@ -96,15 +96,15 @@ def coloured(
     """Return the appearance of N points of an object.
 
     Args:
-        coat: What covers it.
+        coat: Its covering.
         model: Whose parts these are.
         points: (3, N) metres, world.
         normals: (3, N), of any length.
         irradiance: (N,) over pi.
         vertices: (N,), of the model, beside each point.
         eye: (3,) metres.
-        mirrored: What glaze and metal mirror.
-        reflectance: Of metal, times its colour.
+        mirrored: Radiance that glaze and metal reflect.
+        reflectance: Reflectance of metal, times its colour.
 
     Returns:
         Colour (N, 3) linear RGB, unit normal (N, 3) towards the eye, albedo (N, 3).
@@ -120,7 +120,7 @@ def coloured(
         facing = np.abs(facing)
         radiance = mirrored((2 * facing * normals - towards).T, coat.roughness).T
         if coat.metal:
-            # What lights a mirror is about what lights a matt surface.
+            # A mirror and a matt surface get about the same light.
             colour = reflectance * albedo * radiance
         else:
             fresnel = fresnel_of(facing)

@@ -80,7 +80,7 @@ def sideways(support: Support) -> Support:
 
 
 def boxes_of(piece: Furniture) -> list[Box]:
-    """Return boxes that hold a piece but leave free what is above its widest open support."""
+    """Return boxes that hold a piece but leave free the space above its widest open support."""
     low, high = (bound.tolist() for bound in extent(piece))
     open_ = [s for s in piece.supports if s.clearance == float("inf") and abs(np.sin(2 * s.turn)) < 1e-6]
     whole: list[Box] = [(low[0], low[1], high[0], high[1], low[2], high[2])]
@@ -104,7 +104,7 @@ def boxes_of(piece: Furniture) -> list[Box]:
 
 
 def _above(piece: Furniture, level: float) -> Array:
-    """Return the corners (N, 3) of what of a piece is above a level."""
+    """Return the corners (N, 3) of the part of a piece above a level."""
     points = []
     for mesh, _ in piece.parts:
         vertices = mesh.vertices

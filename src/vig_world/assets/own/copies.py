@@ -34,7 +34,7 @@ def shape_copies(
     """Return which shapes repeat another as a coarser level of detail or as a collision hull, by number.
 
     Args:
-        names: Of the shapes, without suffix; a folder or parent node and what lies in it have a `/` between.
+        names: Names of the shapes, without suffix; `/` separates a folder or parent node from its content.
         faces: How many each has: the finest of several levels is no copy.
         alike: Whether two shapes are alike, where the names, such as chair_low and chair_high, leave it open;
             None: only unmistakable names count.

@@ -21,7 +21,7 @@ _GB2312 = re.compile(rb"([\x00-\x7f]|[\xa1-\xf7][\xa1-\xfe])*")
 
 
 def readings(name: bytes) -> list[str]:
-    """Return what a name may say: as UTF-8 and in every other encoding that allows it, the likeliest first.
+    """Return possible readings of a name, as UTF-8 and in other encodings that allow it, likeliest first.
 
     Some words in GBK are valid UTF-8, and names may have been decoded wrongly before.
     """
@@ -53,8 +53,8 @@ class Siblings:
     Attributes:
         path: The mesh file.
         read: Bytes of the files read, by name.
-        notes: Sentences on what was not read, and what was taken instead.
-        instead: What is taken in place of an unreadable picture or material.
+        notes: Sentences on files that were not read, and on their substitutes.
+        instead: Substitute for an unreadable picture or material.
     """
 
     def __init__(self, root: Path, path: Path) -> None:

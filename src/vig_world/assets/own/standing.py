@@ -94,7 +94,7 @@ def _guessed_up(pieces: list[MeshPiece], suffix: str, kind: SizedKind) -> tuple[
     for up, other in (("z", "y"), ("y", "z")):
         if tops[up] > _CLEARLY * tops[other]:
             return up, True
-    return ("y" if suffix == ".obj" else "z"), False  # as most programs export it
+    return ("y" if suffix == ".obj" else "z"), False  # the convention of most programs
 
 
 def _base(pieces: list[MeshPiece]) -> float:

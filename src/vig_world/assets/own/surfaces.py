@@ -13,7 +13,7 @@ from vig_world.assets.textures import BRIGHTEST, DARKEST
 
 MOST_TEXELS = 256
 MOST_PIXELS = 50_000_000
-"""Of a picture before it is made smaller."""
+"""Most pixels of a picture, before it is reduced."""
 GREY = 0.5
 """Albedo where a file has no readable colour."""
 _PALETTE = 64
@@ -116,7 +116,7 @@ def colour_faces(colours: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 class TooManyPixelsError(ValueError):
-    """A picture is larger than what is decoded."""
+    """A picture is too large to be decoded."""
 
 
 def open_picture(data: bytes) -> Image.Image:

@@ -48,7 +48,7 @@ def albedo_of(room: PanoramaRoom, points: Array, owner: Cells, side: Cells, size
     """Return the albedo (N, 3) of the boxes (owner >= 0) and the room's sides at points (N, 3).
 
     Args:
-        size: Metres (N,) that a pixel spans there; lines thinner than it fade into what is round them.
+        size: Metres (N,) that a pixel spans there; lines thinner than it fade into their surroundings.
     """
     result = np.empty_like(points)
     order = np.argsort(owner, kind="stable")

@@ -1,4 +1,4 @@
-"""Paints a room in HDR: what each ray from the viewpoint meets, and how that is lit."""
+"""Paints a room in HDR: the surface that each ray from the viewpoint meets, and its light."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def paint(room: PanoramaRoom, height: int) -> Array:
 
 
 def _places(room: PanoramaRoom) -> list[_Place]:
-    """Return windows and lamps as points: two for what is longer than a metre."""
+    """Return windows and lamps as points: two for those longer than a metre."""
     places = []
     for panel in room.panels:
         half = panel.half

@@ -11,7 +11,7 @@ import numpy as np
 Array = np.ndarray
 
 OUTWARD = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], np.float32)
-"""Of the room's six sides, in their order."""
+"""Outward normals of the room's six sides, in their order."""
 CEILING, FLOOR = 4, 5
 
 Pattern = Literal[
@@ -107,7 +107,7 @@ class PanoramaRoom:
         sides: A finish for each.
         sun: The direction to it (3,) and its irradiance / pi (3,) on what faces it, or None.
         ambient: Factor of the light from all the room.
-        skyline: Seed of what is seen outdoors.
+        skyline: Seed of the outdoor view.
         shade: How dark the side away from the light lies, 0 to 1.
     """
 

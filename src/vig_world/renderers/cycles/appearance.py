@@ -17,12 +17,12 @@ Finish = Literal["diffuse", "glossy", "painted"]
 FINISHES: tuple[Finish, ...] = ("diffuse", "glossy", "painted")
 
 COAT_ROUGHNESS = (0.1, 0.4)
-"""Of the glaze on a `glossy` or `painted` object, drawn anew for each sample."""
+"""Roughness of the glaze on a `glossy` or `painted` object, drawn anew for each sample."""
 DECORATION_SIZE = 128
 TEXELS, RIM = 10, 1
 """Texels a side of each face's own square of a baked coat, and those at its edges for interpolation."""
 TEXELS_FINE, FINE_FROM = 30, 2 * IMAGE_SIZE
-"""As many in larger images, and pixels a side from which an image counts as such."""
+"""The same in larger images, and pixels a side from which an image counts as such."""
 
 
 @dataclass(frozen=True)

@@ -180,8 +180,8 @@ def arriving(probe: np.ndarray, panorama: np.ndarray, angle: float) -> np.ndarra
     """Return SH (9, 3) of the light at a probe, world frame.
 
     Args:
-        probe: (h, 2h, 4), what it sees of the scene, with coverage.
-        panorama: (H, 2H, 3), what it sees through the gaps. Both have the panorama's columns, which are to be
+        probe: (h, 2h, 4), its picture of the scene, with coverage.
+        panorama: (H, 2H, 3), visible through the gaps. Both have the panorama's columns, which are to be
             turned by `angle` radians about +Z.
     """
     height, width = panorama.shape[:2]

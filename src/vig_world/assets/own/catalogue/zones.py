@@ -42,7 +42,7 @@ _ZONES = {word: zones for zones, words in _WORDS.items() for word in words.split
 
 
 def head_words(name: str) -> list[str]:
-    """Return the words of a thing's name that say what it is: `bowl` of "Bowl with fruits, red".
+    """Return the words of a thing's name that name its kind: `bowl` of "Bowl with fruits, red".
 
     Returns:
         Lower-case words of letters, not one of them after a comma or a preposition.

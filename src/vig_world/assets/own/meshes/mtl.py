@@ -40,8 +40,8 @@ def read_materials(names: list[bytes], libraries: list[bytes], siblings: Sibling
     """Return the surface of each material of an OBJ file; None, with a note, where that is not known.
 
     Args:
-        names: Of the materials that faces have; empty for faces without (usemtl).
-        libraries: What the file writes behind mtllib.
+        names: Materials that faces have; empty for faces without (usemtl).
+        libraries: Text that follows mtllib in the file.
         siblings: Reads the files.
     """
     if not libraries and not any(names):
@@ -125,7 +125,7 @@ def _parse_library(data: bytes) -> dict[bytes, Statements]:
 def _settle_opacity(materials: dict[bytes, Statements]) -> None:
     """Replace Tr by d in all materials of a library.
 
-    Tr is the transparency, but MeshLab and many scans (YCB, BigBIRD) write Tr 1 for what is opaque: Tr is
+    Tr is the transparency, but MeshLab and many scans (YCB, BigBIRD) write Tr 1 for opaque surfaces: Tr is
     the opacity in a library that has Tr 1 and nowhere Tr 0.
     """
     stated = [_numbers(material[b"tr"][0]) for material in materials.values() if b"tr" in material]

@@ -56,7 +56,7 @@ def own_streams() -> tuple[io.FileIO, BinaryIO]:
 def few_processors(count: int) -> Iterator[None]:
     """Let this process see `count` processors only, where the system can.
 
-    When it is loaded, Blender makes its pools of threads as large as what it sees. Larger ones than a worker
+    When it is loaded, Blender makes its pools of threads as large as their number. Larger ones than a worker
     is to use spin in the way of the workers beside it: half as much processor time again.
     """
     if not hasattr(os, "sched_setaffinity"):
