@@ -40,9 +40,9 @@ def draw_figures(
 
     Args:
         dataset: The images.
-        object_class: Of the objects.
+        object_class: Class of the objects.
         recognizer: Predicts where the animated fit starts.
-        results: Of the methods.
+        results: Results of the methods.
         renderer: Which made the images, "raster" or "cycles".
         folder: Where to write.
         settings: How the photos were fitted.

@@ -105,7 +105,7 @@ class FactorNetwork(nn.Module):
 
 
 class PaperNetworks(nn.Module):
-    """The four networks, and how far off they are: what a `Prediction` holds, from images.
+    """The four networks and their errors: the content of a `Prediction`, from images.
 
     Attributes:
         azimuth_deviation: () standard deviation of azimuth, radians.

@@ -55,4 +55,4 @@ def _kind_of(path: Path) -> type[Recognizer]:
         with safe_open(path, framework="pt") as file:
             return PaperRecognizer if (file.metadata() or {}).get("net") == "paper" else Recognizer
     except (OSError, SafetensorError):
-        return Recognizer  # whose error names what is wrong
+        return Recognizer  # whose error names the fault

@@ -34,13 +34,13 @@ class PaperTrainingSettings:
     """How to train: the paper's numbers, but for smaller batches.
 
     Attributes:
-        epochs: Of each network, at most.
+        epochs: Epochs of each network, at most.
         patience: A network is done this many epochs after its best one.
         batch: Images per step. The paper's are of 128, with which losses fall less by an epoch.
-        learning_rate: Of stochastic gradient descent.
+        learning_rate: Step size of stochastic gradient descent.
         momentum: Nesterov's.
-        seed: Of weights and order.
-        threads: Of the CPU, all by default.
+        seed: Seed of weights and order.
+        threads: Threads of the CPU, all by default.
         networks: Their sizes; the number of shape components is the dataset's.
     """
 
@@ -235,7 +235,7 @@ def _calibrate(networks: PaperNetworks, data: _TrainingData) -> None:
     """Set the networks' standard deviations from their errors on the held-out images.
 
     Azimuth is off by half a turn at times, so its deviation is robust: 1.4826 times the median absolute
-    error. Of the other numbers it is the root mean square error.
+    error. For the other numbers it is the root mean square error.
     """
     networks.eval()
     with bfloat16(data.images.device):

@@ -73,7 +73,7 @@ def write_page(root: Path) -> Path:
 
 
 def _introduction(folder: RunFolder, record: Mapping[str, Any], tables: Mapping[str, Any]) -> list[str]:
-    """Describe what was run, on how much it was trained, and how many cells of Table 1 pass.
+    """Describe the run, its amount of training, and how many cells of Table 1 pass.
 
     A run too small for that is put beside others of its size first.
     """

@@ -103,7 +103,7 @@ def reproduce(
 
     Raises:
         UserError: An unknown kind; no workers; the folder holds a run of other settings; a step needs one
-            that has not been done; what a step itself refuses.
+            that has not been done; errors of a step itself.
     """
     chosen = set(kinds)
     unknown = sorted(chosen - set(STEP_KINDS))

@@ -35,7 +35,7 @@ class PointCloud:
     Attributes:
         points: (N, 3).
         normals: (N, 3).
-        tree: Of features (N, 6), the points beside `NORMAL_WEIGHT` times the normals.
+        tree: k-d tree of features (N, 6): the points, and `NORMAL_WEIGHT` times the normals.
         spacing: Mean distance of nearest neighbours: the distance of two samples of one surface.
     """
 

@@ -30,12 +30,12 @@ class Scan:
     """One file's triangles.
 
     Attributes:
-        name: Of the file, relative to its folder.
+        name: Path of the file, relative to its folder.
         vertices: (V, 3) float64, in the file's units and axes; equal ones are one.
         faces: (F, 3), each with an area.
-        content_hash: Of the file's content.
-        pieces: What has a material each, of few enough faces for training; none where materials do not count.
-        notes: What of the file was left out, and what was taken in place of materials that were not read.
+        content_hash: Hash of the file's content.
+        pieces: Parts with a material each, of few enough faces for training; none to ignore materials.
+        notes: Sentences on omitted content of the file, and on substitutes for unread materials.
     """
 
     name: str
@@ -161,7 +161,7 @@ def _weld(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarr
     corners = merged.ravel()[faces]
     points = unit[representative]
     spread = np.sqrt(np.linalg.eigvalsh(np.cov(points[np.unique(corners)].T)).clip(0))
-    # What is narrower than a thousandth of its length is a line.
+    # A mesh narrower than a thousandth of its length is a line.
     if not spread[1] > 1e-3 * spread[2]:
         raise UserError("expected triangles with an area; all of them lie on a line.")
     area = np.linalg.norm(face_normals(points, corners), axis=1)

@@ -1,7 +1,7 @@
 """Non-rigid registration: a template's vertices carried onto another surface of the same kind of thing.
 
 The template moves with nodes spread over its surface, each of which carries an affine map (embedded
-deformation, Sumner et al. 2007). What is minimised is that of non-rigid ICP (Amberg et al. 2007),
+deformation, Sumner et al. 2007). The objective is that of non-rigid ICP (Amberg et al. 2007),
 
     sum_i w_i [ (n_i . (x_i - c_i))^2 + s |x_i - c_i|^2 ] + b sum_j v_j |x_i(j) - y_j|^2
         + alpha sum_ab |(X_a - X_b) G_ab|^2,
@@ -154,7 +154,7 @@ def _differences(nodes: np.ndarray, near: np.ndarray) -> sp.csr_matrix:
 
 @dataclass(frozen=True)
 class _Correspondences:
-    """What each vertex is drawn to.
+    """Targets of the vertices.
 
     Attributes:
         normal: (V, 3) of the plane at the nearest point of the target.

@@ -1,4 +1,4 @@
-"""What can be seen of a mesh from outside: the surface that registration needs, whatever the topology."""
+"""The surface of a mesh that is visible from outside, as registration needs it, whatever the topology."""
 
 from __future__ import annotations
 
@@ -86,8 +86,8 @@ def draw_alone(
         faces: (F, 3) of the mesh.
         rotation: (3, 3) of the camera.
         sphere: Middle (3,) and radius of the sphere that fills the picture.
-        side: Of the picture, pixels.
-        margin: Radius of what fits into the picture, in radii of the sphere.
+        side: Side of the picture, pixels.
+        margin: Radius of the region in the picture, in radii of the sphere.
 
     Returns:
         Covered pixels (side, side) bool; the face of each of them (N,), and its barycentric weights (N, 3).

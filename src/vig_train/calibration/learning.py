@@ -42,7 +42,7 @@ VIEW_FEATURES = tuple(
     name for name in CONFIDENCE_FEATURES if name not in ("log_residual", "mask_log_probability")
 )
 """Features by which a view is judged to be right. How well pixels and mask agree says something of a view in
-drawn photos and nothing in real ones: of the second the area under the curve is .72 and .60 on drawn cars and
+drawn photos and nothing in real ones: the mask's area under the curve is .72 and .60 on drawn cars and
 cups, .38 and .48 on real ones."""
 MASK_FEATURES = (
     "view_log_probability",
@@ -83,7 +83,7 @@ class CalibrationSamples:
         fold: (N,), of the `FOLDS`.
         model: (N,) int, the mesh or design that each shows; fits of one are not independent.
         out_of_distribution: (M, C) confidence features of the M photos; M may be 0.
-        out_of_distribution_fold: (M,), their folds: of a rolled photo, that of the photo as it was.
+        out_of_distribution_fold: (M,), their folds: for a rolled photo, that of the original.
     """
 
     features: np.ndarray

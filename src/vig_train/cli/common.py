@@ -1,4 +1,4 @@
-"""What several verbs need."""
+"""Functions that several verbs share."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def command_line(
 
     Args:
         verb: With `vig` before it.
-        settings: What differs from the defaults is stated.
+        settings: Those that differ from the defaults are stated.
         positional: Names of those that come first and without a flag.
         skipped: Names of those that do not change the result.
     """

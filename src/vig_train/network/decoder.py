@@ -32,12 +32,12 @@ class ContextDecoder(nn.Module):
         """Make a decoder of these channels.
 
         Args:
-            coarse: Of the coarsest map, `CELLS` a side, and of another as large.
-            finer: Of the finer maps, each of twice the size.
-            widths: Of the decoder, at the coarsest map and at each of the finer ones.
-            squeezed: From which the dense layer reads.
-            features: Of the dense layer.
-            recalled: That it adds to the coarsest map.
+            coarse: Channels of the coarsest map, `CELLS` a side, and of another as large.
+            finer: Channels of the finer maps, each of twice the size.
+            widths: Widths of the decoder, at the coarsest map and at each of the finer ones.
+            squeezed: Channels that the dense layer reads.
+            features: Outputs of the dense layer.
+            recalled: Channels that it adds to the coarsest map.
         """
         super().__init__()
         self.recall = nn.Sequential(

@@ -2,7 +2,7 @@
 
 At a vertex x with unit normal n a surface of albedo a reflects a * T(x) . L of distant light L, with
 
-    T(x) = mean over w of [ Y(w) where w meets nothing of the object, else a T(y), y being what it meets ]
+    T(x) = mean over w of [ Y(w) where w meets nothing of the object, else a T(y), y being the place met ]
 
 over directions w that are distributed as the clamped cosine over pi (Sloan, Kautz and Snyder, 2002). Where
 nothing is occluded T_lm = A_l Y_lm(n), which is `vig.scene.irradiance`; the table holds the change from
@@ -104,13 +104,13 @@ def unoccluded(normals: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Occlusion:
-    """What a shape's vertices see of the shape itself.
+    """The shape itself, as seen from its vertices.
 
     Attributes:
         normals: (V, 3).
         blocked: (V, 9) mean over directions of Y where something is met.
-        seen: (V, V) sparse; times a vertex attribute it is the mean over directions of the attribute of what
-            is met.
+        seen: (V, V) sparse; times a vertex attribute it is the mean over directions of the attribute of the
+            visible surface.
         inside: (V,) bool, whether the vertex lies within another part.
     """
 
@@ -276,7 +276,7 @@ def write_transfer(
 ) -> np.ndarray:
     """Compute a class's table and write it, in half precision, into a class pack's folder; returns it.
 
-    class.json then tells of it, so that it cannot go missing unnoticed. progress: whether standard error
+    class.json then records it, so that its absence is noticed. progress: whether standard error
     shows how far it is. keep: see `transfer_model`.
     """
     table = transfer_model(object_class.at_unit_scale.shape_model, progress=progress, keep=keep)

@@ -22,7 +22,7 @@ GAMMA = 2.2
 
 @dataclass(frozen=True)
 class Batch:
-    """What a step of training takes.
+    """Input of a step of training.
 
     Attributes:
         images: (B, 3, H, W) sRGB in [0, 1].
@@ -127,7 +127,7 @@ class Augmentation:
         grid = functional.affine_grid(
             torch.from_numpy(matrix).to(images), list(images.shape), align_corners=False
         )
-        # What comes in from outside must not tell that the picture was turned.
+        # The filled border must not reveal that the picture was turned.
         outside = "border" if rng.random() < 0.5 else "reflection"
         warped = functional.grid_sample(images, grid, padding_mode=outside, align_corners=False)
         warped_masks = functional.grid_sample(masks, grid, padding_mode="zeros", align_corners=False)
@@ -136,7 +136,7 @@ class Augmentation:
     def _paste(
         self, images: torch.Tensor, masks: torch.Tensor, rng: np.random.Generator
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Paste pieces of the batch's images over others: what they cover of the object is hidden."""
+        """Paste pieces of the batch's images over others; covered parts of the object are hidden."""
         count, _, height, width = images.shape
         pasted_on = rng.random(count) < self.cut_out
         if not pasted_on.any() or count < 2:

@@ -19,7 +19,7 @@ from vig_train.training.augmentation import Augmentation
 from vig_train.training.examples import Examples
 
 SIDE = 304
-"""Of a picture, pixels."""
+"""Side of a picture, pixels."""
 TILES, TILES_SHARES = (1, 2, 3), (0.4, 0.4, 0.2)
 """Images along the side of a quarter of a mosaic, and how often."""
 PASTED = (48.0, 220.0)
@@ -123,7 +123,7 @@ def _pasted(ground: Tile, tiles: Iterator[Tile], rng: np.random.Generator) -> tu
         side = int(math.exp(rng.uniform(math.log(PASTED[0]), math.log(PASTED[1]))))
         left, top = (int(each) for each in rng.integers(-side // 4, SIDE - side + side // 4 + 1, 2))
         placed, square = tile.placed(left, top, side), (left, top, left + side, top + side, 1.0)
-        # Of three in ten images with an object not it alone is pasted, but all, with soft edges.
+        # Three in ten images with an object are pasted whole, with soft edges.
         alone = bool(placed) and rng.random() > 0.3
         cover = tile.object if alone else _soft_square(len(tile.object))
         rows, columns = slice(max(top, 0), top + side), slice(max(left, 0), left + side)

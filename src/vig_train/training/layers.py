@@ -63,7 +63,7 @@ def defocus(picture: np.ndarray, blur: float) -> np.ndarray:
 
 
 def place_of(cover: np.ndarray) -> tuple[float, float, float]:
-    """Return middle x, y and size of what is covered, in widths of the image, from its middle."""
+    """Return middle x, y and size of the covered pixels, in widths of the image, from its middle."""
     rows, columns = np.flatnonzero(cover.max(1) > 0.5), np.flatnonzero(cover.max(0) > 0.5)
     if not len(rows) or not len(columns):
         return 0.0, 0.0, 0.6
@@ -119,7 +119,7 @@ class Environment:
 
 
 def photograph(rng: np.random.Generator, picture: np.ndarray) -> np.ndarray:
-    """Return what a camera, its software and a web site make of linear light: (H, W, 3) uint8 sRGB."""
+    """Return linear light as processed by a camera, its software and a web site: (H, W, 3) uint8 sRGB."""
     gain = math.exp(rng.normal(0, 0.2)) * np.exp(rng.normal(0, 0.04, 3))
     x, y = pixels()
     vignetting = 1 - rng.uniform(0, 0.35) * (rng.random() < 0.3) * 2 * (x**2 + y**2)

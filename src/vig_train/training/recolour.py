@@ -1,4 +1,4 @@
-"""Images of datasets with the object in other colours: so that hue says nothing of what is the object."""
+"""Images of datasets with the object in other colours: so that hue does not identify the object."""
 
 from __future__ import annotations
 
