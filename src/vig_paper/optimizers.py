@@ -57,7 +57,7 @@ class GradientDescent(_OneByOne):
     the rate back, up to `rate`.
 
     Attributes:
-        rate: Length of a step, in standard deviations: 1 would be Newton's step if parameters were independent.
+        rate: Length of a step, in standard deviations: 1 would be Newton's step for independent parameters.
         momentum: Share of the last step that is taken again; 0 for none.
         decay: Step number k is taken at rate / (1 + decay k).
     """
