@@ -45,7 +45,7 @@ inline void softplus(const double* t, double* r, double* log_1_r) {
     }
 }
 
-// Pixels of a line, side by side in vector registers, and what is seen of a face at each.
+// Pixels of a line, side by side in vector registers, and the face's surface at each.
 template <class R> struct Pixels {
     typedef Register<R> Row;
     int corner[3][REGISTER];

@@ -42,7 +42,7 @@ class Ablation:
     title: str
     """Title of its row in the table."""
     change: Callable[[ExplainSettings], ExplainSettings]
-    """From the default's settings."""
+    """Changes the default's settings."""
 
 
 def _change_stages(change: Callable[[Stage], Stage]) -> Callable[[ExplainSettings], ExplainSettings]:

@@ -41,7 +41,7 @@ from vig_world.rooms import Layout, draw_hall, draw_layout, draw_sweep, material
 from vig_world.streams import asset_rng
 
 VARIANTS = {"train": 16, "test": 8, "validation": 8}
-"""How many variants of each packaged prop there are, and of each thing that carries or reaches."""
+"""Number of variants of each packaged prop, and of each thing that carries or reaches."""
 SURFACES_PER_KIND = {"train": 40, "test": 16, "validation": 16}
 PANORAMAS = {"train": 200, "test": 70, "validation": 70}
 LAYOUTS = {"train": 96, "test": 32, "validation": 32}

@@ -1,4 +1,4 @@
-// What the generator draws: assets with their poses, and the camera.
+// Scenes of the generator: assets with their poses, and the camera.
 #pragma once
 #include <memory>
 #include <vector>
@@ -37,8 +37,8 @@ struct Part {
     int first_cluster, end_cluster;
 };
 
-// Irradiance lost at places: v0 + v123 . normal of values (z, y, x, 4), times `scale`. Cells are `cell` wide, places along x
-// and y are of cells' centres; plane s is rise[0] s + rise[1] s^2 above the origin, metres.
+// Irradiance lost at places: v0 + v123 . normal of values (z, y, x, 4), times `scale`. Cells are `cell` wide, x and y
+// count cells' centres; plane s is rise[0] s + rise[1] s^2 above the origin, metres.
 struct Grid {
     Vec3<float> origin = {0, 0, 0};
     float cell = 1, rise[2] = {1, 0};
@@ -91,7 +91,7 @@ struct Camera {
     double focal, cx, cy, near;  // pixels; metres up to which things are clipped
     int width, height;
     Vec3<double> eye() const { return rotation.transposed(translation) * -1.0; }
-    // Of an image with so many samples along each pixel's side.
+    // The camera of an image with so many samples along each pixel's side.
     Camera sampled(int samples) const {
         return {rotation, translation, focal * samples, cx * samples, cy * samples, near, width * samples, height * samples};
     }

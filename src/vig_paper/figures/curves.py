@@ -55,7 +55,7 @@ def figure3(
     Args:
         results: Results of the methods on N images.
         occlusion: (N,) in [0, 1].
-        renderer: Which made the images, "raster" or "cycles".
+        renderer: Renderer of the images, "raster" or "cycles".
         path: Path of the picture.
         cumulative: Medians over all images with at most this occlusion, as in the paper, whose own medians at
             75 % are crosses; otherwise over separate bins.

@@ -43,9 +43,9 @@ def draw_figures(
         object_class: Class of the objects.
         recognizer: Predicts where the animated fit starts.
         results: Results of the methods.
-        renderer: Which made the images, "raster" or "cycles".
-        folder: Where to write.
-        settings: How the photos were fitted.
+        renderer: Renderer of the images, "raster" or "cycles".
+        folder: Folder to write to.
+        settings: Settings of the fits.
 
     Returns:
         The paths.

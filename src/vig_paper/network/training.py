@@ -31,7 +31,7 @@ _DEVIATION_PER_MAD = 1.4826
 
 @dataclass(frozen=True)
 class PaperTrainingSettings:
-    """How to train: the paper's numbers, but for smaller batches.
+    """Settings of the training: the paper's numbers, but for smaller batches.
 
     Attributes:
         epochs: Epochs of each network, at most.
@@ -87,8 +87,8 @@ def train_paper(
     Args:
         dataset: To learn from.
         out: Folder of the weights, the checkpoint, and log.csv with the losses of every epoch.
-        settings: How to train.
-        say: Is called with a line after each epoch.
+        settings: Settings of the training.
+        say: Called with a line after each epoch.
 
     Returns:
         The weights' path.

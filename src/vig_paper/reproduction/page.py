@@ -187,7 +187,7 @@ def _table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> 
 
 
 def _photos(folder: RunFolder, record: Mapping[str, Any]) -> list[list[str]]:
-    """Name, split, renderer, count and seed of each dataset that exists."""
+    """Return name, split, renderer, count and seed of each dataset that exists."""
     rows = []
     for name, (split, _, _) in DATASETS.items():
         try:

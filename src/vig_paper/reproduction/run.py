@@ -94,9 +94,9 @@ def reproduce(
 
     Args:
         run: See `Run`.
-        kinds: Which of `STEP_KINDS`.
+        kinds: Some of `STEP_KINDS`.
         machine: Recorded when a run begins.
-        command: Recorded likewise.
+        command: Recorded when a run begins.
 
     Returns:
         The record, `run.json`.

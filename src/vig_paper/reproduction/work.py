@@ -92,7 +92,7 @@ class Run:
     def renderers(self) -> tuple[str, ...]:
         """Return the renderers whose photos are evaluated; reports when path-traced photos are left out.
 
-        They are left out when they are not wanted, and when there is neither a Blender nor finished photos.
+        They are left out when not requested, and when there is neither a Blender nor finished photos.
         """
         if not self.cycles:
             self.report("path-traced photos are left out, as --no-cycles asks")

@@ -18,7 +18,7 @@ NEAREST = 5
 DARK_RATIO = 0.4
 """A place is dark from this share of the luminance at `BODY_SHARE` down."""
 GLASS_RATIO = 0.15
-"""That of glass, through which something dark is seen."""
+"""The share for glass, through which something dark is seen."""
 AREA_BOUNDS = 0.03, 0.6
 """Shares of the surface between which a dark part is one."""
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
@@ -41,7 +41,7 @@ def dark_part(
     Returns:
         None where nothing, too little or most of the surface is dark, or too few meshes have materials.
     """
-    # Two meshes with materials say nothing of a class; one alone, whose own shape the class has, does.
+    # Two meshes with materials are too few for a class; one is enough for a class made of it alone.
     if not meshes or 1 < len(meshes) < 3:
         return None
     areas = vertex_areas(vertices, faces)

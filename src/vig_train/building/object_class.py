@@ -26,8 +26,8 @@ class ClassShapes:
         registered: The meshes that they come from.
         symmetries: Symmetries of the class.
         numbers: (A,) indices of the accepted meshes; all that follows is in their order.
-        splits: (A,) that each is for.
-        trained: Which of them, from 0, the components come from; the others are held out.
+        splits: (A,) split of each.
+        trained: Those, from 0, that the components come from; the others are held out.
         vertices: (A, V, 3) in metres, standing on z = 0.
         scale: Metres of a unit of the class's frame.
         components: Shape model of the shapes for training.

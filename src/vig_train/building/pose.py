@@ -58,7 +58,7 @@ class PointCloud:
     def distance(self, other: PointCloud, rotation: np.ndarray) -> float:
         """Return the mean distance, both ways, to another cloud turned by a rotation (3, 3)."""
         there, back = self.distances(other, rotation), other.distances(self, rotation.T)
-        # Truncated at .3 root mean square radii, lest a part of one mesh alone dominates.
+        # Truncated at .3 root mean square radii, so that a part of one mesh alone cannot dominate.
         return float(sum(0.5 * np.minimum(each, 0.3).mean() for each in (there, back)))
 
     def distances(self, other: PointCloud, rotation: np.ndarray) -> np.ndarray:

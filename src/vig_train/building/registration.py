@@ -157,9 +157,9 @@ class _Correspondences:
     """Targets of the vertices.
 
     Attributes:
-        normal: (V, 3) of the plane at the nearest point of the target.
+        normal: (V, 3) normal of the plane at the nearest point of the target.
         gap: (V, 3) from the vertex to that point.
-        weight: (V,) of the distance to the plane; times `TANGENTIAL_WEIGHT` of that to the point.
+        weight: (V,) weight of the distance to the plane; times `TANGENTIAL_WEIGHT`, that of the distance to the point.
         pull: (V, 3) from the vertex to the mean of the target's points whose nearest vertex it is.
         strength: (V,) weight of the pull.
     """

@@ -13,7 +13,7 @@ from vig_world.mesh import face_normals
 from vig_world.raster.rasterize import rasterize
 
 EYE_DISTANCE = 50.0
-"""Distance of the eye from a mesh that is drawn alone, in its radii: nearly parallel."""
+"""Distance of the camera from a mesh that is drawn alone, in its radii: nearly parallel."""
 
 
 @dataclass(frozen=True)

@@ -237,7 +237,7 @@ def _voxel_surface(vertices: np.ndarray, faces: np.ndarray) -> tuple[trimesh.Tri
     empty_regions, _ = ndimage.label(~occupied)
     solid = empty_regions != empty_regions[0, 0, 0]
     thin = solid & ~ndimage.binary_opening(solid)
-    solid |= ndimage.binary_dilation(thin)  # lest smoothing perforates walls of one cell
+    solid |= ndimage.binary_dilation(thin)  # else smoothing perforates walls of one cell
     level = ndimage.gaussian_filter(solid.astype(np.float32), 0.8)
     surface, triangles, _, _ = marching_cubes(level, 0.5)
     mesh = trimesh.Trimesh((surface - margin + 0.5) * cell + low, triangles[:, ::-1])

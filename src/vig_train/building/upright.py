@@ -63,8 +63,8 @@ def upright_poses(
 
     Args:
         scans: (N,) all meshes.
-        surfaces: (N,) of each, in its file's axes.
-        used: Indices of the meshes that are not dropped; the others say nothing of the pose.
+        surfaces: (N,) surface of each, in its file's axes.
+        used: Indices of the meshes that are not dropped; the others do not affect the pose.
         settings: The user's statements on axes, symmetry and turns.
         cache: Cache of the rotations into a common pose.
         say: Called with a line for each step.

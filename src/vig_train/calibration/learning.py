@@ -41,8 +41,8 @@ IN_DISTRIBUTION_FEATURES = (
 VIEW_FEATURES = tuple(
     name for name in CONFIDENCE_FEATURES if name not in ("log_residual", "mask_log_probability")
 )
-"""Features by which a view is judged to be right. How well pixels and mask agree says something of a view in
-drawn photos and nothing in real ones: the mask's area under the curve is .72 and .60 on drawn cars and
+"""Features by which a view is judged to be right. The fit of pixels and mask is evidence for a view in
+drawn photos but not in real ones: the mask's area under the curve is .72 and .60 on drawn cars and
 cups, .38 and .48 on real ones."""
 MASK_FEATURES = (
     "view_log_probability",
@@ -77,10 +77,10 @@ class CalibrationSamples:
         features: (N, C) confidence features.
         right: (N,) bool, whether the view is.
         mask_right: (N,) bool, whether the mask of the visible pixels is.
-        error: (N, P) of the latents.
+        error: (N, P) errors of the latents.
         deviation: (N, P), from the curvature.
         weight: (N,).
-        fold: (N,), of the `FOLDS`.
+        fold: (N,), number of one of the `FOLDS`.
         model: (N,) int, the mesh or design that each shows; fits of one are not independent.
         out_of_distribution: (M, C) confidence features of the M photos; M may be 0.
         out_of_distribution_fold: (M,), their folds: for a rolled photo, that of the original.

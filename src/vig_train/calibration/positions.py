@@ -41,7 +41,7 @@ def calibrate_positions(
             calibration stays as it is.
         object_class: Class that they show.
         recognizer: Its network, calibrated.
-        count: See there.
+        count: Most photos of each dataset.
         advance: Is called with 1 for each photo.
     """
     photographs = [

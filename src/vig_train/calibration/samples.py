@@ -58,7 +58,7 @@ class StudioPhotos:
 
     Attributes:
         images: (N, H, W, 3) uint8 sRGB, which show the object.
-        latents: (N, P) of these.
+        latents: (N, P) latents of these.
         visible: (N, H, W) bool, where the object is seen.
         others: (M, H, W, 3) uint8, which do not.
         model: (N,) int, the mesh or design that each shows.

@@ -53,7 +53,7 @@ class Plan:
 def measured_plan(
     object_class: ObjectClass, images: Path, minutes: float, seed: int, workers: int, props: str = ""
 ) -> Plan:
-    """Return what fits into so many minutes, measured on the first images, which count.
+    """Return the plan for so many minutes, measured on the first images, which count.
 
     images: Folder of the images; those that are there count as well. props: see `StudioSettings`.
     """

@@ -106,7 +106,7 @@ class ClassTraining:
         minutes: All steps together, about; `QUICK` for a quick recognizer.
         seed: Seed of images and training.
         workers: Processes and threads; one per CPU by default.
-        say: Is called with a line for each step.
+        say: Called with a line for each step.
         props: Models in files to put before and behind objects as well, see `mesh_folder`; none where empty.
     """
 
@@ -193,7 +193,7 @@ class ClassTraining:
             )
 
     def plan(self) -> Plan:
-        """Return what fits into the time; measured once, on the first images, which count."""
+        """Return the plan for the time; measured once, on the first images, which count."""
         if self.quick:
             return Plan(QUICK_CHUNKS, QUICK_DECODER_STEPS, QUICK_PICTURES)
         path = self.run_folder / "plan.json"

@@ -73,7 +73,7 @@ def build_table(
         results: Method -> metric -> (N,) finite errors, in any of `METRICS` but "shape_ratio", which follows
             from "shape_mm" where there is a method "baseline", and of `OTHER_METRICS`; any may be missing.
         occlusion: (N,) in [0, 1].
-        renderer: Which made the images, "raster" or "cycles".
+        renderer: Renderer of the images, "raster" or "cycles".
         rng: Draws the bootstrap samples.
         max_occlusion: Largest occlusion of the images that count.
         resamples: Number of bootstrap samples.
@@ -135,7 +135,7 @@ def summarise(
     Args:
         results: Results of each method.
         dataset: Their images.
-        renderer: Which made the images.
+        renderer: Renderer of the images.
         min_occlusion: Least occlusion of the images that count.
         max_occlusion: Largest occlusion of the images that count.
         seed: Seed of the bootstrap.

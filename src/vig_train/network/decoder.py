@@ -14,7 +14,7 @@ from vig_train.network.layers import convolution
 
 
 class ContextDecoder(nn.Module):
-    """From a trunk's maps to features of each cell at half the image's size.
+    """Maps a trunk's maps to features of each cell at half the image's size.
 
     A dense layer remembers from the coarsest map what such objects look like; self-attention over all of its
     cells, then residual convolutions from coarse to fine.
@@ -95,7 +95,7 @@ class _Residual(nn.Module):
 
 
 class ObjectMap(nn.Module):
-    """From two of the trunk's maps (B, C, h, w), joined, to `NUMBERS` of each cell (B, 5, h, w)."""
+    """Maps two of the trunk's maps (B, C, h, w), joined, to `NUMBERS` of each cell (B, 5, h, w)."""
 
     def __init__(self, inputs: int, width: int):
         super().__init__()

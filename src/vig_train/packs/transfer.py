@@ -126,7 +126,7 @@ class Occlusion:
         total, count = len(vertices), side**2
         rays, frames = Rays.draw(total, side, rng), frames_of(normals)
         given = (vertices.astype(np.float64), frames, rays.patterns, rays.turns)
-        # Rays start 2e-4 m along the normal, at unit scale, lest a facet hides its own corners.
+        # Rays start 2e-4 m along the normal, at unit scale, so that no facet hides its own corners.
         blocked, face, weights = engine.cast_hemisphere_rays(
             vertices.astype(np.float32), faces.astype(np.int32), *given, 2e-4, _CHUNK
         )

@@ -47,7 +47,7 @@ class Batch:
 
 @dataclass(frozen=True)
 class Augmentation:
-    """How much is changed.
+    """Amounts of change.
 
     Attributes:
         flip: Share of images that are mirrored.
@@ -110,7 +110,7 @@ class Augmentation:
     def _reframe(
         self, images: torch.Tensor, masks: torch.Tensor, flipped: torch.Tensor, rng: np.random.Generator
     ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Mirror, shift, magnify and turn each image with its masks; also by how much it was turned (B,)."""
+        """Mirror, shift, magnify and turn each image with its masks; return the turns (B,), too."""
         count = len(images)
         reframed = rng.random(count) < self.reframe
         turned_far = rng.random(count) < self.turned

@@ -66,11 +66,11 @@ class _Member(nn.Module):
 
 @dataclass(frozen=True)
 class HeadsTraining:
-    """How the dense heads are trained.
+    """Settings of the dense heads' training.
 
     Attributes:
         images: Folder of the files of images.
-        chunks: How many of them.
+        chunks: Number of these files.
         modes: Shape components of the class.
         symmetry: Symmetry of the class.
         folds: Member k below `folds` does not see objects drawn after models k modulo `folds`, so that it

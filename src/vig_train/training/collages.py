@@ -25,7 +25,7 @@ TILES, TILES_SHARES = (1, 2, 3), (0.4, 0.4, 0.2)
 PASTED = (48.0, 220.0)
 """Sides of images that are pasted, pixels."""
 PICTURES = 16
-"""That are made of them."""
+"""Number of pictures made of them."""
 
 Box = tuple[float, float, float, float, float]
 """Left, top, right, bottom in a picture's pixels, and the share of the object that is seen."""

@@ -108,7 +108,7 @@ def place_cutout(
 
     Args:
         cutout: RGBA.
-        middle: Where its middle comes to be, in widths from the picture's middle.
+        middle: Place of its middle, in widths from the picture's middle.
         size: Its longest side, in widths of the picture.
         angle: Degrees by which it is turned, counter-clockwise.
         side: Side of the picture, pixels.

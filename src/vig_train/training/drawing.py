@@ -74,7 +74,7 @@ def drawn_once(
     stay.
 
     Args:
-        drawing: How many, and of what.
+        drawing: Number and settings of the images.
         folder: Folder of the run; the files lie in a folder of it, named after all that they depend on.
         seed: Seed of the training.
         advance: Is called with the number of images newly there.
@@ -115,9 +115,9 @@ def add_drawn_examples(
 
     Args:
         steps: Examples of a dataset with the number of their step.
-        drawing: How many, and of what.
+        drawing: Number and settings of the images.
         seed: Seed of the training.
-        once: From which they are taken where they were drawn before.
+        once: Images drawn before, from which they are taken.
 
     Raises:
         UserError: The dataset is of another class than the studio's.

@@ -80,7 +80,7 @@ class Environment:
         ground: (3,) radiance below.
         sky: (3,) above.
         directions: (L, 3) unit, towards the lamps.
-        sharpness: (L,) of each lamp's lobe.
+        sharpness: (L,) sharpness of each lamp's lobe.
         radiance: (L, 3).
     """
 

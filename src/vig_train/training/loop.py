@@ -149,7 +149,7 @@ class TrainingRun:
         Args:
             count: Epochs, at most.
             patience: Epochs without a better held-out loss after which training ends.
-            part: Names these epochs where a run trains several networks one after the other.
+            part: Name of these epochs where a run trains several networks one after the other.
         """
         self.part = part
         self._best = float(self._state.get(f"{part}best", math.inf))

@@ -179,7 +179,7 @@ def targets_of(boxes: list[Box]) -> MapTargets:
         x, y = (x0 + x1) / 2 / MAP_STRIDE, (y0 + y1) / 2 / MAP_STRIDE
         spread = ((right - x) / (0.12 * w + 0.25)) ** 2 + ((down - y) / (0.12 * h + 0.25)) ** 2
         here = torch.exp(-0.5 * spread)
-        # An object of which less than .12 is seen counts neither as there nor as absent.
+        # An object with a visible share below .12 counts neither as present nor as absent.
         known = BOX_SIDES[0] <= max(x1 - x0, y1 - y0) <= BOX_SIDES[1] and seen >= 0.12
         if not known or not (0 <= x < CELLS and 0 <= y < CELLS):
             counts &= here < 0.1

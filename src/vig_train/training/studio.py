@@ -143,8 +143,8 @@ class Studio:
         refused: bool = True,
         things: Split | None = None,
     ):
-        """Objects are of the class's designs and meshes of a split; of fold k of n those whose numbers are k
-        modulo n; without `refused` those alone from which the class was built. Grounds and other things are
+        """Make a studio of the class's designs and meshes of a split; fold k of n has those with numbers k
+        modulo n; without `refused` only those from which the class was built. Grounds and other things are
         of that split, too, or of another.
         """
         self.object_class, self.settings, self.split = object_class, settings, things or split

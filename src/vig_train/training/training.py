@@ -43,7 +43,7 @@ HEAD_PARTS = ("dense", "azimuth", "numbers", "others")
 
 @dataclass(frozen=True)
 class TrainingSettings:
-    """How to train.
+    """Settings of the training.
 
     Attributes:
         epochs: Passes over the datasets' training images, at most.
@@ -143,9 +143,9 @@ def train(
     Args:
         datasets: To learn from, their images in one order.
         out: Folder of the weights and the checkpoint.
-        settings: How to train.
-        say: Is called with a line after each epoch.
-        record: Is called after each epoch, before the checkpoint is written.
+        settings: Settings of the training.
+        say: Called with a line after each epoch.
+        record: Called after each epoch, before the checkpoint is written.
         progress: Report the time left on standard error.
 
     Returns:

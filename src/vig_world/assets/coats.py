@@ -15,7 +15,7 @@ from vig_world.dataset.spec import Coat
 from vig_world.mesh import face_normals
 
 TEXTURES, DECORATIONS = 240, 120
-"""How many of each there are."""
+"""Number of each."""
 TEXTURE_SIZE = 96
 DIELECTRIC = 0.04
 """Reflectance of glaze at normal incidence."""

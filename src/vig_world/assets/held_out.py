@@ -34,7 +34,7 @@ class HeldOutDesigns:
     """D shapes in correspondence with a class's model, which was not made from those of test and validation.
 
     Attributes:
-        names: (D,) of each.
+        names: (D,) name of each.
         splits: (D,) the only split of datasets whose objects are of this design.
         vertices: (D, V, 3) float32, metres, standing on z = 0.
     """

@@ -177,7 +177,7 @@ def _drawn(
     """Return the first of N draws that has room before the object; see `occluder.cc`.
 
     Args:
-        stage: Where.
+        stage: The room and the object.
         kind: Name of the kind in native code.
         level: Share of the object that is to be hidden.
         names: The props, in turn one for each draw.

@@ -120,7 +120,7 @@ def _hiding(stage_at: Callable[[float], StagedRoom], hidden: tuple[float, float]
 
 
 class _Proposals:
-    """Places in a layout: zones as the class wants them, any support in a zone, seen from where people stand.
+    """Places in a layout: zones by the class's preference, any support in a zone, from the people's side.
 
     Attributes:
         support: (N,) number of each one's support.
@@ -128,7 +128,7 @@ class _Proposals:
     """
 
     def __init__(self, layout: Layout, actor: Actor, hiding: bool, rng: np.random.Generator) -> None:
-        """Draw them; `hiding`: only such are good that have something before the object."""
+        """Draw places; `hiding`: whether good ones must have something before the object."""
         weights, supports = _support_table(layout, zone_weights(actor.object_class))
         self.fits_any = layout.kind in ("seamless", EMPTY) or bool(weights.any())  # these are for all things
         weights = weights if weights.any() else np.ones(len(supports))

@@ -37,8 +37,8 @@ TARGET_STREAM, MANNER_STREAM = 2**20 + 1, 2**20 + 4
 BOARDS_FROM = 8
 """From this attempt on, shelf boards may reach into the picture."""
 SUPPORT_SHARE, SUPPORT_BELOW, SUPPORT_ATTEMPTS = 0.4, 1.1, 4
-"""In this share of scenes seen from below an elevation (radians), room and furniture are to hide most of what
-is hidden, if one of four rooms allows it."""
+"""In this share of scenes seen from below an elevation (radians), room and furniture are to hide most of the
+hidden part, if one of four rooms allows it."""
 
 
 class CompositionError(SampleError):

@@ -124,7 +124,7 @@ class StagedRoom:
         behind: Depth (75, 75) of the room, metres; inf where there is nothing.
         blockers: Depth of the nearest of room and props, in the same form.
         solids: Bounds of the props so far.
-        halvings: How often occluders are halved in size and in its distance from other things.
+        halvings: How often occluders are halved in size and in their distance from other things.
         closer: Whether held occluders are as often near the camera as near the object, on a log scale.
     """
 

@@ -37,8 +37,8 @@ class Turning:
         scene: Half-way through the video.
         turn: Radians by which the object turns about its vertical axis, from the first frame to the last.
         uneven: By what share its speed rises and falls about the mean, once in the video.
-        phase: Where in that it begins, radians.
-        way: (3,) metres by which what hides it moves meanwhile.
+        phase: Phase of that at the start, radians.
+        way: (3,) metres by which its occluders move meanwhile.
     """
 
     scene: SceneSpec
@@ -94,10 +94,10 @@ def draw_turning(library: Library, object_class: ObjectClass, seed: int, index: 
 
 
 def turned(scene: SceneSpec, angle: float) -> SceneSpec:
-    """Return the scene with its object turned back by `angle` radians about +Z, told in the object's own
+    """Return the scene with its object turned back by `angle` radians about +Z, in the object's own
     frame.
 
-    The object's frame is the world's: everything else turns about it by the angle, the eye included.
+    The object's frame is the world's: everything else turns about it by the angle, the camera included.
     """
     turn, room = about_z(angle), scene.room
     origin = turn @ np.array(room.origin)

@@ -115,7 +115,7 @@ class Lens:
         farther: Factor of distance and focal length: the same picture with less perspective.
         roll: Clockwise turn of the image, radians.
         scale: Factor of the focal length alone.
-        shift: By which the picture is moved to the right and down, in its sides.
+        shift: Shift of the picture to the right and down, in its sides.
     """
 
     farther: float = 1.0

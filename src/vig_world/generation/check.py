@@ -47,9 +47,9 @@ class Findings:
 
     Attributes:
         problems: One line each, in the order of the samples.
-        samples: How many were checked.
-        files: How many were checked.
-        rendered: How many were checked.
+        samples: Number of checked samples.
+        files: Number of checked files.
+        rendered: Number of samples rendered again.
     """
 
     split: str

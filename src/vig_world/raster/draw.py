@@ -23,7 +23,7 @@ SUN_SHARE = 0.2
 
 @dataclass(frozen=True)
 class SurfaceSamples:
-    """Where on the object's surface the N samples that show it lie.
+    """Places on the object's surface of the N samples that show it.
 
     Attributes:
         points: (3, N) float32, the world, metres.

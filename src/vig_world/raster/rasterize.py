@@ -35,7 +35,7 @@ def rasterize(
     """Rasterise one mesh on the CPU in float32.
 
     Args:
-        vertices: (V, 3) world, metres. Faces nearer than `NEAR` to the eye's plane are not drawn.
+        vertices: (V, 3) world, metres. Faces nearer than `NEAR` to the camera's plane are not drawn.
         faces: (F, 3) whole numbers.
         rotation: (3, 3) camera_from_world.
         translation: (3,) camera_from_world, metres.

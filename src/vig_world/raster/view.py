@@ -21,7 +21,7 @@ NEAR_SHARE, EYE_SHARE = 0.2, 0.5
 """Shares of the distance to the object, and of the camera's height, up to which things are clipped where
 that is less: for things of at most 7 cm, and cameras on the ground."""
 LOWEST = 1e-3
-"""Metres that an eye is over the ground, at least, where it counts."""
+"""Least height of the camera over the ground, metres, in `near`."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class View:
 
     @cached_property
     def near(self) -> float:
-        """Return the depth, metres, up to which things are clipped: less for an eye near the object or the
+        """Return the depth, metres, up to which things are clipped: less for a camera near the object or the
         ground.
         """
         height = max(float(self.eye[2]), LOWEST)

@@ -24,7 +24,7 @@ class Appearance:
     Attributes:
         on: (H, W) bool, the samples that show it.
         colour: (N, 3) linear RGB.
-        normal: (N, 3) unit, towards the eye.
+        normal: (N, 3) unit, towards the camera.
         albedo: (N, 3).
     """
 
@@ -62,7 +62,7 @@ def appearance_of(
 
     Args:
         coat: Its covering.
-        model: Whose vertices and parts these are.
+        model: Shape model of the vertices and parts.
         vertices: (V, 3) metres.
         faces: (F, 3), some of the model's.
         normals: (V, 3) unit.
@@ -97,17 +97,17 @@ def coloured(
 
     Args:
         coat: Its covering.
-        model: Whose parts these are.
+        model: Shape model of the parts.
         points: (3, N) metres, world.
         normals: (3, N), of any length.
         irradiance: (N,) over pi.
-        vertices: (N,), of the model, beside each point.
-        eye: (3,) metres.
+        vertices: (N,), the model's nearest to each point.
+        eye: Camera (3,), metres, world.
         mirrored: Radiance that glaze and metal reflect.
         reflectance: Reflectance of metal, times its colour.
 
     Returns:
-        Colour (N, 3) linear RGB, unit normal (N, 3) towards the eye, albedo (N, 3).
+        Colour (N, 3) linear RGB, unit normal (N, 3) towards the camera, albedo (N, 3).
     """
     normals = normals / (_length(normals) + 1e-9)
     albedo = albedo_of(coat, points.T, model.parts[vertices], float(model.mean[:, 2].max())).T

@@ -47,7 +47,7 @@ def measured(plan: Plan, support: Support) -> Support:
 
 
 def _under(bodies: list[Body], support: Support) -> float:
-    """Free height over a support under bodies that are all above it."""
+    """Return the free height over a support under bodies that are all above it."""
     own = replace(_rectangle(support), low=-np.inf, high=np.inf)
     lows = [b.low for b in bodies if own.meets(b)]
     return min(lows, default=float("inf")) - support.centre[2] - 0.005

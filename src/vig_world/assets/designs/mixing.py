@@ -81,7 +81,7 @@ def first_sound(
     """Return the first of the designs drawn that has no flaws.
 
     Raises:
-        RuntimeError: When so many in a row have some.
+        RuntimeError: When `tries` designs in a row have flaws.
     """
     for _ in range(tries):
         design = draw()

@@ -45,7 +45,7 @@ class ModelRow:
         licence: Under which it was published.
         catalogue: The file that it comes from.
         width, depth, height: Metres.
-        faces: How many triangles.
+        faces: Number of triangles.
     """
 
     role: str

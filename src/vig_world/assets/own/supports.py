@@ -33,7 +33,7 @@ class Area:
 
 @dataclass(frozen=True)
 class _Hits:
-    """Where vertical lines through the cells meet faces: cell row and column, height, whether it looks up."""
+    """Intersections of vertical lines through the cells with faces: cell row and column, height, whether it looks up."""
 
     row: np.ndarray
     column: np.ndarray

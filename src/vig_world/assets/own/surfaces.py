@@ -144,7 +144,7 @@ def _albedo(values: np.ndarray) -> np.ndarray:
 
 
 def _quantized(colours: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return of colours (F, 3), uint8, their numbers (F,) in a palette (n, 3) of fractions."""
+    """Return numbers (F,) of colours (F, 3), uint8, in a palette, and the palette (n, 3), in [0, 1]."""
     row = Image.fromarray(np.ascontiguousarray(colours[None], np.uint8))
     reduced = row.quantize(most, dither=Image.Dither.NONE)
     palette = np.asarray(reduced.getpalette(), np.float64).reshape(-1, 3) / 255

@@ -25,7 +25,7 @@ _ELSEWHERE = 1e-3
 
 @dataclass(frozen=True)
 class _Place:
-    """Where light starts: a point (3,), its intensity (3,) along `facing` (3,), or all round when None."""
+    """Source of light: a point (3,), its intensity (3,) along `facing` (3,), or all round when None."""
 
     point: Array
     facing: Array | None
@@ -147,7 +147,7 @@ def _through_glass(room: PanoramaRoom, points: Array, direction: Array) -> NDArr
 def _nooks(
     room: PanoramaRoom, points: Array, owner: NDArray[np.int_], side: NDArray[np.int_], casting: list
 ) -> Array:
-    """Share (N,) of the light from all the room that gets into its corners and round its furniture."""
+    """Return the share (N,) of the room's light that reaches its corners and the space round furniture."""
     shade = np.ones(len(points), np.float32)
     shell = owner < 0
     low, high = points + room.reach[1::2], room.reach[::2] - points

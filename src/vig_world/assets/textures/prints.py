@@ -56,7 +56,7 @@ def scenery(rng: np.random.Generator, size: int) -> Array:
 
 
 def _still_life(rng: np.random.Generator, size: int) -> Array:
-    """Round things on a table, or a flower, with light from a side."""
+    """Paint round things on a table, or a flower, with light from a side."""
     v, u = grid(size)
     ground = colour(rng)
     image = ground * (1.1 - 0.4 * v[..., None]) * np.ones((size, size, 1), np.float32)

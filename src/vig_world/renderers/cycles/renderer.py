@@ -41,8 +41,8 @@ class TracedPicture(Picture):
     `light` is grey, of the light that arrives at the object's place without the object, L00 = EXPOSURE_L00.
 
     Attributes:
-        linear: (H, W, 3) float32, what `image` encodes, not clipped.
-        gain: (3,), by which the panorama's radiance was multiplied in each channel to get there: exposure and
+        linear: (H, W, 3) float32, content of `image`, not clipped.
+        gain: (3,) factor of the panorama's radiance in each channel that leads there: exposure and
             white balance.
     """
 
