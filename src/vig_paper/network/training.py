@@ -132,7 +132,7 @@ def train_paper(
 
 
 def save_paper_weights(networks: PaperNetworks, path: Path) -> None:
-    """Write the networks with their settings: weights in half precision, what goes with them in single."""
+    """Write the networks with their settings: weights in half precision, buffers in single."""
     parameters = dict(networks.named_parameters())
     tensors = {
         f"network.{name}": (value.half() if name in parameters else value).contiguous()

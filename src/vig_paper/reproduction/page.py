@@ -44,7 +44,7 @@ Part = tuple[str, Any]
 
 
 def write_page(root: Path) -> Path:
-    """Write `index.html` of a run's folder from its contents; what does not exist yet is left out.
+    """Write `index.html` of a run's folder from its contents; missing contents are left out.
 
     Raises:
         UserError: The folder holds no run.

@@ -17,7 +17,7 @@ from vig_train.evaluation.presentation import TableBlock
 from vig_train.evaluation.table import METRICS
 
 RUNS = "three runs of this size, seeds 0 to 2, vig 0.3.0.dev0"
-"""File of the numbers."""
+"""Origin of the numbers."""
 REACHED: dict[str, dict[str, tuple[float, float]]] = json.loads(
     Path(__file__).with_name("reached.json").read_text()
 )["medians"]

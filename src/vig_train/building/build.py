@@ -37,7 +37,7 @@ def build_class(
     """Build a class pack from a folder of meshes or from furniture catalogues.
 
     Args:
-        meshes: A folder of them; what `mesh_folder` takes, such as `catalogue.sh3f:car`; or a single file,
+        meshes: A folder of them; any argument of `mesh_folder`, such as `catalogue.sh3f:car`; or a file,
             whose shape is exact.
         out: The pack's folder, made where it is missing.
         settings: The user's statements about the class.

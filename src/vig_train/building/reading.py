@@ -52,7 +52,7 @@ def read_scans(
     """Read every mesh below a folder, or of furniture catalogues, in the order of names; or a single file.
 
     Args:
-        meshes: A folder, a file, or what `mesh_folder` takes, such as `catalogue.sh3f:car`.
+        meshes: A folder, a file, or another argument of `mesh_folder`, such as `catalogue.sh3f:car`.
         materials: Whether their materials are kept.
         progress: Whether standard error shows how far it is.
 
@@ -99,7 +99,7 @@ def read_scans(
 
 
 def folder_of(meshes: str | Path) -> Path:
-    """Return the folder of the meshes that `read_scans` reads, and of what goes with them."""
+    """Return the folder of the meshes that `read_scans` reads, and of accompanying files."""
     path = mesh_folder(meshes)
     return path.parent if path.is_file() else path
 

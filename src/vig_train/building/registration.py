@@ -159,7 +159,7 @@ class _Correspondences:
     Attributes:
         normal: (V, 3) normal of the plane at the nearest point of the target.
         gap: (V, 3) from the vertex to that point.
-        weight: (V,) weight of the distance to the plane; times `TANGENTIAL_WEIGHT`, that of the distance to the point.
+        weight: (V,) weight of the plane's distance; times `TANGENTIAL_WEIGHT`, of the point's.
         pull: (V, 3) from the vertex to the mean of the target's points whose nearest vertex it is.
         strength: (V,) weight of the pull.
     """
@@ -212,7 +212,7 @@ def _solve(matrix: sp.spmatrix, right: np.ndarray) -> np.ndarray:
 
 
 class Registration:
-    """Registers a template to surfaces; what depends on the template alone is computed once.
+    """Registers a template to surfaces; values of the template alone are computed once.
 
     Args:
         vertices: (V, 3) of the template.

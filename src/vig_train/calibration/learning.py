@@ -259,8 +259,8 @@ def lowest_threshold(
 ) -> float:
     """Return the lowest threshold at which the precision less its standard error is at least `PRECISION`.
 
-    It is at least `LEAST_THRESHOLD`. The standard error is robust to what fits of one `model` (N,) have in
-    common (Liang and Zeger 1986): where all that is wrong is of a few meshes, other meshes may be like these.
+    It is at least `LEAST_THRESHOLD`. The standard error is robust to correlation among fits of one
+    `model` (N,) (Liang and Zeger 1986): where all errors come from a few meshes, others may be like them.
     By default each fit is by itself. Without the standard error, the threshold chosen on these fits would be
     too low for other photos.
     """
@@ -289,8 +289,8 @@ def deviation_scale_and_floor(
 ) -> tuple[float, float]:
     """Return scale and floor such that 90 % of errors lie within 1.645 sqrt((scale d)^2 + floor^2).
 
-    They hold so many more as the standard error of that share is, robust to what fits of one `model` (N,)
-    have in common: other photos show other meshes.
+    They hold more, by that share's standard error, robust to correlation among fits of one `model` (N,):
+    other photos show other meshes.
     """
     scale, floor = _narrowest(error, deviation, weight, COVERAGE)
     within = np.abs(error) <= WITHIN_90 * np.sqrt((scale * deviation) ** 2 + floor**2)

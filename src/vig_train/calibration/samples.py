@@ -44,7 +44,7 @@ AS_USERS_TAKE_THEM = StudioSettings(
     rolled=0.0,
     absent=0.25,
 )
-"""Photos of a studio to calibrate and to test on: nearer to what users have than those of the training, which
+"""Photos of a studio to calibrate and to test on: nearer to users' photos than those of the training, which
 are as wide as they can be. `absent` is the share that show something else."""
 MIN_ROLL_DEG = 20.0
 """Least roll, degrees, of a photo out of distribution."""

@@ -1,6 +1,6 @@
 """The steps of a training, each done once.
 
-PACK/training keeps what each step leaves, so that a run that was stopped goes on, and a longer one begins
+PACK/training keeps the results of each step, so that a run that was stopped goes on, and a longer one begins
 with the images of a shorter one.
 """
 
@@ -80,7 +80,7 @@ STEPS = {
     "calibration": "measuring on other images how far its answers can be trusted",
     "test": "measuring its errors on further images",
 }
-"""Names of the steps, and what each does."""
+"""Names of the steps, and their descriptions."""
 
 
 @dataclass(frozen=True)

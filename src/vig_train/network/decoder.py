@@ -14,9 +14,9 @@ from vig_train.network.layers import convolution
 
 
 class ContextDecoder(nn.Module):
-    """Maps a trunk's maps to features of each cell at half the image's size.
+    """Computes, from a trunk's maps, features of each cell at half the image's size.
 
-    A dense layer remembers from the coarsest map what such objects look like; self-attention over all of its
+    A dense layer remembers from the coarsest map the look of such objects; self-attention over all of its
     cells, then residual convolutions from coarse to fine.
     """
 
@@ -95,7 +95,7 @@ class _Residual(nn.Module):
 
 
 class ObjectMap(nn.Module):
-    """Maps two of the trunk's maps (B, C, h, w), joined, to `NUMBERS` of each cell (B, 5, h, w)."""
+    """Computes, from two of the trunk's maps (B, C, h, w), joined, `NUMBERS` of each cell (B, 5, h, w)."""
 
     def __init__(self, inputs: int, width: int):
         super().__init__()

@@ -231,7 +231,7 @@ class SampledChanges:
         advance: Callable[[int], None] = lambda count: None,
         keep: Keep = computed,
     ) -> "SampledChanges":
-        """Draw so many shapes; the same whatever of them `keep` has, on any number of threads."""
+        """Draw so many shapes; the same for any content of `keep` and any number of threads."""
         drawn = np.random.PCG64(np.random.SeedSequence([seed, shapes]))
         rng = np.random.Generator(drawn)
         coefficients = np.clip(rng.standard_normal((shapes, model.modes)), -SHAPE_LIMIT, SHAPE_LIMIT)

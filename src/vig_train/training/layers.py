@@ -1,4 +1,4 @@
-"""Parts of drawn pictures: layers, flat textures, light, what glossy things mirror, and the camera."""
+"""Parts of drawn pictures: layers, flat textures, light, mirrored surroundings, and the camera."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ class Environment:
         )
 
     def radiance_from(self, directions: np.ndarray, roughness: float) -> np.ndarray:
-        """Return radiance (N, 3) from unit directions (N, 3), blurred by the roughness of what mirrors it."""
+        """Return radiance (N, 3) from unit directions (N, 3), blurred by the roughness of the mirror."""
         up = np.clip(0.5 + directions[:, 2:] / (0.1 + 2 * roughness), 0, 1)
         total = self.ground + (self.sky - self.ground) * up
         for towards, sharpness, radiance in zip(self.directions, self.sharpness, self.radiance, strict=True):

@@ -1,7 +1,7 @@
 """Cut-outs pasted before the objects of a batch: every step of a training hides other parts by other things.
 
 Pasted objects make detectors and segmenters robust (Dwibedi et al. 2017; Ghiasi et al. 2021). The shares and
-sizes below were set by looking at the images that they give, not by what training with them reaches.
+sizes below were set by looking at the images that they give, not by results of training with them.
 """
 
 from __future__ import annotations

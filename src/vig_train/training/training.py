@@ -195,7 +195,7 @@ def train(
 
 @dataclass(frozen=True)
 class _TrainingState:
-    """A network in training, the average of its weights, and what changes it."""
+    """A network in training, the average of its weights, and its optimiser."""
 
     settings: TrainingSettings
     networks: dict[str, RecognitionNetwork]

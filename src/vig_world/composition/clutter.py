@@ -1,4 +1,4 @@
-"""Scatters props over the supports, near the object and in the background, hiding nothing of it."""
+"""Scatters props over the supports, near the object and in the background, without hiding it."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ class _Proposals:
         )
 
     def obstacle(self, stage: StagedRoom, number: int, others: list[int]) -> str:
-        """Place one of the props beside others, or return what obstructs it."""
+        """Place one of the props beside others, or return the kind of obstacle."""
         if self.touch[number, others].any():
             return "collision"
         turn = about_z(float(self.angles[number]))

@@ -1,4 +1,4 @@
-"""How things are photographed: with what surface, from what height, through what lens."""
+"""How things are photographed: their surface, the camera's height, its lens."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ LEAST_GAP = 0.25
 ROLL, ROLLED, MOST_ROLL = 0.05, 0.1, 0.5
 """Standard deviation of the roll, radians; the share of those rolled by any angle up to the last."""
 SCALE, SHIFT = 0.1, 0.04
-"""Standard deviations of the log size, and of the place, of what boxes frame."""
+"""Standard deviations of the log size, and of the place, of the content of boxes."""
 
 
 @dataclass(frozen=True)

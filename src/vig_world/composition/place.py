@@ -102,7 +102,7 @@ def find_place(
 
 
 def _hiding(stage_at: Callable[[float], StagedRoom], hidden: tuple[float, float]) -> tuple[StagedRoom, float]:
-    """Return a stage moved out, by 0 to 1, from under what hides more of the object than wanted; and by how
+    """Return a stage moved out, by 0 to 1, from under things that hide too much of the object; and by how
     much.
     """
     stage = stage_at(0.0)

@@ -63,7 +63,7 @@ def sample(
     until the hidden share of the object is within 0.015 of the target. In the world of photographs elevation,
     albedo, coat and lens are those of `photographs.draw_manner` instead, some objects stand on a seamless
     ground, and the rare one that no room hides as it should stands on such a ground, half as much hidden.
-    What has no place there either, as its camera finds no space, stands in an empty hall that has it.
+    One without a place there either, as its camera finds no space, stands in an empty hall.
 
     Args:
         library: Assets of the split.

@@ -1,4 +1,4 @@
-"""Videos of a turning object before a still camera, while what hides it passes from one side to the other."""
+"""Videos of a turning object before a still camera, while its occluders pass from one side to the other."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Turning:
     Attributes:
         scene: Half-way through the video.
         turn: Radians by which the object turns about its vertical axis, from the first frame to the last.
-        uneven: By what share its speed rises and falls about the mean, once in the video.
+        uneven: Share by which its speed rises and falls about the mean, once in the video.
         phase: Phase of that at the start, radians.
         way: (3,) metres by which its occluders move meanwhile.
     """

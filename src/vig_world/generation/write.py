@@ -178,7 +178,7 @@ def remove_split(out: str | Path, split: str) -> None:
 
 
 def _require(tier: str, ray: str | None) -> None:
-    """Raise UserError for what cannot run here, before anything is written."""
+    """Raise UserError for options that cannot run here, before anything is written."""
     if ray is not None:
         require_ray()
     elif tier == "cycles":

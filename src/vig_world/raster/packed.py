@@ -50,7 +50,7 @@ class PackedAsset:
 
 
 def pack(parts: Sequence[tuple[Mesh, Material]]) -> dict[str, np.ndarray]:
-    """Return the arrays of an asset: `slots`, and what `make_asset` of native code reads.
+    """Return the arrays of an asset: `slots`, and the input of native code's `make_asset`.
 
     Meshes are in a frame of their own, metres, and need texture coordinates, metres where there is a slot.
 

@@ -18,7 +18,7 @@ Box = tuple[float, float, float, float, float, float]
 
 TOUCH = 1e-4
 CROWN = 0.03
-"""Metres above a support that still belong to what carries it: rims, edges, a tap's foot."""
+"""Metres above a support that still belong to its carrier: rims, edges, a tap's foot."""
 THIN = 0.002
 """Metres by which a box above a support is wider than its contents, so that sheets have a side, too."""
 HEADROOM = 1.9
@@ -74,7 +74,7 @@ def extent(piece: Furniture) -> tuple[Array, Array]:
 
 
 def sideways(support: Support) -> Support:
-    """Return the same rectangle, reached from +x of its owner; what closed its back is beside it now."""
+    """Return the same rectangle, reached from +x of its owner; its closed back is now a side."""
     across, deep = support.half
     return replace(support, half=(deep, across), turn=support.turn + np.pi / 2, behind=float("inf"))
 

@@ -1,4 +1,4 @@
-"""Levels of detail and collision hulls, which repeat a shape, told by the names of files or of nodes."""
+"""Levels of detail and collision hulls, which repeat a shape, recognised by names of files or nodes."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def shape_copies(
 
 
 def _read_name(name: str, hull: re.Pattern[str]) -> tuple[tuple[str, ...], str]:
-    """Return the words of a name that stay the same from copy to copy, and what copy it says to be."""
+    """Return the words of a name that stay the same from copy to copy, and the copy that it names."""
     plain, levels = _LEVEL.subn(" ", name)
     key: list[str] = []
     kind = "level" if levels else ""

@@ -16,7 +16,7 @@ from vig_world.assets.own.surfaces import TooManyPixelsError, open_picture
 MOST_BYTES = 512 * 2**20
 """Bytes of a file that is read, at most."""
 _CODECS = ("gb18030", "shift_jis", "euc_kr", "cp1251", "cp1252", "cp437", "latin-1")
-"""Encodings of names that are not UTF-8; cp437 is what unpackers of zip files make of others."""
+"""Encodings of names that are not UTF-8; unpackers of zip files read others as cp437."""
 _GB2312 = re.compile(rb"([\x00-\x7f]|[\xa1-\xf7][\xa1-\xfe])*")
 
 

@@ -33,7 +33,7 @@ class Area:
 
 @dataclass(frozen=True)
 class _Hits:
-    """Intersections of vertical lines through the cells with faces: cell row and column, height, whether it looks up."""
+    """Hits of vertical lines through cells on faces: cell row and column, height, whether it looks up."""
 
     row: np.ndarray
     column: np.ndarray

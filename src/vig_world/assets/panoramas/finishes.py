@@ -83,8 +83,8 @@ def albedo_of(room: PanoramaRoom, points: Array, owner: Cells, side: Cells, size
 
 
 def _line(result: Array, where: Array, width: float, size: Array, factor: float) -> Array:
-    """Return the albedo (N, 3) darkened on a line of a width in metres, the less the more of a pixel (N,) is
-    no line.
+    """Return the albedo (N, 3) darkened on a line of a width in metres, in proportion to the line's share of
+    a pixel (N,).
     """
     return result * np.where(where, 1 - (1 - factor) * np.minimum(width / size, 1), 1)[:, None]
 

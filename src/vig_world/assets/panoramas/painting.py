@@ -173,7 +173,7 @@ def _nooks(
 def _show_sources(
     room: PanoramaRoom, image: Array, way: Array, distance: Array, solid_angle: Array, casting: list
 ) -> None:
-    """Paint what shines itself into the image (N, 3), each with the flux that it has, however small."""
+    """Paint light sources into the image (N, 3), each with the flux that it has, however small."""
     eye = np.zeros((1, 3), np.float32)
     for panel in room.panels:
         where, radiance = _panel(room, panel, way, distance)

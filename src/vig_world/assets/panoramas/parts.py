@@ -105,7 +105,7 @@ class PanoramaRoom:
     Attributes:
         reach: (6,) distance of the sides.
         sides: A finish for each.
-        sun: The direction to it (3,) and its irradiance / pi (3,) on what faces it, or None.
+        sun: The direction to it (3,) and its irradiance / pi (3,) on a surface that faces it, or None.
         ambient: Factor of the light from all the room.
         skyline: Seed of the outdoor view.
         shade: How dark the side away from the light lies, 0 to 1.

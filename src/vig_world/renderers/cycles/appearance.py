@@ -66,7 +66,7 @@ _KINDS: dict[str, _Look] = {
     **dict.fromkeys(("cloth", "weave"), _TEXTILE),
     **dict.fromkeys(("paper", "page", "print", "picture", "wallpaper", "floral", "stripes"), _PRINTED),
 }
-"""Looks by kind of material (`vig_world.assets.things.Material`) or of texture, for finishes; others are plain."""
+"""Looks by kind of material (`vig_world.assets.things.Material`) or, for finishes, of texture; else plain."""
 
 
 def appearance(

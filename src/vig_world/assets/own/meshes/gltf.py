@@ -39,7 +39,7 @@ HONOURED = {
     GLOSSINESS,
     WEBP,
 }
-"""Extensions that may be required: they are decoded, or say nothing of shape and colour that is dropped."""
+"""Extensions that may be required: they are decoded, or do not affect shape and colour."""
 REMEDIES = {
     "EXT_meshopt_compression": "decompress it, for example by gltf-transform copy or gltfpack without -c",
     "KHR_meshopt_compression": "decompress it, for example by gltf-transform copy or gltfpack without -c",

@@ -44,7 +44,7 @@ def main() -> None:
 
 
 def own_streams() -> tuple[io.FileIO, BinaryIO]:
-    """Return the pipes, moved to descriptors of their own; what else is printed goes to standard error."""
+    """Return the pipes, moved to descriptors of their own; other output goes to standard error."""
     requests, replies = io.FileIO(os.dup(0), "r"), os.fdopen(os.dup(1), "wb")
     nowhere = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nowhere, 0)
