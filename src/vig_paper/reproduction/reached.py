@@ -47,7 +47,7 @@ class ReachedMedian:
 
     @property
     def word(self) -> str:
-        """Return the cell's word on ours."""
+        """Return the verdict on our median."""
         return "ok" if self.passed else "worse"
 
 

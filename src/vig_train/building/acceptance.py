@@ -1,4 +1,4 @@
-"""Whether a registered mesh belongs to the class: judged by distances both ways and by folds."""
+"""Acceptance of registered meshes into the class: judged by distances both ways and by folds."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ is then far from all others."""
 
 @dataclass(frozen=True)
 class Quality:
-    """How well a template lies on a mesh, in sizes of the mesh.
+    """Fit of a template to a mesh, in sizes of the mesh.
 
     Attributes:
         mean: Mean distance, both ways.

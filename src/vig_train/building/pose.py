@@ -1,4 +1,4 @@
-"""How meshes stand: all brought into one pose, upright, with the front to +X."""
+"""Poses of meshes: all brought into one pose, upright, with the front to +X."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vig_world.rotations import about_z
 MAX_ANCHORS = 8
 """Meshes with which all are compared, at most, to choose the medoid, to which the others are turned."""
 NORMAL_WEIGHT = 0.3
-"""Distance, in root mean square radii, that two normals count as whose difference has length one."""
+"""Distance, in root mean square radii, for which a difference of normals of length one counts."""
 LIKELY_POSE_FACTOR = 0.92
 """Factor on the distance of a pose that is likely beforehand."""
 UP_FACTORS = np.array([1.0, 1.0, 0.5])
@@ -25,7 +25,7 @@ UP_FACTORS = np.array([1.0, 1.0, 0.5])
 SYMMETRY_TOLERANCE = 0.022
 """Root mean square radii; a shape that a turn changes by less in the mean has that turn as its symmetry."""
 DETAIL_SHARE, DETAIL_TOLERANCE = 0.02, 0.22
-"""But not where so large a share of its surface, a spout or a handle, comes to lie farther off than this."""
+"""Exception: where the share of the surface, a spout or a handle, moves by more than the tolerance."""
 
 
 @dataclass(frozen=True)

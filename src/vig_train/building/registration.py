@@ -55,7 +55,7 @@ STAGES = (
 TANGENTIAL_WEIGHT = 0.03
 """s, the weight of distances along the surface over that of distances to it."""
 NORMAL_WEIGHT = 0.05
-"""Sizes of the object that a difference of normals of length one counts as in the nearest-point search."""
+"""Sizes of the object for which a difference of normals of length one counts in nearest-point search."""
 SPATIAL_NEIGHBOURS = 4
 """Vertices near in space to which a vertex is joined, so that parts that only touch move together."""
 

@@ -189,7 +189,7 @@ def register(
     say: Callable[[str], None],
     progress: bool = False,
 ) -> RegisteredMeshes:
-    """Return carry the template onto each used mesh, and judge which meshes belong to a class of this
+    """Carry the template onto each used mesh, and judge which meshes belong to a class of this
     symmetry.
     """
     vertices = np.zeros((len(meshes), *template.vertices.shape))

@@ -37,7 +37,7 @@ class SurfaceSample:
 
     @property
     def size(self) -> float:
-        """Return longest side of the bounding box."""
+        """Return the longest side of the bounding box."""
         return float(np.ptp(self.points, axis=0).max())
 
     def features(self, weight: float) -> np.ndarray:
@@ -100,7 +100,7 @@ def draw_alone(
 
 
 def sphere_of(vertices: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return middle (3,) and radius of a sphere round vertices (V, 3)."""
+    """Return the middle (3,) and radius of a sphere round vertices (V, 3)."""
     middle = (vertices.min(0) + vertices.max(0)) / 2
     return middle, float(np.linalg.norm(vertices - middle, axis=1).max())
 

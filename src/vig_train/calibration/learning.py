@@ -98,7 +98,7 @@ class CalibrationSamples:
     out_of_distribution_fold: np.ndarray
 
     def without(self, fold: int) -> CalibrationSamples:
-        """Return the same less a fold."""
+        """Return the samples without a fold."""
         kept_in, kept_out = self.fold != fold, self.out_of_distribution_fold != fold
         return CalibrationSamples(
             **{n: a[kept_out if n.startswith("out") else kept_in] for n, a in vars(self).items()}

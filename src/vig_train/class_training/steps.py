@@ -85,7 +85,7 @@ STEPS = {
 
 @dataclass(frozen=True)
 class _RunSettings:
-    """Settings that must be the same when a training goes on; of shapes, meshes, trunk and props a hash."""
+    """Settings that must be equal when a training is resumed; hashes of shapes, meshes, trunk and props."""
 
     minutes: float
     seed: int

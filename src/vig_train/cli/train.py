@@ -28,7 +28,7 @@ from vig_world.dataset import Dataset, read_dataset
 
 TRUNK_STAGES = len(NetworkSettings().blocks)
 MAP_PICTURES = 8000
-"""That are put together for the map of objects."""
+"""Number of pictures put together for the map of objects."""
 WITHOUT_MAP = ("epochs", "rate", "batch", "frozen")
 """Options that the training of a map alone does not take."""
 CONTEXT = (192, 128, 96, 64)

@@ -66,7 +66,7 @@ def build_table(
     resamples: int = 1000,
     min_occlusion: float = 0.0,
 ) -> dict[str, Any]:
-    """Return summarise errors over all images whose occlusion is within limits; see
+    """Summarise errors over all images whose occlusion is within limits; see
     `statistics.within_occlusion`.
 
     Args:

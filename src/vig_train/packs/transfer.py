@@ -50,7 +50,7 @@ _CHUNK = 1024
 
 Compute = Callable[[], Mapping[str, np.ndarray]]
 Keep = Callable[[str, list[str], Compute], Mapping[str, np.ndarray]]
-"""Gives the result of a stage for its inputs, computed where it is not kept, as `StageCache.result` does."""
+"""Returns the result of a stage for its inputs, computed if not kept, as `StageCache.result` does."""
 
 
 def computed(stage: str, inputs: list[str], compute: Compute) -> Mapping[str, np.ndarray]:
@@ -104,7 +104,7 @@ def unoccluded(normals: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Occlusion:
-    """The shape itself, as seen from its vertices.
+    """Self-occlusion of a shape at its vertices.
 
     Attributes:
         normals: (V, 3).

@@ -87,7 +87,7 @@ class Augmentation:
     def __call__(
         self, examples: Examples, rng: np.random.Generator, library: CutoutLibrary | None = None
     ) -> Batch:
-        """Return change examples at random, on their device, which is the library's, too."""
+        """Return randomly changed examples, on their device, which is the library's, too."""
         images = examples.images.permute(0, 3, 1, 2).float().div(255)
         masks = torch.stack([examples.visible, examples.hidden], 1).float().div(255)
         present = examples.present()

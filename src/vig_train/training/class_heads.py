@@ -91,7 +91,7 @@ class HeadsTraining:
 
     @property
     def steps(self) -> int:
-        """Return that a member takes, about."""
+        """Return the approximate number of steps of a member."""
         rows = PASSES * CHUNK * self.chunks
         return self.epochs * (rows // min(256, rows))
 
@@ -198,7 +198,7 @@ def _join(network: RecognitionNetwork, members: Sequence[_Member]) -> None:
 
 
 def keep_member(recognizer: Recognizer, number: int) -> Recognizer:
-    """Return the same, but that the dense heads hear one of several members alone; the decoder hears all.
+    """Return a recognizer whose dense heads use one of several members alone; the decoder uses all.
 
     Their biases stay the mean of all members'.
     """

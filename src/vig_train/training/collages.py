@@ -46,7 +46,7 @@ class Tile:
     box: Box | None
 
     def placed(self, left: float, top: float, side: float) -> list[Box]:
-        """Return its box in a picture at whose place it is put; none where it has no object."""
+        """Return its box in a picture into which it is put; none where it has no object."""
         if self.box is None:
             return []
         x0, y0, x1, y1, seen = self.box

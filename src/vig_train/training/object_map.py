@@ -151,8 +151,8 @@ def add_object_map(start: Path, path: Path, training: MapTraining) -> None:
 
 
 def map_loss(numbers: torch.Tensor, targets: MapTargets) -> torch.Tensor:
-    """Return focal loss of centres (Law and Deng 2018), for each of them, and the mean error of boxes near
-    them.
+    """Return the focal loss of centres (Law and Deng 2018), for each of them, and the mean error of boxes
+    near them.
 
     numbers: (N, 5, h, w), see `ObjectMap`.
     """

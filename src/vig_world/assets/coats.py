@@ -102,8 +102,8 @@ def albedo_of(coat: Coat, points: np.ndarray, part: np.ndarray, height: float) -
 
 
 def mean_albedo(coat: Coat, vertices: np.ndarray, model: ShapeModel) -> np.ndarray:
-    """Return the mean albedo (3,) over the surface of an object (V, 3), metres: of its vertices,
-    weighted by their shares of it.
+    """Return the mean albedo (3,) over the surface of an object (V, 3), metres, each vertex
+    weighted by its share.
     """
     height = float(model.mean[:, 2].max())
     area = np.linalg.norm(face_normals(vertices, model.faces), axis=1)

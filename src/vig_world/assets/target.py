@@ -38,7 +38,7 @@ def target_vertices(spec: SceneSpec, object_class: ObjectClass) -> np.ndarray:
 
 
 def standing_vertices(coefficients: np.ndarray, design: int, object_class: ObjectClass) -> np.ndarray:
-    """Return those of `shape_vertices`, raised or lowered so that the lowest is at z = 0."""
+    """Return the vertices of `shape_vertices`, raised or lowered so that the lowest is at z = 0."""
     vertices = shape_vertices(coefficients, design, object_class)
     lowest = vertices[:, 2].min()
     return vertices if lowest == 0 else vertices - np.array([0, 0, lowest], np.float32)

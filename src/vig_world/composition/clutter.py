@@ -51,7 +51,7 @@ def scatter(stage: StagedRoom, rng: np.random.Generator, rejected: Counter[str])
 
 
 def visible_ground(stage: StagedRoom) -> tuple[float, float]:
-    """Return nearest and farthest ground in the frame, metres ahead of the object's axis.
+    """Return the nearest and farthest ground in the frame, metres ahead of the object's axis.
 
     At most 1.3, or so much more as the object is larger than teapots.
     """
@@ -78,7 +78,7 @@ def _in_background(stage: StagedRoom, rng: np.random.Generator) -> list[Support]
 
 
 def draw_props(stage: StagedRoom, rng: np.random.Generator, zones: list[str]) -> list[tuple[str, int]]:
-    """Return family and number of a random prop for each of several zones, which belongs there."""
+    """Return family and number of a random prop for each of several zones, each of which belongs there."""
     names = []
     for zone, (family_at, member_at) in zip(zones, rng.random((len(zones), 2)).tolist(), strict=True):
         families = stage.families(zone)

@@ -105,7 +105,7 @@ def draw_large(
 
 
 def area_to_hide(stage: StagedRoom, level: float, nearness: float) -> float:
-    """Return the square metres of a silhouette, `nearness` of the object's distance away, that can hide
+    """Return the area, m^2, of a silhouette, `nearness` of the object's distance away, that can hide
     `level`.
     """
     view = stage.actor.view

@@ -34,7 +34,7 @@ SCALE, SHIFT = 0.1, 0.04
 
 @dataclass(frozen=True)
 class Manner:
-    """How one object is photographed; albedo (3,) is the coat's mean."""
+    """Manner in which one object is photographed; albedo (3,) is the coat's mean."""
 
     elevation: float
     coat: Coat

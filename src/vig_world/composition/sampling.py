@@ -33,12 +33,12 @@ ATTEMPTS, HALL_ATTEMPTS, SIZE_ATTEMPTS = 300, 72, 12
 """Rooms, and as many seamless grounds, that are tried; empty halls after these; how many with props of a
 size."""
 TARGET_STREAM, MANNER_STREAM = 2**20 + 1, 2**20 + 4
-"""Numbers of the random streams of a seed's first target, and of how a photograph is taken."""
+"""Numbers of the random streams of a seed's first target, and of the manner of a photograph."""
 BOARDS_FROM = 8
-"""From this attempt on, shelf boards may reach into the picture."""
+"""First attempt from which shelf boards may reach into the picture."""
 SUPPORT_SHARE, SUPPORT_BELOW, SUPPORT_ATTEMPTS = 0.4, 1.1, 4
-"""In this share of scenes seen from below an elevation (radians), room and furniture are to hide most of the
-hidden part, if one of four rooms allows it."""
+"""Share of scenes seen from below an elevation (radians) in which room and furniture hide most of the
+hidden part, if one of so many rooms allows it."""
 
 
 class CompositionError(SampleError):

@@ -1,4 +1,4 @@
-"""Which views no seamless ground has space for, so that none need be tried."""
+"""Views that no seamless ground has space for, so that none need be tried."""
 
 from __future__ import annotations
 

@@ -94,12 +94,12 @@ class Actor:
 
     @cached_property
     def front(self) -> float:
-        """Return metres from its axis towards the camera that it reaches."""
+        """Return its reach from its axis towards the camera, metres."""
         return float((self.body.outline @ -self.ahead[:2]).max())
 
     @cached_property
     def scale(self) -> float:
-        """Return over a teapot; see `ObjectClass.scale`."""
+        """Return its size over a teapot's; see `ObjectClass.scale`."""
         return self.object_class.scale
 
     @property
@@ -165,7 +165,7 @@ class StagedRoom:
 
     @property
     def margin(self) -> float:
-        """Return metres between any two things."""
+        """Return the least gap between any two things, metres."""
         return MARGIN * 0.5**self.halvings
 
     @property

@@ -26,7 +26,7 @@ TURNING_STREAM = 2**20 + 5
 TURNS, UNEVEN = (0.5, 1.0), 0.5
 """Turns of the object in a video, in either sense; how much its speed may vary."""
 WAY = 1.2
-"""By how much the props move to either side, of the object's greatest distance from its axis."""
+"""Distance that the props move to either side, over the object's greatest distance from its axis."""
 
 
 @dataclass(frozen=True)

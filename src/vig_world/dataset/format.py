@@ -1,4 +1,4 @@
-"""Where things lie in a dataset folder, in the BOP layout, and how its files are described.
+"""Layout of a dataset folder, that of BOP, and the descriptions of its files.
 
 A dataset is `D/info.json`, `D/camera.json`, `D/models/` and, for each split, `D/<split>/` with
 `latents.parquet`, `specs.jsonl` (one SceneSpec a line), `files.sha256` and the BOP scene `000000/`: `rgb/`,

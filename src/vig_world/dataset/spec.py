@@ -109,7 +109,7 @@ class Coat:
 
 @dataclass(frozen=True)
 class Lens:
-    """How a photo's camera differs from the standard one of the object's class.
+    """Difference of a photo's camera from the standard one of the object's class.
 
     Attributes:
         farther: Factor of distance and focal length: the same picture with less perspective.

@@ -64,7 +64,7 @@ class Findings:
         return not self.problems
 
     def summary(self) -> str:
-        """Return one sentence."""
+        """Return the findings in one sentence."""
         state = "clean" if self.clean else f"{len(self.problems)} problems"
         again = f", {self.rendered} rendered again" if self.rendered else ""
         return f"{self.split}: {self.samples} samples, {self.files} files{again}: {state}"

@@ -16,7 +16,7 @@ MOST_LABELS = 4096
 
 
 def sidecar_path(folder: Path, index: int) -> Path:
-    """Return the file that says that sample `index` of a split that is being made is whole."""
+    """Return the file that marks sample `index` of an unfinished split as complete."""
     return folder / PARTIAL / f"{index:06d}.json"
 
 

@@ -175,7 +175,7 @@ class Maker:
 
 
 def photographed(picture: Picture, spec: SceneSpec) -> tuple[Picture, PhotoSettings]:
-    """Return pass a picture through the camera model; labels stay. Also returns the camera's settings."""
+    """Return a picture passed through the camera model, its labels kept, and the camera's settings."""
     linear = getattr(picture, "linear", None)
     if linear is None:
         linear = linear_from_srgb(picture.image.astype("float32") / 255)

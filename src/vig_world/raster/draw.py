@@ -16,7 +16,7 @@ from vig_world.raster.shadows import sky_weights, slopes
 from vig_world.raster.view import View
 
 SAMPLES: int = engine.SAMPLES
-"""Along a pixel's side, of a picture."""
+"""Samples of a picture along a pixel's side."""
 SUN_SHARE = 0.2
 """Share of the light's first degree that shows in highlights."""
 

@@ -111,7 +111,7 @@ class View:
 
     @property
     def forward(self) -> np.ndarray:
-        """Return unit vector (3,) in the world along which depth is counted."""
+        """Return the unit vector (3,) in the world along which depth is counted."""
         return self.rotation[2]
 
     def depth(self, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

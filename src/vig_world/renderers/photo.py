@@ -67,7 +67,7 @@ class PhotoSettings:
 def photograph(
     linear: np.ndarray, rng: np.random.Generator, settings: PhotoSettings | None = None
 ) -> tuple[np.ndarray, PhotoSettings]:
-    """Return pass a picture through lens, sensor, white balance, sRGB and JPEG, in this order.
+    """Pass a picture through lens, sensor, white balance, sRGB and JPEG, in this order.
 
     Args:
         linear: (H, W, 3) linear light, 0 or more, 1 the white of a right exposure; brighter things are

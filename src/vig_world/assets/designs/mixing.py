@@ -13,7 +13,7 @@ Design = TypeVar("Design")
 
 @dataclass(frozen=True)
 class Mixing:
-    """How the parameters of a kind of designs are mixed.
+    """Rules by which the parameters of a kind of designs are mixed.
 
     Attributes:
         groups: Beginnings of the names of parameters that are mixed together, a tuple for each part.
@@ -64,7 +64,7 @@ class Mixing:
         return {key: value / float(d[of[key]]) if key in of else value for key, value in d.items()}
 
     def absolute(self, relative: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the parameters of ratios; `relative` undone."""
+        """Return the parameters from ratios, the inverse of `relative`."""
         d = dict(relative)
         for unit, keys in self.units:
             for key in keys:

@@ -22,7 +22,7 @@ RINGS = 26
 _ANGLE = 2.0 * np.pi * np.arange(AROUND) / AROUND
 _FINE = np.linspace(0.0, 1.0, 400)
 _ENDS, _BENDS = 0.3, 0.45
-"""How far rings gather at the ends and where the line bends, against evenly."""
+"""Degrees to which rings gather at the ends and where the line bends; 0: evenly."""
 _BLEND = 0.2
 """Share of the line over which sections turn from the wall's slope, and follow its roundness."""
 

@@ -61,7 +61,7 @@ class Loaded:
 
 
 def has_one_colour(pieces: Sequence[MeshPiece]) -> bool:
-    """Return whether a mesh has no more than one colour, as of a format without any."""
+    """Return whether a mesh has no more than one colour, as in formats without any."""
     return len(pieces) == 1 and pieces[0].texture.size == 3
 
 

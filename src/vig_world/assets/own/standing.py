@@ -1,4 +1,4 @@
-"""From a file's axes and units to Z up and metres, standing on z = 0 and centred."""
+"""Conversion from a file's axes and units to Z up and metres, standing on z = 0 and centred."""
 
 from __future__ import annotations
 

@@ -80,12 +80,12 @@ class Panel:
 
     @cached_property
     def normal(self) -> Array:
-        """Return unit vector (3,) in which it shines."""
+        """Return the unit vector (3,) in which it shines."""
         return np.cross(self.across, self.over)
 
     @property
     def area(self) -> float:
-        """Return the square metres."""
+        """Return the area, square metres."""
         return float(4 * self.half[0] * self.half[1])
 
 

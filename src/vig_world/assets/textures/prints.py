@@ -20,7 +20,7 @@ def _ink(rng: np.random.Generator, paper: Array) -> Array:
 
 
 def _lay(image: Array, mask: Array, top: int, left: int, fill: Array) -> None:
-    """Paint `fill` where the mask (h, w) covers, from row `top` and column `left`, cut at the image's edges."""
+    """Paint `fill` through the mask (h, w) from row `top` and column `left`, cut at the image's edges."""
     window = image[max(top, 0) : top + mask.shape[0], max(left, 0) : left + mask.shape[1]]
     mask = mask[max(-top, 0) :, max(-left, 0) :][: window.shape[0], : window.shape[1]]
     window += (fill - window) * mask[..., None]

@@ -1,4 +1,4 @@
-"""How materials look to the path tracer: by kind and roughness, and the object's finishes."""
+"""Appearance of materials in the path tracer: by kind and roughness, and the object's finishes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ TEXELS_FINE, FINE_FROM = 30, 2 * IMAGE_SIZE
 
 @dataclass(frozen=True)
 class _Look:
-    """How things of one kind look besides their texture and roughness.
+    """Look of things of one kind, besides their texture and roughness.
 
     specular: reflectance from the front as Blender counts it, 0.5 being 4 %. polish: share of them that
     have a clear coat (varnish, glaze, wax), of a roughness drawn from `gloss`. relief: metres by which light

@@ -103,7 +103,7 @@ class CyclesRenderer:
         """Seconds of the last scene as the worker saw it: `build_s`, `image_s`, `probe_s`, `cpu_s`."""
 
     def render(self, spec: SceneSpec) -> TracedPicture:
-        """Return the path trace a scene; the same spec gives the same bytes, whatever was rendered before.
+        """Path trace a scene; the same spec gives the same bytes, whatever was rendered before.
 
         Raises:
             SampleError: When Blender failed to answer twice, or no light reaches the object.

@@ -1,4 +1,4 @@
-"""Where the meshes of a folder come from, `sources.json`: names, authors and licences, to be passed on."""
+"""Origins of a folder's meshes, `sources.json`: names, authors and licences, to be passed on."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the things of a catalogue belong in the generator's rooms, by their names, tags and categories."""
+"""Zones of the generator's rooms for a catalogue's things, by their names, tags and categories."""
 
 from __future__ import annotations
 

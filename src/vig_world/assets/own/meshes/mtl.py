@@ -19,7 +19,7 @@ _OPTIONS = {
     b"-s": 3, b"-o": 3, b"-t": 3, b"-mm": 2, b"-blendu": 1, b"-blendv": 1, b"-cc": 1, b"-clamp": 1, b"-bm": 1,
     b"-boost": 1, b"-texres": 1, b"-imfchan": 1, b"-type": 1,
 }  # fmt: skip
-"""How many values follow each option before a picture's name, at most."""
+"""Most values that follow each option before a picture's name."""
 _CUT_OUT = 0.05
 """Opacity below which a texel of map_d is a hole, not glass."""
 

@@ -19,7 +19,7 @@ SUN_MAP = 512
 
 
 def version() -> str:
-    """Return blender's version."""
+    """Return Blender's version."""
     return bpy.app.version_string
 
 
@@ -148,7 +148,7 @@ def add(
 
 
 def pinhole(scene: bpy.types.Scene, about: dict[str, Any], turn: np.ndarray) -> bpy.types.Object:
-    """Return an OpenCV camera (`camera_from_world`); Blender's looks along -Z with Y up."""
+    """Return Blender's camera for an OpenCV one (`camera_from_world`); it looks along -Z with Y up."""
     width, height, focal = about["width"], about["height"], about["focal"]
     scene.render.resolution_x, scene.render.resolution_y = width, height
     data = bpy.data.cameras.new("camera")
