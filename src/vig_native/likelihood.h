@@ -34,7 +34,7 @@ template <class R> struct Workspace {
     std::vector<int32_t> seen_vertices, edges;         // vertices in use; occlusion edges; in their order
     std::vector<R> arms;                               // (., 4) cotangents on the places of a ring
     std::vector<R> on_corner, on_normal, on_world;     // (V, 4) by point; by normal in the camera's frame; by world place
-    std::vector<int32_t> row_pixels, row_vertices;     // that the normal matrix has rows of; corners of their faces
+    std::vector<int32_t> row_pixels, row_vertices;     // pixels with rows in the normal matrix; corners of their faces
     std::vector<int32_t> crossed;                      // (., 2) ends of the edge of each crossing
     std::vector<R> motions;                            // (., 4, 4) first end on the screen and its root motion; second end
     std::vector<R> rows;                               // rows of the normal matrix, (., W + REST)

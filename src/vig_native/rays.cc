@@ -189,7 +189,7 @@ void cast_hemisphere_rays(const RayMesh& mesh, const HemisphereRays& from, doubl
     const double pi = std::acos(-1.0);
     const double y0 = 0.5 / std::sqrt(pi), y1 = std::sqrt(0.75 / pi), y2 = 0.5 * std::sqrt(15 / pi),
                  y20 = 0.25 * std::sqrt(5 / pi);
-    std::vector<Vec3<double>> local(from.rays);  // of the chunk, before a point turns them
+    std::vector<Vec3<double>> local(from.rays);  // the chunk's, before a point turns them
     for (int point = 0; point < from.points; ++point) {
         const double* const cells = from.patterns + 2 * (size_t)from.rays * (point / from.chunk);
         for (int ray = 0; point % from.chunk == 0 && ray < from.rays; ++ray) {

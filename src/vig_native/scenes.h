@@ -35,7 +35,7 @@ enum ObjectInput {
 template <class R> struct Object {
     std::shared_ptr<const Mesh> mesh;
     int place;                      // in its scene's list
-    int first_vertex, first_face;   // where its own begin, of all objects' numbered through
+    int first_vertex, first_face;   // where its own begin in the numbering of all objects
     std::array<const R*, INPUTS> in = {};
     std::array<int64_t, INPUTS> count = {};  // numbers of each input
     std::vector<int32_t> levels = {};  // (L, 3) first texel, height and width of each level of its texture
@@ -90,7 +90,7 @@ template <class R> class Scenes {
     int height, width, samples;   // samples x samples points a pixel
     int masks;                    // in each layer: one for each object, or one for all where nothing else is drawn
     bool is_mask = false;         // draw coverage alone
-    int columns = 0;              // of attributes: unit normal, albedo and, of 9, the light that is reflected at the vertex
+    int columns = 0;              // attributes: unit normal, albedo and, if 9, the light that is reflected at the vertex
     R near;                       // metres; nothing nearer is drawn
     const R *points = nullptr, *attributes = nullptr;  // (V, 3) homogeneous: x z, y z, z; (V, columns)
     const R* background = nullptr;  // (L, 3), or (L, H, W, 3)

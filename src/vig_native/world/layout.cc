@@ -104,7 +104,7 @@ Place PlaceSearch::propose(const Support& support, const double* u) const {
             high[axis] = std::max(high[axis], own[axis]);
         }
     }
-    double least[2], reach[2];  // of the object's origin
+    double least[2], reach[2];  // least value and range of the object's origin
     for (int axis = 0; axis < 2; ++axis) {
         least[axis] = edge - support.half[axis] - low[axis];
         reach[axis] = support.half[axis] - edge - high[axis] - least[axis];

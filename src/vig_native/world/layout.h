@@ -34,7 +34,7 @@ enum PlaceState { PLACE_GOOD, PLACE_TOO_SMALL, PLACE_EYE, PLACE_OPEN };  // no r
 
 struct Place {
     double turn;  // radians, layout to world
-    double spot[3], slide[3];  // of the object in the layout; from there to the support's edge on the side of the people
+    double spot[3], slide[3];  // object's place in the layout; from there to the support's edge on the side of the people
     PlaceState state;
 };
 

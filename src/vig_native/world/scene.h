@@ -7,8 +7,8 @@
 
 namespace vig::world {
 
-constexpr int MOST_LEVELS = 10;  // of a texture pyramid: up to 512 texels a side
-constexpr int ATTRIBUTES = 5;    // of a vertex: normal and texture coordinates; of the object see `lit_asset`
+constexpr int MOST_LEVELS = 10;  // levels of a texture pyramid: up to 512 texels a side
+constexpr int ATTRIBUTES = 5;    // a vertex's: normal and texture coordinates; for the object see `lit_asset`
 
 struct Sphere {
     Vec3<float> centre;
@@ -20,7 +20,7 @@ struct Texture {
     const uint32_t* texels = nullptr;
     int log_width = 0, log_height = 0;
     float repeats = 1;                  // per unit of texture coordinates
-    std::shared_ptr<const void> owner;  // of the texels
+    std::shared_ptr<const void> owner;  // owner of the texels
 };
 
 // Some of a part's faces, one after the other, and the vertices that they have: drawn where their sphere is in the frame.

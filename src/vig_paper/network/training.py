@@ -85,7 +85,7 @@ def train_paper(
     the held-out images, which also chose the best epoch.
 
     Args:
-        dataset: To learn from.
+        dataset: Training data.
         out: Folder of the weights, the checkpoint, and log.csv with the losses of every epoch.
         settings: Settings of the training.
         say: Called with a line after each epoch.

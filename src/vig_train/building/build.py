@@ -42,7 +42,7 @@ def build_class(
         out: The pack's folder, made where it is missing.
         settings: The user's statements about the class.
         say: Called with a line for each step.
-        progress: Whether standard error shows how far a step is.
+        progress: Whether to report progress on standard error.
         command: Command that an error about an unfinished pack advises; by default the shortest for these.
         whole: Whether the pack is whole when this ends; else it is when it gets its recognizer.
 

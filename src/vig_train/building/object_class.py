@@ -106,8 +106,8 @@ def object_class_of(
 ) -> ObjectClass:
     """Return the class of these shapes.
 
-    dark: Which vertices (V,) are of its dark part, and their relative reflectance; see `dark_part`.
-    progress: Whether standard error shows how far it is.
+    dark: Vertices (V,) bool of its dark part, and their relative reflectance; see `dark_part`.
+    progress: Whether to report progress on standard error.
     """
     model = _shape_model(shapes, dark)
     mean, covariance = packaged_light_prior()

@@ -121,7 +121,7 @@ def align_clouds(
 ) -> tuple[int, list[np.ndarray], np.ndarray]:
     """Turn all clouds to their medoid, the one that is most like the others.
 
-    advance: Is called with the number of steps that were done.
+    advance: Called with the number of completed steps.
 
     Returns:
         The medoid's number, rotations (3, 3) of each cloud to it, and the mean distances (N,) that remain.

@@ -54,7 +54,7 @@ def read_scans(
     Args:
         meshes: A folder, a file, or another argument of `mesh_folder`, such as `catalogue.sh3f:car`.
         materials: Whether their materials are kept.
-        progress: Whether standard error shows how far it is.
+        progress: Whether to report progress on standard error.
 
     Returns:
         The meshes, and why each other file was left out, by name.

@@ -24,7 +24,7 @@ class BuildResult:
         object_class: The class, as saved.
         length: Longest side of its mean shape, metres, as stated or assumed.
         scans: All meshes that could be read.
-        unreadable: Why other files were left out, by name.
+        unreadable: Reasons why other files were left out, by name.
         upright: Rotations of the meshes to the class's frame.
         medoid: Index of the mesh that the template was made from.
         qualities: Fit quality of each mesh that was not dropped, by its index.

@@ -166,7 +166,7 @@ class RegisteredMeshes:
         meshes: (N,) all of them.
         template: Template of the class.
         vertices: (N, V, 3) in the class's frame; zeros for dropped meshes.
-        qualities: How well the template lies on each mesh that was not dropped, by the mesh's index.
+        qualities: Fit of the template to each mesh that was not dropped, by the mesh's index.
     """
 
     meshes: list[StandingMesh]

@@ -68,7 +68,7 @@ def upright_poses(
         settings: The user's statements on axes, symmetry and turns.
         cache: Cache of the rotations into a common pose.
         say: Called with a line for each step.
-        progress: Whether standard error shows how far they are.
+        progress: Whether to report progress on standard error.
 
     Raises:
         UserError: The front that the user states is not level.

@@ -42,7 +42,7 @@ def calibrate_positions(
         object_class: Class that they show.
         recognizer: Its network, calibrated.
         count: Most photos of each dataset.
-        advance: Is called with 1 for each photo.
+        advance: Called with 1 for each photo.
     """
     photographs = [
         dataset for dataset in datasets if isinstance(dataset, Dataset) and dataset.world == "photo"

@@ -194,7 +194,7 @@ def transfer_model(
     At coefficients c it is table[0] + sum_k c_k table[k + 1], by least squares over shapes drawn N(0, 1)
     within their limits. Add it to A_l Y_lm(n) of the shape's own normals.
 
-    keep: Keeps the shapes that are done, so that a run that was stopped goes on.
+    keep: Keeps finished shapes, so that an interrupted run resumes.
     """
     # The one shape of a rigid class is computed four times: rays are drawn at random.
     shapes = min(shapes, 4) if model.rigid else shapes
@@ -263,7 +263,7 @@ class SampledChanges:
 def relative_error(table: np.ndarray, model: ShapeModel, shapes: int = 12, seed: int = 1) -> float:
     """Return the root mean square error of the table's changes over theirs, on shapes of its own.
 
-    Of vertices that lie outside other parts.
+    Only vertices outside other parts count.
     """
     samples = SampledChanges.draw(model, shapes, RAY_GRID, seed)
     predicted = np.tensordot(np.column_stack([np.ones(shapes), samples.coefficients]), table, axes=1)
@@ -276,8 +276,8 @@ def write_transfer(
 ) -> np.ndarray:
     """Compute a class's table and write it, in half precision, into a class pack's folder; returns it.
 
-    class.json then records it, so that its absence is noticed. progress: whether standard error
-    shows how far it is. keep: see `transfer_model`.
+    class.json then records it, so that its absence is noticed. progress: whether to report
+    progress on standard error. keep: see `transfer_model`.
     """
     table = transfer_model(object_class.at_unit_scale.shape_model, progress=progress, keep=keep)
     write_arrays(folder / TRANSFER_FILE, {"transfer": table.astype(np.float16)})

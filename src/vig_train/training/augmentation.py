@@ -63,7 +63,7 @@ class Augmentation:
         balance: Standard deviation of log white balance.
         grey: Share of images without colour.
         blur: Share of batches that are blurred.
-        most_blur: By up to how many pixels.
+        most_blur: Largest blur, pixels.
         noise: Largest standard deviation of noise, sRGB.
     """
 

@@ -45,7 +45,7 @@ def save_weights(
         scale: Scale of its targets.
         path: Path of the file.
         shared_trunk: Name the trunk in place of writing it.
-        more: Goes into the file's metadata.
+        more: Further metadata of the file.
         packed: Names of matrices that are written in 4 bits, see `vig_train.network.weights.packed`.
     """
     tensors = {

@@ -107,7 +107,7 @@ class HeadsTraining:
     ) -> Scale:
         """Train all members, each on one core, and put them into a network; returns the targets' scale.
 
-        advance: is called with the steps of each member when that is done.
+        advance: called with the steps of each member when it is done.
         """
         missing = [number for number in range(SIZES.members) if not self.path(number).exists()]
         advance(self.steps * (SIZES.members - len(missing)))

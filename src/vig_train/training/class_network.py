@@ -94,12 +94,12 @@ def draw_chunks(
     """Write files of images with their features; those that are there stay.
 
     Args:
-        object_class: A pack's.
+        object_class: Class of a pack.
         folder: Folder of the files.
         chunks: Numbers of the files.
         seed: Seed of the images.
         workers: Processes.
-        advance: Is called with the number of images newly there.
+        advance: Called with the number of new images.
         props: See `StudioSettings`.
     """
     missing = [chunk for chunk in chunks if not chunk_path(folder, chunk).exists()]

@@ -40,7 +40,7 @@ class Drawing:
     Attributes:
         object_class: Folder of the class pack whose objects are drawn.
         count: Images of the studio.
-        distinct: So many are drawn before the training, and each step takes some of them; 0: each step's are
+        distinct: Images drawn before the training, of which each step takes some; 0: each step's are
             drawn for it.
         recoloured: Share of the dataset's images whose object gets other colours.
         studio: Settings of the images.
@@ -77,7 +77,7 @@ def drawn_once(
         drawing: Number and settings of the images.
         folder: Folder of the run; the files lie in a folder of it, named after all that they depend on.
         seed: Seed of the training.
-        advance: Is called with the number of images newly there.
+        advance: Called with the number of new images.
 
     Raises:
         UserError: A file is damaged, or the folder cannot be written.

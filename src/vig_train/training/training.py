@@ -141,7 +141,7 @@ def train(
     checkpoint that is written after each epoch.
 
     Args:
-        datasets: To learn from, their images in one order.
+        datasets: Training data, their images in one order.
         out: Folder of the weights and the checkpoint.
         settings: Settings of the training.
         say: Called with a line after each epoch.
@@ -287,9 +287,9 @@ def load_start_weights(
     """Give a network those weights of a file that fit it, or of these only the trunk's.
 
     Args:
-        network: To be given them.
+        network: Network that gets them.
         path: Path of the file.
-        trunk_only: Whether to take the trunk's alone.
+        trunk_only: Whether to take only the trunk's.
         needed: Parts of the network of which all must fit, besides the trunk.
 
     Returns:

@@ -20,7 +20,7 @@ def read_panorama(path: str | Path) -> np.ndarray:
     """Read an equirectangular `.hdr` or `.exr` panorama as linear RGB radiance, (H, 2 H, 3) float32 >= 0.
 
     Row 0 is straight up whatever the order of a Radiance file's scanlines; EXPOSURE and COLORCORR are undone.
-    Of an OpenEXR file the display window counts, black where it holds no data, and of several parts the
+    An OpenEXR file's display window counts, black where it holds no data; of several parts the
     largest with RGB. Other primaries become Rec. 709's, colours outside those clipped. Values below 0 by at
     most `UNDERSHOOT` of the mean become 0: resampling filters leave such values.
 

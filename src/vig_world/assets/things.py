@@ -137,7 +137,7 @@ class PropModel:
         family: Its kind, such as `mug`; things like an object's class are not shown with it.
         fingerprint: sha256 of all files it was read from and of its settings in `vig.toml`; "" if packaged.
         zones: Zones to which it belongs; empty: any.
-        read: Gives its parts.
+        read: Reads its parts.
         varies: Whether samples show it in other proportions and colours.
     """
 

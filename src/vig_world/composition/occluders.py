@@ -184,7 +184,7 @@ def _drawn(
         uniform: (N, 3) in [0, 1) for `standing`, else (N, 7).
         normal: (N, 3) standard normal numbers, for occluders in mid-air.
         ends: Bounds of the offset of occluders in mid-air.
-        arms: N that hold it, if any do.
+        arms: N arms that hold it, if any.
     """
     library = stage.library
     points = np.stack([library.extremes(*name) for name in names])

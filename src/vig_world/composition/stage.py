@@ -44,7 +44,7 @@ class Actor:
         depth: (75, 75) metres, the object alone; inf where it is not.
         pixels: Flat indices of the pixels that show it.
         own: Depths of these pixels.
-        sums: (76, 76), how many of them lie above and left of each corner.
+        sums: (76, 76), number of them above and left of each corner.
         middle: Mean row and column, pixels.
         body: Its bound.
         ahead: Unit vector (3,) in the ground plane, away from the camera.
@@ -124,7 +124,7 @@ class StagedRoom:
         behind: Depth (75, 75) of the room, metres; inf where there is nothing.
         blockers: Depth of the nearest of room and props, in the same form.
         solids: Bounds of the props so far.
-        halvings: How often occluders are halved in size and in their distance from other things.
+        halvings: Number of times that occluders are halved in size and in their distance from other things.
         closer: Whether held occluders are as often near the camera as near the object, on a log scale.
     """
 

@@ -62,7 +62,7 @@ class Turning:
 def draw_turning(library: Library, object_class: ObjectClass, seed: int, index: int) -> Turning:
     """Draw video number `index` of a seed, from the photographs of `sample`.
 
-    Of scenes `100 index`, `100 index + 1` ... it is the first that props hide by a share within `HIDDEN`,
+    The scene is the first of `100 index`, `100 index + 1` ... that props hide by a share within `HIDDEN`,
     while room and clutter hide no more than `OPEN`.
 
     Raises:

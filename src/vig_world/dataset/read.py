@@ -81,8 +81,8 @@ class Dataset:
     def at_network_size(self) -> Dataset:
         """Return the same samples with pictures of 150 x 150 pixels, the size of networks' inputs.
 
-        Of other sizes the middle square, for which the scene was composed, is resampled; occlusion is then
-        that within the square.
+        The middle square of other sizes, for which the scene was composed, is resampled; occlusion is
+        then that within the square.
         """
         if self.cut or self.size == STANDARD_SIZE:
             return self
@@ -94,8 +94,8 @@ class Dataset:
         """Return pictures of one kind of the samples `indices` (all by default).
 
         kind: `rgb` gives (n, H, W, 3) uint8 sRGB; `depth` (n, H, W) float32 metres, inf where unknown, as it
-        is beyond the range of its image; `mask` (the object alone)
-        and `mask_visib` (n, H, W) bool; `normal` (n, H, W, 3) float32 in the camera's
+        is beyond the range of its image; `mask` (the object alone) and
+        `mask_visib` (n, H, W) bool; `normal` (n, H, W, 3) float32 in the camera's
         frame, 0 where unknown, of datasets that have `normals`. Raises UserError for a missing or damaged
         file.
         """

@@ -131,9 +131,9 @@ class SceneSpec:
     shape (K,) standard deviations, of the model's shape nearest to the object's; design: number of the
     held-out design of the class whose deviation from the model the object also has, -1 for none.
     azimuth, elevation radians; albedo (3,) linear RGB; light (9,) SH of incident radiance, world frame,
-    as the raster tier has it. panorama: asset number; panorama_angle: radians by which it was turned.
+    as the rasteriser has it. panorama: asset number; panorama_angle: radians by which it was turned.
     target: the requested occlusion, in [0, 0.9]; occlusion: as measured by the sampler, one sample per
-    pixel. rejected: how many candidate placements were thrown away, by reason. coat: None for a matt
+    pixel. rejected: number of rejected candidate placements, by reason. coat: None for a matt
     object of one albedo; else `albedo` is its mean. lens: the camera's.
     """
 

@@ -101,9 +101,9 @@ class Failure:
     """Why a draw of a sample gave no files.
 
     Attributes:
-        reason: Names the sample.
+        reason: Reason, which names the sample.
         traceback: Traceback of an exception.
-        expected: Whether it is no fault: the scene could not be composed.
+        expected: Whether it is expected: the scene could not be composed.
     """
 
     reason: str

@@ -83,7 +83,7 @@ def make_dataset(
         count: Number of samples.
         seed: Sample i is a pure function of the seed and i.
         tier: The renderer, `raster` or `cycles`.
-        split: Which assets and object designs are used; splits share none.
+        split: Split of the assets and object designs; splits share none.
         workers: Number of processes; None: one per CPU.
         progress: Whether to report progress on standard error.
         object_class: The packaged teapot by default.

@@ -30,7 +30,7 @@ class PackedAsset:
 
     Attributes:
         native: Data that drawing reads.
-        slots: Names of the finishes that its parts take, in their order.
+        slots: Names of the finishes of its parts, in their order.
     """
 
     native: Any

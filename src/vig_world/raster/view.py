@@ -142,7 +142,7 @@ def _pose(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the rotation (3, 3) and translation (3,) of a camera, read-only.
 
-    As `Camera.pose`, which is for many views at once: for a single one plain numbers take less.
+    Same as `Camera.pose`, which is for many views at once: plain numbers are faster for a single one.
     """
     sa, ca, se, ce = math.sin(azimuth), math.cos(azimuth), math.sin(elevation), math.cos(elevation)
     level = np.array([[ca, sa, 0.0], [se * sa, -se * ca, -ce], [-ce * sa, ce * ca, -se]])

@@ -26,7 +26,7 @@ class PhotoSettings:
         blur: Standard deviation of the lens's blur, pixels.
         motion: Length of the camera's path, pixels.
         motion_angle: Its direction, radians from the rows'.
-        electrons: How many a pixel at white (linear 1) collects, their noise being the square root of their
+        electrons: Number that a pixel at white (linear 1) collects, with noise of the square root of the
             number.
         read_noise: Standard deviation of the additional noise, electrons.
         quality: Quality of the JPEG, in pillow's scale.

@@ -20,10 +20,10 @@ class Mixing:
         units: (unit, lengths) pairs: lengths that are mixed as ratios to another, so that a part fits another
             body. In an order in which each unit is known before it is needed.
         lengths: All lengths that vary about their mixture.
-        angles: All angles that do.
+        angles: All angles that vary about their mixture.
         whole: Parameters that no mixture changes: they are the first design's, or no group's.
         jitter: Standard deviation of each length's logarithm about its mixture's.
-        angle_jitter: Degrees, the same of angles.
+        angle_jitter: Standard deviation of each angle, degrees.
     """
 
     groups: tuple[tuple[str, ...], ...]

@@ -41,8 +41,8 @@ class ModelRow:
         split: The only split that shows it.
         zones: Zones to which a prop belongs, separated by spaces; empty for furniture.
         title: Its author's name for it.
-        author: Who made it.
-        licence: Under which it was published.
+        author: The model's author.
+        licence: Licence of its publication.
         catalogue: The file that it comes from.
         width, depth, height: Metres.
         faces: Number of triangles.

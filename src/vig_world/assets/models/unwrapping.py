@@ -23,7 +23,7 @@ def unwrap(vertices: np.ndarray, faces: np.ndarray, uv: np.ndarray | None = None
     Args:
         vertices: (V, 3) metres.
         faces: (F, 3).
-        uv: (V, 2) of a picture, or None.
+        uv: (V, 2) coordinates in a picture, or None.
     """
     patch = smooth_patches(vertices, faces)
     corner, index = np.unique(faces * (int(patch.max()) + 1) + patch[:, None], return_inverse=True)

@@ -35,7 +35,7 @@ def shape_copies(
 
     Args:
         names: Names of the shapes, without suffix; `/` separates a folder or parent node from its content.
-        faces: How many each has: the finest of several levels is no copy.
+        faces: Number of faces of each: the finest of several levels is no copy.
         alike: Whether two shapes are alike, where the names, such as chair_low and chair_high, leave it open;
             None: only unmistakable names count.
     """

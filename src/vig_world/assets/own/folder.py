@@ -20,7 +20,7 @@ def files_of(
     """List the files below a folder with one of the suffixes, except hidden ones; links are followed.
 
     Args:
-        folder: To look into.
+        folder: Folder to search.
         suffixes: Suffixes of the files, in lower case.
         also: Suffixes of others that are listed, where there is a file with one of `suffixes`.
 

@@ -47,7 +47,7 @@ def name_keys(name: bytes) -> set[str]:
 class Siblings:
     """Reader of the files that one mesh file names.
 
-    Names are sought beside the mesh file, and if that is a link, beside its target. No name leads out of
+    Names are sought in the mesh file's folder, and if that is a link, in its target's. No name leads out of
     `root`; a link does only where the mesh file is a link itself, as in the caches of model hubs.
 
     Attributes:

@@ -108,7 +108,7 @@ class PanoramaRoom:
         sun: The direction to it (3,) and its irradiance / pi (3,) on a surface that faces it, or None.
         ambient: Factor of the light from all the room.
         skyline: Seed of the outdoor view.
-        shade: How dark the side away from the light lies, 0 to 1.
+        shade: Darkness of the side away from the light, 0 to 1.
     """
 
     reach: Array

@@ -171,7 +171,7 @@ def page(
     """Return a page of text on paper, a letter or a page of a book.
 
     Args:
-        layouts: How many columns it may have.
+        layouts: Numbers of columns that it may have.
     """
     base = shade([0.80, 0.78, 0.72], rng, 0.08) if base is None else base
     image = np.empty((size, size, 3), np.float32)

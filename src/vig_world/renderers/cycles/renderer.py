@@ -42,7 +42,7 @@ class TracedPicture(Picture):
 
     Attributes:
         linear: (H, W, 3) float32, content of `image`, not clipped.
-        gain: (3,) factor of the panorama's radiance in each channel that leads there: exposure and
+        gain: (3,) factor of the panorama's radiance in each channel: exposure and
             white balance.
     """
 

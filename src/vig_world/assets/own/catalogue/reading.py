@@ -29,7 +29,7 @@ class CatalogueModel:
     Attributes:
         catalogue: The catalogue's file.
         name: Such as "Coffee cup".
-        tags: Words by which people search for it.
+        tags: Search words.
         category: Such as "Kitchen".
         creator: Its author; empty where unknown.
         licence: Its own, or else the catalogue's; empty where unknown.
