@@ -27,7 +27,7 @@ SCALES: dict[Scale, tuple[int | None, ...]] = {
     "small": (6000, 12, 500, 200, 40, 50),
     "paper": (10000, None, 1000, 1000, 1000, 200),
 }
-"""Values of `COUNTS`: tiny checks an installation, small takes an hour on two cores, paper as published."""
+"""Values of `COUNTS`: tiny checks an installation, small takes two cores an hour, paper has the paper's."""
 
 
 @dataclass(frozen=True)

@@ -94,10 +94,9 @@ class Dataset:
         """Return pictures of one kind of the samples `indices` (all by default).
 
         kind: `rgb` gives (n, H, W, 3) uint8 sRGB; `depth` (n, H, W) float32 metres, inf where unknown, as it
-        is beyond the range of its image; `mask` (the object alone) and
-        `mask_visib` (n, H, W) bool; `normal` (n, H, W, 3) float32 in the camera's
-        frame, 0 where unknown, of datasets that have `normals`. Raises UserError for a missing or damaged
-        file.
+        is beyond the range of its image; `mask` (the object alone) and `mask_visib` (n, H, W) bool; `normal`
+        (n, H, W, 3) float32 in the camera's frame, 0 where unknown, of datasets that have `normals`. Raises
+        UserError for a missing or damaged file.
         """
         chosen = range(len(self)) if indices is None else list(indices)
         with ThreadPoolExecutor(2) as pool:

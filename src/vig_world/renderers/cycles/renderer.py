@@ -42,8 +42,7 @@ class TracedPicture(Picture):
 
     Attributes:
         linear: (H, W, 3) float32, content of `image`, not clipped.
-        gain: (3,) factor of the panorama's radiance in each channel: exposure and
-            white balance.
+        gain: (3,) factor of the panorama's radiance in each channel: exposure and white balance.
     """
 
     linear: np.ndarray
