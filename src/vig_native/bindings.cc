@@ -190,7 +190,7 @@ nb::tuple evaluate_points(const Geometry<R>& geometry, const Photos<R>& photos, 
     return nb::make_tuple(value, gradient, normal, posterior, coverage, irradiance);
 }
 
-// Results of the stages of one evaluation of a point (P',), for tests beside their references.
+// Results of the stages of one evaluation of a point (P',), for tests against their references.
 template <class R>
 nb::dict stages(const Geometry<R>& geometry, const Photos<R>& photos, Input<R> point, double sigma) {
     const size_t vertices = geometry.vertices, width = geometry.width;
@@ -237,7 +237,7 @@ Prior<R> make_prior(Input<R> mean, Input<R> precision, Input<R> heading_mean, In
 
 // Search from starts (S, n): path (T + 1, S, n), values (S,), normals (S, n, n) if there is to be `curvature`, evaluations
 // (S,), converged (S,).
-// function_of(thread) makes what a thread calls.
+// function_of(thread) makes the function that a thread calls.
 template <class R, class F>
 nb::tuple search_all(Input<R> starts, Input<R> lower, Input<R> upper, const SearchSettings& settings, bool curvature,
                      int threads, F&& function_of) {

@@ -45,11 +45,11 @@ inline void softplus(const double* t, double* r, double* log_1_r) {
     }
 }
 
-// Pixels of a line, side by side in vector registers, and what is seen of a face at each.
+// Pixels of a line, side by side in vector registers, and the face's surface at each.
 template <class R> struct Pixels {
     typedef Register<R> Row;
     int corner[3][REGISTER];
-    Row q[3], light[3];              // of the corners
+    Row q[3], light[3];              // at the corners
     Row b_x, b_y, c_x, c_y;          // the second and third corner on the screen, from the first
     Row inverse, b, c;               // 1 / (b_x c_y - b_y c_x); their barycentric weights at the centre
     Row per_q, irradiance, error[3]; // depth; irradiance; observed less rendered colour

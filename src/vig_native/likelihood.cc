@@ -105,7 +105,7 @@ template <class R> void square_rows(const R* rows, size_t count, int width, R* p
             products[(size_t)i * width + j] = products[(size_t)j * width + i];
 }
 
-// The vertices of the faces that are seen are used, beside those of occlusion edges; the list of all.
+// List the vertices in use: those of visible faces and of occlusion edges.
 template <class R> void list_seen_vertices(Task<R>& task) {
     Workspace<R>& work = task.work;
     const int pixels = task.photos.pixels();

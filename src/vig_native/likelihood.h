@@ -25,16 +25,16 @@ template <class R> struct Photos {
 // Memory of one evaluation, kept from one to the next. Sizes as in `Geometry`; H, W of the photos.
 template <class R> struct Workspace {
     std::vector<R> world, points;                      // (V, 4) x, y, z, 0 in metres; x, y, q, irradiance where in use
-    std::vector<uint8_t> used;                         // (V,) 1: of a face that is seen or an occlusion edge, 2: with shape row
+    std::vector<uint8_t> used;                         // (V,) 1: on a visible face or an occlusion edge, 2: with shape row
     std::vector<R> normals;                            // (V, 4) unit, world, and one over the length before
     std::vector<R> shape_rows, rest_rows;              // (V, W), (V, REST) derivatives of the irradiances
     std::vector<R> shadow_rates;                       // (V, W) part of the shape rows, see `shadow`
-    VisibilityBuffer<R> visible;                       // of (H * W)
+    VisibilityBuffer<R> visible;                       // (H * W)
     std::vector<uint8_t> facing, shown;                // (F,); (1 + F,) none, faces: whether at any pixel
     std::vector<int32_t> seen_vertices, edges;         // vertices in use; occlusion edges; in their order
     std::vector<R> arms;                               // (., 4) cotangents on the places of a ring
     std::vector<R> on_corner, on_normal, on_world;     // (V, 4) by point; by normal in the camera's frame; by world place
-    std::vector<int32_t> row_pixels, row_vertices;     // that the normal matrix has rows of; corners of their faces
+    std::vector<int32_t> row_pixels, row_vertices;     // pixels with rows in the normal matrix; corners of their faces
     std::vector<int32_t> crossed;                      // (., 2) ends of the edge of each crossing
     std::vector<R> motions;                            // (., 4, 4) first end on the screen and its root motion; second end
     std::vector<R> rows;                               // rows of the normal matrix, (., W + REST)

@@ -5,8 +5,8 @@
 
 namespace vig {
 
-// What speaks for hidden flows over the links to where something speaks for visible; a pixel is visible if what it says
-// is not used up, or if from it a link leads on to such a pixel. Heights are distances to these, found anew after every
+// Evidence for hidden flows over the links to evidence for visible; a pixel is visible if its own evidence
+// is not used up, or if a link leads from it to such a pixel. Heights are distances to these, found anew after every
 // few relabellings.
 void minimum_cut(int height, int width, const uint8_t* free, const int32_t* alone, int32_t* links, uint8_t* visible) {
     const int size = height * width, far = size + 1;

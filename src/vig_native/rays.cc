@@ -56,7 +56,7 @@ RayMesh::RayMesh(const float* vertices, const int32_t* corners, int faces) {
             order.push_back(face);
     }
     split(centres.data(), order.data(), order.size());
-    // The box of nothing and triangles of NaN, which no ray meets, fill up what is not whole.
+    // Empty boxes and triangles of NaN, which no ray meets, fill up leaves and nodes.
     Node empty;
     std::fill_n(&empty.bound[0][0][0], 3 * LANES, FAR);
     std::fill_n(&empty.bound[1][0][0], 3 * LANES, -FAR);
@@ -106,11 +106,11 @@ Hit RayMesh::first_hit(Vec3<float> origin, Vec3<float> direction) const {
     z = std::abs(along[2]) > std::abs(along[z]) ? 2 : z;
     int x = (z + 1) % 3, y = (z + 2) % 3;
     if (along[z] < 0)
-        std::swap(x, y);  // keeps what is clockwise
+        std::swap(x, y);  // keeps the sense of rotation
     const float shear_x = along[x] / along[z], shear_y = along[y] / along[z], shear_z = 1 / along[z];
     const float from_x = from[x], from_y = from[y], from_z = from[z];
 
-    // What is to be looked at: the distance of its box, 0 for a leaf or 1 and its level, its number. A level adds LANES - 1
+    // A leaf or node to visit: the distance of its box, 0 for a leaf or 1 and its level, its number. A level adds LANES - 1
     // at most, and 2^31 triangles have 7 levels.
     struct Visit {
         float distance;
@@ -189,7 +189,7 @@ void cast_hemisphere_rays(const RayMesh& mesh, const HemisphereRays& from, doubl
     const double pi = std::acos(-1.0);
     const double y0 = 0.5 / std::sqrt(pi), y1 = std::sqrt(0.75 / pi), y2 = 0.5 * std::sqrt(15 / pi),
                  y20 = 0.25 * std::sqrt(5 / pi);
-    std::vector<Vec3<double>> local(from.rays);  // of the chunk, before a point turns them
+    std::vector<Vec3<double>> local(from.rays);  // the chunk's, before a point turns them
     for (int point = 0; point < from.points; ++point) {
         const double* const cells = from.patterns + 2 * (size_t)from.rays * (point / from.chunk);
         for (int ray = 0; point % from.chunk == 0 && ray < from.rays; ++ray) {

@@ -1,4 +1,4 @@
-// Rays against triangles: a bounding volume hierarchy, the first hit, and what a shape's vertices see of the shape.
+// Rays against triangles: a bounding volume hierarchy, the first hit, and the shape as seen from its vertices.
 #pragma once
 #include <vector>
 
@@ -17,7 +17,7 @@ struct Hit {
 };
 
 // A hierarchy of boxes in which every node has LANES children, tested side by side. Triangles are ordered by median
-// splits; LANES of them in a row are a leaf, LANES leaves in a row have a node, and so on. What a ray meets does not depend
+// splits; LANES of them in a row are a leaf, LANES leaves in a row have a node, and so on. A ray's hit does not depend
 // on the order.
 class RayMesh {
   public:
@@ -49,8 +49,8 @@ struct HemisphereRays {
     double offset;           // along the normal, at which rays start
 };
 
-// blocked (V, 9): the sum of the spherical harmonics Y(w) of directions w that meet something. faces (V, R): what is met,
-// or NO_HIT, or SEEN_FROM_BEHIND. weights (V, R, 3) of the corners of what is met, 0 where nothing is.
+// blocked (V, 9): the sum of the spherical harmonics Y(w) of directions w that meet something. faces (V, R): the face met,
+// or NO_HIT, or SEEN_FROM_BEHIND. weights (V, R, 3) of its corners, 0 where nothing is met.
 void cast_hemisphere_rays(const RayMesh& mesh, const HemisphereRays& from, double* blocked, int32_t* faces, float* weights);
 
 }  // namespace vig

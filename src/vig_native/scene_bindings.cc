@@ -41,7 +41,7 @@ std::shared_ptr<Mesh> make_mesh(Input<int32_t> faces, Input<int32_t> texture_fac
 // Scenes and the arrays that they point into.
 template <class R> class BoundScenes {
   public:
-    // levels: of each mesh's texture (L, 3), or None. starts (L + 1): the meshes of each layer.
+    // levels: those of each mesh's texture (L, 3), or None. starts (L + 1): the meshes of each layer.
     BoundScenes(std::vector<std::shared_ptr<Mesh>> meshes, std::vector<Optional<int32_t>> levels,
                 std::vector<int> places, std::vector<int> starts, int height, int width, int samples, double near, int masks,
                 bool is_mask) {
@@ -105,12 +105,12 @@ template <class R> class BoundScenes {
     }
     void find(bool edges, int threads) {
         need(stage_ >= Stage::bound);
-        stage_ = std::min(stage_, Stage::placed);  // what was painted is gone
+        stage_ = std::min(stage_, Stage::placed);  // painted results are gone
         const nb::gil_scoped_release released;
         scenes_.layers.assign(layers(), {});
         scenes_.find(edges, threads);
     }
-    // Of each layer: face (grid), silhouettes (S, 4) and crossings (M, 7), as `Layer` says.
+    // For each layer: face (grid), silhouettes (S, 4) and crossings (M, 7), see `Layer`.
     nb::list found() const {
         nb::list out;
         for (const Layer<R>& layer : scenes_.layers) {
@@ -137,8 +137,8 @@ template <class R> class BoundScenes {
         const nb::gil_scoped_release released;
         scenes_.paint(to, threads);
     }
-    // Cotangents on images and on what `place` made; adds to on_points and on_attributes, then to the inputs' and the
-    // background's, of the shapes of these.
+    // Pull back cotangents on images and on results of `place`: add to on_points and on_attributes, then to the inputs'
+    // and the background's, each of its shape.
     void back(Optional<R> on_rgb, Optional<R> on_coverage, Optional<R> on_visible, InOut<R> on_points, OptionalOut<R> on_attributes,
               OptionalOut<R> on_background, std::vector<std::vector<OptionalOut<R>>> on_inputs, int threads) const {
         need(stage_ == Stage::painted);

@@ -187,7 +187,7 @@ void Scenes<R>::paint_layer_back(int number, Images<const R> on, R* on_points, R
     // Cotangents on vertices' places on the grid, on the joints' mean steepness, and on the edges'.
     const size_t vertices = layer.joints.size() / 2;
     std::vector<R> on_places(2 * vertices), on_joints(vertices), on_steep(layer.silhouettes.size());
-    // What the two points of each crossing give to its target; added when all have been read.
+    // Amounts from the two points of each crossing to its target; added when all have been read.
     std::vector<R> given(layer.steps.size());
     for (size_t n = 0; n < layer.crossings.size(); ++n) {
         const Crossing& crossing = layer.crossings[n];

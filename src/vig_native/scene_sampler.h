@@ -4,7 +4,7 @@
 
 namespace vig {
 
-// What is seen at LANES points of the grid, faces of one object; the last is repeated where there are fewer. Corners lie
+// The surfaces at LANES points of the grid, faces of one object; the last is repeated where there are fewer. Corners lie
 // from there (x and y still times the depth z), barycentric weights are w = e / sum of e, e being twice the areas opposite
 // each corner times two depths; inverse = 1 / sum of e.
 template <class R> struct Samples {
@@ -136,7 +136,7 @@ template <class R> class Sampler {
         }
     }
 
-    // What a white surface reflects: interpolated from the vertices, or reflected here.
+    // Reflection of a white surface: interpolated from the vertices, or reflected here.
     Lit<R> light(const Samples<R>& seen) const {
         Lit<R> lit = {mix(seen, scenes_.columns == 9 ? 6 : 0), {}, {}, {}};
         lit.value = lit.mixed.value;

@@ -1,4 +1,4 @@
-// What is seen on a layer's grid of samples, and where visible silhouette edges cross its lines. An edge is a silhouette edge
+// Visible faces on a layer's grid of samples, and crossings of visible silhouette edges with its lines. An edge is one
 // where both its faces lie on one side of it on the screen, or where it has one only; a crossing is visible unless a face
 // hides it: exact for the polygons, no tolerance in metres, no normals.
 #include <limits>
@@ -25,8 +25,8 @@ struct Parts {
     }
 };
 
-// Clip faces at the near plane. A part's first corner is its farthest: near ones may lie far outside the image, and what is
-// drawn from there would be inexact.
+// Clip faces at the near plane. A part's first corner is its farthest: near ones may lie far outside the image,
+// and interpolation from there would be inexact.
 template <class R> void clip_faces(const R* points, R scale, R near, Parts& faces, std::vector<R>& screen) {
     for (int f = 0; f < faces.faces; ++f) {
         const int32_t* const corner = faces.corners + 3 * (size_t)f;
@@ -256,7 +256,7 @@ void mark_hidden(Occlusion<R>& occlusion, const Parts& faces, const std::vector<
             nearest[k] = std::max(a[2], std::max(b[2], c[2]));
         }
         for (int k = 0; k < LANES; ++k) {
-            // Before the exact test: what lies outside the box or is nearer than all corners is not hidden.
+            // Before the exact test: points outside the box or nearer than all corners are not hidden.
             nearest[k] = (1 - LITTLE * LITTLE) / nearest[k];
             const bool there = (x_high[k] >= 0) & (y_high[k] >= 0) & (x_low[k] <= columns) & (y_low[k] <= rows);
             x0[k] = there ? (int)(x_low[k] > 0 ? x_low[k] : 0) : 0;

@@ -1,4 +1,4 @@
-// Scenes of meshes for the public renderer: vertices on the screen, what is seen at each point of a grid of samples, visible
+// Scenes of meshes for the public renderer: vertices on the screen, visible surfaces on a grid of samples, visible
 // occlusion edges, pictures; and the way back from pictures to every input.
 #pragma once
 #include <algorithm>
@@ -35,7 +35,7 @@ enum ObjectInput {
 template <class R> struct Object {
     std::shared_ptr<const Mesh> mesh;
     int place;                      // in its scene's list
-    int first_vertex, first_face;   // where its own begin, of all objects' numbered through
+    int first_vertex, first_face;   // where its own begin in the numbering of all objects
     std::array<const R*, INPUTS> in = {};
     std::array<int64_t, INPUTS> count = {};  // numbers of each input
     std::vector<int32_t> levels = {};  // (L, 3) first texel, height and width of each level of its texture
@@ -88,9 +88,9 @@ template <class R> class Scenes {
     std::vector<Object<R>> objects;
     std::vector<int> starts;      // (L + 1) objects of layer l are starts[l] to starts[l + 1]
     int height, width, samples;   // samples x samples points a pixel
-    int masks;                    // of each layer: one for each object, or one for all where nothing else is drawn
+    int masks;                    // in each layer: one for each object, or one for all where nothing else is drawn
     bool is_mask = false;         // draw coverage alone
-    int columns = 0;              // of attributes: unit normal, albedo and, of 9, the light that is reflected at the vertex
+    int columns = 0;              // attributes: unit normal, albedo and, if 9, the light that is reflected at the vertex
     R near;                       // metres; nothing nearer is drawn
     const R *points = nullptr, *attributes = nullptr;  // (V, 3) homogeneous: x z, y z, z; (V, columns)
     const R* background = nullptr;  // (L, 3), or (L, H, W, 3)
@@ -115,7 +115,7 @@ template <class R> class Scenes {
     // Add cotangents on images to those on points, attributes, background, lights and textures.
     void paint_back(Images<const R> on, R* on_points, R* on_attributes, R* on_background,
                     std::vector<LightCotangent>& on_lights, std::vector<Cotangents<R>>& on_inputs, int threads) const;
-    // Of the surface at pixels' centres, one sample a pixel: depth, unit normals, numbers of object and triangle; -1 and
+    // The surface at pixels' centres, one sample a pixel: depth, unit normals, numbers of object and triangle; -1 and
     // infinity where there is none.
     void surface(R* depth, R* normals, int32_t* object, int32_t* triangle) const;
     void surface_back(const R* on_depth, const R* on_normals, R* on_points, R* on_attributes) const;
@@ -155,7 +155,7 @@ template <class T> Vec3<T> unit(Vec3<T> v, T& inverse) {
 // Pull a cotangent on a unit vector n back to the vector that was made of length one.
 template <class T> Vec3<T> pull_unit(Vec3<T> n, T inverse, Vec3<T> on) { return (on - n * dot(n, on)) * inverse; }
 
-// What a white surface of unit normal n reflects: max(0, sum A_l L_lm Y_lm(n)) + radiance max(0, n . lamp); LANES at a time.
+// Reflection of a white surface of unit normal n: max(0, sum A_l L_lm Y_lm(n)) + radiance max(0, n . lamp); LANES at a time.
 template <class R> Vec3<Lanes<R>> reflect(const Light<R>& light, Vec3<Lanes<R>> n) {
     typedef Lanes<R> Row;
     const Row one = Row{} + R(1);
@@ -210,8 +210,8 @@ Vec3<Lanes<R>> pull_reflect(const Light<R>& light, Vec3<Lanes<R>> n, Vec3<Lanes<
     return to;
 }
 
-// A homogeneous point on the grid's screen: x, y and one over its depth, which is 0 nearer than `near` and where products
-// of two points overflow.
+// A homogeneous point on the grid's screen: x, y and one over its depth, which is 0 nearer than `near` and if products
+// of two points would overflow.
 template <class R> Vec3<R> on_grid(const R* point, R scale, R near) {
     const R most = std::sqrt(std::numeric_limits<R>::max()) / 8;
     const bool fits = std::fabs(point[0] * scale) < most && std::fabs(point[1] * scale) < most && point[2] < most;

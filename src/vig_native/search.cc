@@ -19,7 +19,7 @@ template <class R> double Prior<R>::add_to(const R* x, R* gradient, R* normal) c
     for (size_t i = 0; normal && i < (size_t)n * n; ++i)
         normal[i] += precision[i];
     if (!heading_mean.empty()) {
-        // The light's Gaussian bends with azimuth: `rate` is what light turned by minus the azimuth gains with it.
+        // The light's Gaussian bends with azimuth: `rate` is the change with it of light turned by minus the azimuth.
         const double angle = x[azimuth];
         const R c1 = R(std::cos(angle)), s1 = -R(std::sin(angle)), c2 = R(std::cos(2 * angle)), s2 = -R(std::sin(2 * angle));
         // Line m of the turn: it keeps c of m and takes s of its partner.
@@ -78,7 +78,7 @@ double damped_step(int n, const R* x, const R* slope, const R* curved, R damping
         for (int i = 0; i < n; ++i) {
             right[i] = held[i] ? 0 : slope[i];
             for (int j = 0; j < n; ++j) {
-                // What the held numbers moved is known: it goes to the right side.
+                // The effect of held numbers is known: it goes to the right side.
                 if (held[j] & !held[i])
                     right[i] -= curved[(size_t)i * n + j] * step[j];
                 factor[(size_t)i * n + j] = held[i] | held[j] ? 0 : curved[(size_t)i * n + j];

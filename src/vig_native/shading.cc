@@ -80,7 +80,7 @@ template <class R> R shadow(const Task<R>& task, int vertex, const Lanes<R>& lig
     return sum_lanes<R>(total);
 }
 
-// A vertex's row of derivatives by shape: what pulls its normal along, and what self-shadow adds.
+// A vertex's row of derivatives by shape: through its normal, and through self-shadow.
 template <class R> void write_shape_row(Task<R>& task, int vertex, Four<R> tangent) {
     const Geometry<R>& geometry = task.geometry;
     const size_t width = geometry.width;
@@ -208,7 +208,7 @@ template <class R> void unshade(Task<R>& task, R* shape, R* rest) {
             }
             for (int n = 0; n < LIGHT; ++n)
                 moved[n] = register_at((const R*)&motion[n] + part);
-            // A vertex at or behind the eye has no cotangent.
+            // A vertex at or behind the camera has no cotangent.
             const Vec3<Row> spot = {at[0], at[1], at[2] > 0 ? at[2] : none + 1}, pull = {on[0], on[1], on[2]};
             add_motion(eye, pull, spot, moved);
             const Vec3<Row> in_world = eye.rotation.transposed(camera_cotangent(eye, spot, pull));

@@ -88,7 +88,7 @@ template <class R> void pull_pixel(Task<R>& task, const Surface<R>& s, Vec2<R> p
     }
 }
 
-// An occlusion edge from vertex i to j, seen from the face turned to the eye: screen points. fold is -1 where
+// An occlusion edge from vertex i to j, seen from the face turned to the camera: screen points. fold is -1 where
 // both faces lie on one side of it and the one beyond is nearer: near the silhouette such a fold lies between two edges
 // that are both crossed; counted against them one crossing is left, and nothing jumps where a pair appears.
 template <class R> struct Edge {
@@ -107,7 +107,7 @@ template <class R> Edge<R> edge_of(const Task<R>& task, int number) {
     edge.j = row[1];
     // The three corners' numbers less the edge's two leave the third.
     int apex = corners[0] + corners[1] + corners[2] - edge.i - edge.j, other = row[4];
-    // The edge is taken from the face that is turned to the eye, so that the object lies to one side of it.
+    // The edge is taken from the face that is turned to the camera, so that the object lies to one side of it.
     if (!work.facing[row[2]]) {
         std::swap(edge.i, edge.j);
         std::swap(apex, other);
@@ -124,7 +124,7 @@ template <class R> Edge<R> edge_of(const Task<R>& task, int number) {
     return edge;
 }
 
-// Whether an edge is before the eye and its box touches the image.
+// Whether an edge is before the camera and its box touches the image.
 template <class R> bool in_frame(const Edge<R>& edge, const Eye<R>& eye) {
     return std::min(edge.a.z, edge.b.z) > 0 && std::max(edge.a.x, edge.b.x) >= 0
         && std::min(edge.a.x, edge.b.x) <= eye.width && std::max(edge.a.y, edge.b.y) >= 0
@@ -168,14 +168,14 @@ template <class R> Crossing<R> crossing_of(const Edge<R>& edge, int axis, int li
     return c;
 }
 
-// The surfaces that the two pixels show, with what is seen of them there; the front one's where its pixel is the target.
+// The surfaces that the two pixels show, with their visible values there; the front one's where its pixel is the target.
 template <class R> struct Sides {
     bool has_behind;
     Surface<R> front, behind;
     Seen<R> front_seen, behind_seen;
 };
 
-// False unless the inner pixel shows the edge's surface, and what the outer one shows is behind the edge.
+// False unless the inner pixel shows the edge's surface, and the outer one shows a surface behind the edge.
 template <class R> bool sides_of(const Task<R>& task, const Edge<R>& edge, const Crossing<R>& c, Sides<R>& sides) {
     const int inner = task.work.visible.face[c.inner], outer = task.work.visible.face[c.outer];
     if (inner == NO_FACE)
@@ -205,7 +205,7 @@ template <class R> Vec3<R> normal_at(const Task<R>& task, int vertex) {
 }
 
 // How much of the front surface a target pixel takes, or gives to the surface behind.
-// weight: of this axis, times fold. taken: weight times |t - 1/2|, negative when the target is the inner pixel and gives.
+// weight: this axis's, times fold. taken: weight times |t - 1/2|, negative when the target is the inner pixel and gives.
 // front_irradiance: the target's own if it gives, else the edge's there, which stands `perspective` of the way from
 // vertex i's. front_fit, back_fit: Eq. 3 of the target under either surface. gain: nats of the first over the second.
 template <class R> struct Blend {
@@ -374,7 +374,7 @@ template <class R> void find_occlusion_edges(Task<R>& task, std::vector<int32_t>
     size_t count = 0;
     for (int number = 0; number < geometry.edges; ++number) {
         const int32_t* const row = &geometry.edge_table[5 * (size_t)number];
-        // A border edge, which has no face beyond, occludes wherever its one face is turned to the eye.
+        // A border edge, which has no face beyond, occludes wherever its one face is turned to the camera.
         const uint8_t beyond = row[3] >= 0 ? task.work.facing[row[3]] : 0;
         edges[count] = number;
         count += task.work.facing[row[2]] != beyond;

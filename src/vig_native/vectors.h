@@ -103,8 +103,8 @@ template <class R> const LooseRegister<R>& register_at(const R* numbers) { retur
 template <class R> LooseRegister<R>& register_at(R* numbers) { return *(LooseRegister<R>*)numbers; }
 template <class R> const LooseFour<R>& four_at(const R* numbers) { return *(const LooseFour<R>*)numbers; }
 template <class R> LooseFour<R>& four_at(R* numbers) { return *(LooseFour<R>*)numbers; }
-// A function of one number or, side by side, of those of LANES (T): a loop, which becomes vector instructions. Of vectors
-// that are wider than its registers GCC takes comparisons and `?:` number by number.
+// Apply a function to a number, or to LANES side by side (T): a loop, which becomes vector instructions. For vectors
+// wider than its registers GCC compiles comparisons and `?:` number by number.
 template <class F, class T, class... More> T by_lane(F&& f, T x, const More&... more) {
     if constexpr (std::is_floating_point_v<T>)
         return f(x, more...);

@@ -76,7 +76,7 @@ void draw_faces(const R* screen, const int32_t* corners, int faces, int width, i
             for (int y = y0[lane]; y <= y1[lane]; ++y) {
                 const R off_y = y + R(0.5) - ay[lane];
                 const R b_row = bdy[lane] * off_y, c_row = cdy[lane] * off_y, q_row = aq[lane] + qdy[lane] * off_y;
-                // LANES pixels at once, without a branch; those beyond the face's box keep what they hold.
+                // LANES pixels at once, without a branch; those beyond the face's box keep their values.
                 for (int x = x0[lane]; x <= last; x += LANES) {
                     R* const nearest = seen.q.data() + (size_t)y * width + x;
                     int32_t* const nearest_face = seen.face.data() + (size_t)y * width + x;

@@ -9,7 +9,7 @@ namespace vig {
 constexpr int NO_FACE = -1;
 
 // The surface at each pixel (H * W): the nearest face, or NO_FACE, and one over its depth there, or 0. LANES more follow
-// the last pixel, as so many are drawn at a time. Of faces at the same depth the first is seen.
+// the last pixel, as so many are drawn at a time. The first of faces at the same depth is seen.
 template <class R> struct VisibilityBuffer {
     std::vector<int32_t> face;
     std::vector<R> q;
@@ -50,8 +50,8 @@ template <class R> inline PixelBox pixel_box(R ax, R ay, R bx, R by, R cx, R cy,
     return box;
 }
 
-// Draw faces (F, 3) of vertices on the screen (V, STRIDE), (x, y, q, ...), q = 0 for one at or behind the eye, whose faces
-// are not drawn, and say which faces are turned to the eye (F,). With `cull` only these are drawn.
+// Draw faces (F, 3) of vertices on the screen (V, STRIDE), (x, y, q, ...), q = 0 at or behind the camera: such faces
+// are not drawn; `facing` (F,): those turned to the camera. With `cull` only these are drawn.
 template <class R, int STRIDE = 3>
 void draw_faces(const R* screen, const int32_t* corners, int faces, int width, int height, bool cull,
                 VisibilityBuffer<R>& seen, uint8_t* facing);

@@ -40,9 +40,9 @@ class Ablation:
     """One part of the method switched off."""
 
     title: str
-    """Of its row in the table."""
+    """Title of its row in the table."""
     change: Callable[[ExplainSettings], ExplainSettings]
-    """From the default's settings."""
+    """Changes the default's settings."""
 
 
 def _change_stages(change: Callable[[Stage], Stage]) -> Callable[[ExplainSettings], ExplainSettings]:
@@ -128,8 +128,8 @@ def run_ablations(
     Fits are timed separately, since those in the cache were made in another run.
 
     Args:
-        dataset: Of this class.
-        object_class: Of the objects.
+        dataset: Dataset of this class.
+        object_class: Class of the objects.
         recognizer: Its prediction is where fits start.
         cache: See `evaluate`, as for workers and advance.
         names: See `variants`.

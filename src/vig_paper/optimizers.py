@@ -57,8 +57,7 @@ class GradientDescent(_OneByOne):
     the rate back, up to `rate`.
 
     Attributes:
-        rate: Of a step, in standard deviations: 1 would be Newton's step if parameters did not depend on each
-            other.
+        rate: Length of a step, in standard deviations: 1 would be Newton's step for independent parameters.
         momentum: Share of the last step that is taken again; 0 for none.
         decay: Step number k is taken at rate / (1 + decay k).
     """
@@ -98,7 +97,7 @@ class ConjugateGradient(_OneByOne):
     The paper's budget is 50 line searches of 20 evaluations, unscaled.
 
     Attributes:
-        evaluations: Of a line search, in the mean at most.
+        evaluations: Evaluations of a line search, in the mean at most.
         scaled: Whether each parameter counts in its own standard deviations.
     """
 
@@ -140,7 +139,7 @@ class Dogleg(_OneByOne):
     """Powell's dogleg: Gauss-Newton within a trust region.
 
     Attributes:
-        radius: Of the first trust region, in standard deviations.
+        radius: Radius of the first trust region, in standard deviations.
     """
 
     radius: float = 10.0

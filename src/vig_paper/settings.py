@@ -27,12 +27,12 @@ SCALES: dict[Scale, tuple[int | None, ...]] = {
     "small": (6000, 12, 500, 200, 40, 50),
     "paper": (10000, None, 1000, 1000, 1000, 200),
 }
-"""Of `COUNTS`: tiny checks an installation, small takes an hour on two cores, paper has the paper's."""
+"""Values of `COUNTS`: tiny checks an installation, small takes two cores an hour, paper has the paper's."""
 
 
 @dataclass(frozen=True)
 class ReproductionSettings:
-    """What a run's numbers depend on: the same settings give the same tables.
+    """Settings that determine a run's numbers: the same settings give the same tables.
 
     Raises:
         UserError: A number is out of range, or there are no methods.

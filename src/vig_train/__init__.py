@@ -7,4 +7,4 @@ from typing import Literal, get_args
 
 Method = Literal["baseline", "rm", "gaussian", "robust", "spatial"]
 METHODS: tuple[Method, ...] = get_args(Method)
-"""What is compared: the training mean, the recognition model, and a fit under each likelihood."""
+"""Compared methods: the training mean, the recognition model, and a fit under each likelihood."""

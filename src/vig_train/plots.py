@@ -1,4 +1,4 @@
-"""The recognition network's training and calibration with what people look at: log.csv, plots, a summary."""
+"""The recognition network's training and calibration with their records: log.csv, plots, a summary."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def calibrate_and_plot(
     further: Sequence[Examples] = (),
     object_class: ObjectClass | None = None,
 ) -> CalibrationResult:
-    """Calibrate as `vig_train.training.calibrate_network`; also say what changed and draw reliability.png."""
+    """Calibrate as `vig_train.training.calibrate_network`; also report changes and draw reliability.png."""
     result = calibrate_network(path, datasets, further, object_class)
     plot_reliability(path.parent / "reliability.png", result)
     say(describe_calibration(result))

@@ -28,7 +28,7 @@ class Record:
     """The contents of run.json; every change is written at once.
 
     Attributes:
-        path: Of run.json.
+        path: Path of run.json.
         data: `{"vig_run", "vig", "command", "machine", "settings", "steps": {name: {"complete", "seconds",
             "sittings", "finished"}}}`; seconds of all sittings together, finished in UTC.
     """

@@ -8,4 +8,4 @@ SPLITS: tuple[Split, ...] = get_args(Split)
 
 World = Literal["photo", "paper"]
 WORLDS: tuple[World, ...] = get_args(World)
-"""What scenes are like: as wide as photographs are; or as the paper's, of matt objects in pastel colours."""
+"""Kinds of scenes: as varied as photographs; or the paper's, with matt objects in pastel colours."""

@@ -1,7 +1,7 @@
 """A split's finite catalogues of rooms, props, finishes and lights: packaged ones, or a user's own.
 
 An asset is a pure function of (split, catalogue, number), not of the dataset's seed, so that no asset of
-one split ever occurs in another, and what was made can be kept: in memory, and for the rasteriser on disk.
+one split ever occurs in another, and assets can be kept: in memory, and for the rasteriser on disk.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from vig_world.rooms import Layout, draw_hall, draw_layout, draw_sweep, material
 from vig_world.streams import asset_rng
 
 VARIANTS = {"train": 16, "test": 8, "validation": 8}
-"""How many variants of each packaged prop there are, and of each thing that carries or reaches."""
+"""Number of variants of each packaged prop, and of each thing that carries or reaches."""
 SURFACES_PER_KIND = {"train": 40, "test": 16, "validation": 16}
 PANORAMAS = {"train": 200, "test": 70, "validation": 70}
 LAYOUTS = {"train": 96, "test": 32, "validation": 32}
@@ -117,7 +117,7 @@ def _sources(folder: str | None, assets: tuple[PropModel | FurnitureModel, ...])
 
 @dataclass(frozen=True, eq=False)
 class PreparedRoom:
-    """What the rasteriser and the search need of a room.
+    """Parts of a room that the rasteriser and the search need.
 
     Attributes:
         layout: The room without its parts.
@@ -238,7 +238,7 @@ class Library:
         def made() -> Arrays:
             layout = self.layout(number)
             under = [material_under(layout, support) for support in layout.supports]
-            # Of a table top where nothing lies below.
+            # Black for a table top without a surface below.
             grounds = [
                 ("top", 0.0) if each is None else (each.slot, float(each.texture.mean())) for each in under
             ]
@@ -268,7 +268,7 @@ class Library:
         )
 
     def ground_albedo(self, room: Room) -> float:
-        """Return the mean grey albedo of what the object stands on: of its finish, or of its own texture."""
+        """Return the mean grey albedo of the object's support: of its finish, or of its own texture."""
         slot, own = self.plan(room.layout).grounds[room.support]
         finish = dict(room.finishes).get(slot)
         return own if finish is None else self.albedo(finish.kind, finish.asset)
@@ -330,7 +330,7 @@ class Library:
         return self._held(False, f"panorama/{number}", made)["radiance"]
 
     def surroundings(self, number: int) -> np.ndarray:
-        """Return panorama `number` for a path tracer: as `radiance`, custom ones at full size."""
+        """Return panorama `number` for a path tracer: that of `radiance`, or a custom one at full size."""
         own = self.own.panoramas
         return _exposed(own[number].sharp()) if own else self.radiance(number)
 
@@ -347,7 +347,7 @@ class Library:
         support gets from above.
         """
         light = local_light(self.light_parts(number), ground_albedo)
-        # As `rotate_z`: each pair of harmonics cos(m phi), sin(m phi) is a complex number.
+        # Same as `rotate_z`: each pair of harmonics cos(m phi), sin(m phi) is a complex number.
         for cosine, sine, m in ((3, 1, 1), (7, 5, 1), (8, 4, 2)):
             turned = complex(light[cosine], light[sine]) * cmath.exp(1j * m * angle)
             light[cosine], light[sine] = turned.real, turned.imag

@@ -1,4 +1,4 @@
-"""Random numbers of the world: each generator is a pure function of what it is for."""
+"""Random numbers of the world: each generator is a pure function of its purpose."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""On how many cores linear algebra computes, for a while."""
+"""Temporary limits on the cores that linear algebra uses."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ using namespace world;
 
 namespace {
 
-constexpr int MOST_PIXELS = 1 << 26;  // of an image, samples
+constexpr int MOST_PIXELS = 1 << 26;  // samples of an image
 
 Vec3<double> vector3(const char* name, nb::handle given) { return load3(array_of<double>(name, given, {3}).data()); }
 
@@ -230,7 +230,7 @@ nb::tuple sweep_room(nb::handle opacity, float cell, nb::handle slopes, nb::hand
     return nb::make_tuple(make_copy(grid.values, {Z, Y, X, 4}), grid.scale);
 }
 
-// supports (S, 8): turn, clearance, behind, half (2), centre (3); chosen (N,): of each place; draws (N, 5); solids (M, 14):
+// supports (S, 8): turn, clearance, behind, half (2), centre (3); chosen (N,) supports; draws (N, 5); solids (M, 14):
 // four sides, low, high. Returns states (N,) and turns, spots and slides (N, 7).
 nb::tuple propose_places(nb::handle supports, nb::handle chosen, nb::handle draws, nb::handle body, nb::handle outline,
                          nb::handle solids, bool hiding, double body_height, nb::handle eye, double ahead, double slid,
@@ -269,7 +269,7 @@ Stage make_stage(const Camera& camera, nb::handle sums, int pixel_count, bool cl
     return stage;
 }
 
-// uniform (N, 3) for what stands, else (N, 7); normal (N, 3); props (P, Q, 3), in turn one for each draw; hands (N, Q, 3) or
+// uniform (N, 3) for "standing", else (N, 7); normal (N, 3); props (P, Q, 3), in turn one for each draw; hands (N, Q, 3) or
 // none. Returns the number of the first draw that has room, and the occluder; or None.
 nb::object draw_occluders(const Stage& stage, const std::string& name, nb::handle uniform, nb::handle normal, nb::handle props, nb::handle hands,
                           int thin, double level, double hidden, std::pair<double, double> ends) {

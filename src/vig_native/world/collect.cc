@@ -1,4 +1,4 @@
-// From samples to fragments, and what pixels show besides light.
+// From samples to fragments, and the contents of pixels besides light.
 #include <algorithm>
 #include <cmath>
 

@@ -62,7 +62,7 @@ void Drawing::clip(const Asset& asset, const int32_t* corner, bool shaded) {
             grow(vertices_, vertex_count_ + 4)[vertex_count_ + m] = vertex_of(out[m] + 3, screen + 3 * m);
     }
     for (int m = 1; m + 1 < count; ++m) {
-        // From the farthest corner, as the near ones may lie far outside the image: what is small stays exact.
+        // From the farthest corner, as the near ones may lie far outside the image: small triangles stay exact.
         int order[3] = {0, m, m + 1};
         while (screen[3 * order[0] + 2] > std::min(screen[3 * order[1] + 2], screen[3 * order[2] + 2]))
             std::rotate(order, order + 1, order + 3);
@@ -172,7 +172,7 @@ void Drawing::depth(float* far, int32_t* owner) const {
 }
 
 void Drawing::silhouette(const Item& target, const Camera& camera, bool* mask) {
-    // The rows and columns that can show it: what is not in them costs nothing.
+    // The rows and columns that can show it: others cost nothing.
     const float* const p = target.asset->positions.data();
     const int V = target.asset->vertices;
     double low[2] = {1e9, 1e9}, high[2] = {-1e9, -1e9};

@@ -31,7 +31,7 @@ struct Light {
     Vec3<float> albedo;
 };
 
-// A vertex as shading reads it: place on the screen and one over depth beside the attributes of its asset.
+// A vertex as shading reads it: attributes of its asset, place on the screen and one over depth.
 struct Vertex {
     float attributes[ATTRIBUTES], x, y, q;
 };
@@ -44,7 +44,7 @@ struct SurfacePoint {
 // One picture after the other, and the memory that they take.
 class Drawing {
   public:
-    // Draw items with so many samples along each pixel's side; `shaded`: for what follows `hidden`.
+    // Draw items with so many samples along each pixel's side; `shaded`: for the methods after `hidden`.
     void rasterise(const std::vector<Item>& items, const Camera& camera, int samples, bool shaded);
     // Depth along the optical axis, metres, inf where nothing is, and the item's owner, -1 there, of each sample.
     void depth(float* far, int32_t* owner) const;

@@ -8,7 +8,7 @@ namespace vig::world {
 constexpr int STEPS = 12;  // offsets that a search tries between two ends
 constexpr double HALF_TURN = 3.14159265358979323846;
 
-// Regula falsi with every other step a bisection, as what is hidden falls with the offset, but not smoothly.
+// Regula falsi with every other step a bisection, as the hidden share falls with the offset, but not smoothly.
 const char* settle(Drawing& drawing, const std::vector<Item>& items, const Camera& camera, Vec3<double> motion, double least,
                    double most, const ObjectPixels& pixels, double level, double tolerance, double& offset) {
     std::vector<Item> moved = items;
@@ -74,7 +74,7 @@ bool PlaceSearch::is_crossed(const double* eye, const double* middle) const {
     const double way[3] = {middle[0] - eye[0], middle[1] - eye[1], middle[2] - eye[2]};
     return std::any_of(solids, solids + solid_count, [&](const Solid& solid) {
         double enters = -1e9, leaves = 1e9;  // in lengths of the line
-        // Height over a side: of the camera, and how it rises from there to the object.
+        // height: the camera's over a side; rise: from there to the object's.
         const auto cut = [&](double height, double rise) {
             if (rise < 0)
                 enters = std::max(enters, -height / rise);
@@ -104,7 +104,7 @@ Place PlaceSearch::propose(const Support& support, const double* u) const {
             high[axis] = std::max(high[axis], own[axis]);
         }
     }
-    double least[2], reach[2];  // of the object's origin
+    double least[2], reach[2];  // least value and range of the object's origin
     for (int axis = 0; axis < 2; ++axis) {
         least[axis] = edge - support.half[axis] - low[axis];
         reach[axis] = support.half[axis] - edge - high[axis] - least[axis];

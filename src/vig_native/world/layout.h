@@ -1,4 +1,4 @@
-// The search of a layout: where the object stands, and where what hides it may be.
+// The search of a layout: where the object stands, and where its occluders may be.
 #pragma once
 #include <vector>
 
@@ -14,14 +14,14 @@ struct ObjectPixels {
     const uint8_t* hidden;
 };
 
-// Move items along a line, metres per unit of offset, until they hide a share of the object, with what hides it already;
-// `offset` is the last that was tried. At the least offset they hide most. Returns why there is no offset, "" where there
+// Move items along a line, metres per unit of offset, until they, with earlier occluders, hide a share of the object;
+// `offset` is the last one tried. At the least offset they hide most. Returns why there is no offset, "" where there
 // is: too much is hidden at the greatest, too little at the least, or the search ended.
 const char* settle(Drawing& drawing, const std::vector<Item>& items, const Camera& camera, Vec3<double> motion, double least,
                    double most, const ObjectPixels& pixels, double level, double tolerance, double& offset);
 
 struct Support {
-    double turn, clearance, behind;  // metres to what is above, and to a wall or back, inf none
+    double turn, clearance, behind;  // metres to things above, and to a wall or back, inf none
     double half[2], centre[3];
 };
 
@@ -34,7 +34,7 @@ enum PlaceState { PLACE_GOOD, PLACE_TOO_SMALL, PLACE_EYE, PLACE_OPEN };  // no r
 
 struct Place {
     double turn;  // radians, layout to world
-    double spot[3], slide[3];  // of the object in the layout; from there to the support's edge on the side of the people
+    double spot[3], slide[3];  // object's place in the layout; from there to the support's edge on the side of the people
     PlaceState state;
 };
 
@@ -48,8 +48,8 @@ struct PlaceSearch {
     Vec3<double> eye;  // in the world
     double ahead;      // radians, of the direction away from the camera
     double slid;       // share of the slide
-    // Metres: of the camera from walls and furniture, of the camera over the floor, of the object from the support's edge,
-    // of the line of sight from furniture; and the share of views from the side where people stand.
+    // Metres: camera from walls and furniture, camera over the floor (2), object from the support's edge, line of sight
+    // from furniture; and the share of views from the side where people stand.
     double clearance, lowest, highest, edge, near_ray, wall_share;
     // The place that five numbers in [0, 1) draw on a support.
     Place propose(const Support& support, const double* draws) const;
@@ -59,17 +59,17 @@ struct PlaceSearch {
     bool is_crossed(const double* eye, const double* middle) const;
 };
 
-// The object as seen from its camera, and what it stands on.
+// The object as seen from its camera, and its support.
 struct Stage {
     Camera camera;
     std::vector<int64_t> sums;  // (H + 1, W + 1), how many of its pixels lie above and left of each corner
     int pixel_count;
-    bool closer;  // whether nearness to the eye is drawn on a log scale
+    bool closer;  // whether nearness to the camera is drawn on a log scale
     double middle[2];           // row and column
     Vec3<double> ahead, aside;  // unit vectors in the ground plane
     double body_front;          // metres from the object's axis towards the camera
     double body_depth;          // its least coordinate along the direction of view
-    double scale, margin, nearest, gap, widest_gap;  // the last two between the object and what stands before it
+    double scale, margin, nearest, gap, widest_gap;  // the last two between the object and things before it
     Mat3<double> support;         // its axes, as rows
     Vec3<double> support_origin;  // along these
     double half[2], clearance, hand_inside;  // the last pixels
@@ -93,16 +93,16 @@ struct Occluder {
     double bound;        // share hidden at most at the least offset
 };
 
-// What is asked for: a share that is to be hidden, the share that is hidden already, the prop's axis of least extent, and
-// the ends of the offset of what hangs in mid-air.
+// A request: the share to be hidden, the share that is hidden already, the prop's axis of least extent, and
+// the ends of the offset of occluders in mid-air.
 struct OccluderRequest {
     OccluderKind kind;
     int thin;
     double level, hidden, first, last;
 };
 
-// Whether there is room between camera and object for a prop as drawn by numbers in [0, 1), three for what stands, else
-// seven, and three of the normal distribution for what hangs in mid-air. No hand where it has no points.
+// Whether there is room between camera and object for a prop as drawn by numbers in [0, 1), three for `STANDING`, else
+// seven, and three of the normal distribution for occluders in mid-air. No hand where it has no points.
 bool draw_occluder(const Stage& stage, const OccluderRequest& request, Cloud prop, Cloud hand, const double* uniform,
                    const double* normal, Occluder& to);
 

@@ -82,7 +82,7 @@ bool stand(const Stage& stage, const OccluderRequest& request, Cloud prop, const
     const double gap = stage.margin + stage.gap + u[1] * stage.widest_gap;
     to.position = stage.ahead * -(stage.body_front + extent(prop, to.turn, stage.ahead).high + gap);
     to.motion = stage.aside * (u[2] < 0.5 ? -1.0 : 1.0);
-    // Within these offsets it lies inside the support's edges and below what is above it.
+    // Within these offsets it lies inside the support's edges and below things above it.
     to.least = 0;
     to.most = 0.5 * stage.scale;
     for (int axis = 0; axis < 3; ++axis) {
@@ -177,7 +177,7 @@ bool hang(const Stage& stage, const OccluderRequest& request, Cloud prop, Cloud 
     if (hand.count) {
         tips = tips + outward * (0.75 * (extent(prop, to.turn, outward).high - dot(middle, outward)));
         lowest = std::min(lowest, tips.z + extent(hand, to.hand_turn, UP).low);
-        // As long as its fingertips are in the frame.
+        // Its fingertips stay in the frame.
         const Vector seen = camera.rotation * tips + camera.translation, moving = camera.rotation * outward;
         const double scale = camera.focal / seen.z;
         for (int axis = 0; axis < 2; ++axis) {

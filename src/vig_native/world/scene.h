@@ -1,4 +1,4 @@
-// What the generator draws: assets with their poses, and the camera.
+// Scenes of the generator: assets with their poses, and the camera.
 #pragma once
 #include <memory>
 #include <vector>
@@ -7,8 +7,8 @@
 
 namespace vig::world {
 
-constexpr int MOST_LEVELS = 10;  // of a texture pyramid: up to 512 texels a side
-constexpr int ATTRIBUTES = 5;    // of a vertex: normal and texture coordinates; of the object see `lit_asset`
+constexpr int MOST_LEVELS = 10;  // levels of a texture pyramid: up to 512 texels a side
+constexpr int ATTRIBUTES = 5;    // a vertex's: normal and texture coordinates; for the object see `lit_asset`
 
 struct Sphere {
     Vec3<float> centre;
@@ -20,7 +20,7 @@ struct Texture {
     const uint32_t* texels = nullptr;
     int log_width = 0, log_height = 0;
     float repeats = 1;                  // per unit of texture coordinates
-    std::shared_ptr<const void> owner;  // of the texels
+    std::shared_ptr<const void> owner;  // owner of the texels
 };
 
 // Some of a part's faces, one after the other, and the vertices that they have: drawn where their sphere is in the frame.
@@ -37,8 +37,8 @@ struct Part {
     int first_cluster, end_cluster;
 };
 
-// Irradiance lost at places: v0 + v123 . normal of values (z, y, x, 4), times `scale`. Cells are `cell` wide, places along x
-// and y are of cells' centres; plane s is rise[0] s + rise[1] s^2 above the origin, metres.
+// Irradiance lost at places: v0 + v123 . normal of values (z, y, x, 4), times `scale`. Cells are `cell` wide, x and y
+// count cells' centres; plane s is rise[0] s + rise[1] s^2 above the origin, metres.
 struct Grid {
     Vec3<float> origin = {0, 0, 0};
     float cell = 1, rise[2] = {1, 0};
@@ -91,7 +91,7 @@ struct Camera {
     double focal, cx, cy, near;  // pixels; metres up to which things are clipped
     int width, height;
     Vec3<double> eye() const { return rotation.transposed(translation) * -1.0; }
-    // Of an image with so many samples along each pixel's side.
+    // The camera of an image with so many samples along each pixel's side.
     Camera sampled(int samples) const {
         return {rotation, translation, focal * samples, cx * samples, cy * samples, near, width * samples, height * samples};
     }

@@ -148,7 +148,7 @@ void Drawing::shade_range(int number, const int* sorted, int total, const Light&
     const bool occluded = ambient.size[0] > 0;
     float reference = 1;
     if (occluded) {
-        // The light is what arrives at the object, its own ambient occlusion included: occlusion elsewhere is relative to
+        // The light is that at the object, its own ambient occlusion included: occlusion elsewhere is relative to
         // that. At least 0.3 of the light is assumed to be left there, which bounds the ratio.
         Rows place, normal;
         float lost[LANES];

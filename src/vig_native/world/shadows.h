@@ -22,7 +22,7 @@ struct SweepSpace {
     std::vector<float> planes, gathered;
 };
 
-// Sweep what is opaque from above; a shadow fades to 1 / e over `reach` metres of height, 0: never. The grid's size is set,
+// Sweep opaque matter from above; a shadow fades to 1 / e over `reach` metres of height, 0: never. The grid's size is set,
 // its width a multiple of LANES; its scale and values are filled.
 void sweep(SweepSpace& space, const Sky& sky, float reach);
 

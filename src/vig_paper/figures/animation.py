@@ -53,10 +53,10 @@ def fit_animation(
 
     Args:
         photo: (150, 150, 3) linear RGB.
-        prediction: Of this photo (N = 1).
-        object_class: Of the object.
-        settings: Of the fit.
-        path: Of the WebP file.
+        prediction: Prediction for this photo (N = 1).
+        object_class: Class of the object.
+        settings: Settings of the fit.
+        path: Path of the WebP file.
     """
     recorder = Recorder(settings.optimizer)
     answer = explain_one(photo, prediction, object_class, replace(settings, optimizer=recorder))

@@ -53,10 +53,10 @@ def figure3(
     """Write six panels of median error against occlusion, a line for each method with its 95 % band.
 
     Args:
-        results: Of the methods on N images.
+        results: Results of the methods on N images.
         occlusion: (N,) in [0, 1].
-        renderer: Which made the images, "raster" or "cycles".
-        path: Of the picture.
+        renderer: Renderer of the images, "raster" or "cycles".
+        path: Path of the picture.
         cumulative: Medians over all images with at most this occlusion, as in the paper, whose own medians at
             75 % are crosses; otherwise over separate bins.
     """

@@ -40,12 +40,12 @@ def draw_figures(
 
     Args:
         dataset: The images.
-        object_class: Of the objects.
+        object_class: Class of the objects.
         recognizer: Predicts where the animated fit starts.
-        results: Of the methods.
-        renderer: Which made the images, "raster" or "cycles".
-        folder: Where to write.
-        settings: How the photos were fitted.
+        results: Results of the methods.
+        renderer: Renderer of the images, "raster" or "cycles".
+        folder: Folder to write to.
+        settings: Settings of the fits.
 
     Returns:
         The paths.

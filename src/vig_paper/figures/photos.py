@@ -170,7 +170,7 @@ def _headings(azimuth: float) -> np.ndarray:
     """Return world angle about +Z, from +X, of each column of a map: ahead in the centre, decreasing to the
     right.
 
-    An eye at azimuth 0 is on -Y and looks along +Y, which is 90 degrees from +X.
+    A camera at azimuth 0 is on -Y and looks along +Y, which is 90 degrees from +X.
     """
     across = (np.arange(2 * MAP_ROWS) + 0.5) / (2 * MAP_ROWS)
     return azimuth + np.pi / 2 + np.pi - 2 * np.pi * across

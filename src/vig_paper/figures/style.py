@@ -1,4 +1,4 @@
-"""What the figures share. matplotlib is imported in functions: it takes 0.2 s."""
+"""Style and parts that the figures share. matplotlib is imported in functions: it takes 0.2 s."""
 
 from __future__ import annotations
 

@@ -57,10 +57,10 @@ class PaperSettings:
 
 
 class FactorNetwork(nn.Module):
-    """From images (B, 3, 150, 150), sRGB in [0, 1], to the `count` numbers of one factor (B, count).
+    """Maps images (B, 3, 150, 150), sRGB in [0, 1], to the `count` numbers of one factor (B, count).
 
     Attributes:
-        mean_image: (1 or 3, 150, 150) of the training images, which is subtracted.
+        mean_image: (1 or 3, 150, 150) mean of the training images, which is subtracted.
         centre: (count,) mean of the training targets.
         scale: () unit of the network's output about `centre`.
     """
@@ -105,7 +105,7 @@ class FactorNetwork(nn.Module):
 
 
 class PaperNetworks(nn.Module):
-    """The four networks, and how far off they are: what a `Prediction` holds, from images.
+    """The four networks and their errors: the content of a `Prediction`, from images.
 
     Attributes:
         azimuth_deviation: () standard deviation of azimuth, radians.

@@ -35,7 +35,7 @@ class PaperRecognizer(Recognizer):
         pixels = torch.from_numpy(srgb_from_linear(photos)).permute(0, 3, 1, 2)
         with bfloat16(pixels.device):
             outputs = self.network(pixels)
-        count = len(photos)  # the paper knows neither a rolled camera nor photos without the object
+        count = len(photos)  # the paper has neither rolled cameras nor photos without the object
         azimuth, numbers, deviation, mask = outputs
         arrays = [each.numpy().copy() for each in (azimuth, numbers, deviation, mask)]
         arrays += [np.zeros(count, np.float32), np.ones(count, np.float32)]
@@ -55,4 +55,4 @@ def _kind_of(path: Path) -> type[Recognizer]:
         with safe_open(path, framework="pt") as file:
             return PaperRecognizer if (file.metadata() or {}).get("net") == "paper" else Recognizer
     except (OSError, SafetensorError):
-        return Recognizer  # whose error names what is wrong
+        return Recognizer  # whose error names the fault

@@ -31,16 +31,16 @@ _DEVIATION_PER_MAD = 1.4826
 
 @dataclass(frozen=True)
 class PaperTrainingSettings:
-    """How to train: the paper's numbers, but for smaller batches.
+    """Settings of the training: the paper's numbers, but for smaller batches.
 
     Attributes:
-        epochs: Of each network, at most.
+        epochs: Epochs of each network, at most.
         patience: A network is done this many epochs after its best one.
         batch: Images per step. The paper's are of 128, with which losses fall less by an epoch.
-        learning_rate: Of stochastic gradient descent.
+        learning_rate: Step size of stochastic gradient descent.
         momentum: Nesterov's.
-        seed: Of weights and order.
-        threads: Of the CPU, all by default.
+        seed: Seed of weights and order.
+        threads: Threads of the CPU, all by default.
         networks: Their sizes; the number of shape components is the dataset's.
     """
 
@@ -85,10 +85,10 @@ def train_paper(
     the held-out images, which also chose the best epoch.
 
     Args:
-        dataset: To learn from.
+        dataset: Training data.
         out: Folder of the weights, the checkpoint, and log.csv with the losses of every epoch.
-        settings: How to train.
-        say: Is called with a line after each epoch.
+        settings: Settings of the training.
+        say: Called with a line after each epoch.
 
     Returns:
         The weights' path.
@@ -132,7 +132,7 @@ def train_paper(
 
 
 def save_paper_weights(networks: PaperNetworks, path: Path) -> None:
-    """Write the networks with their settings: weights in half precision, what goes with them in single."""
+    """Write the networks with their settings: weights in half precision, buffers in single."""
     parameters = dict(networks.named_parameters())
     tensors = {
         f"network.{name}": (value.half() if name in parameters else value).contiguous()
@@ -235,7 +235,7 @@ def _calibrate(networks: PaperNetworks, data: _TrainingData) -> None:
     """Set the networks' standard deviations from their errors on the held-out images.
 
     Azimuth is off by half a turn at times, so its deviation is robust: 1.4826 times the median absolute
-    error. Of the other numbers it is the root mean square error.
+    error. For the other numbers it is the root mean square error.
     """
     networks.eval()
     with bfloat16(data.images.device):

@@ -68,7 +68,7 @@ def read_json(path: Path) -> dict[str, Any] | None:
 
 
 def duration(seconds: float) -> str:
-    """Return such as 12.3 s, 4 min 10 s, 2 h 5 min."""
+    """Return a duration in words: 12.3 s, 4 min 10 s, 2 h 5 min."""
     if seconds < 60:
         return f"{seconds:.1f} s"
     minutes, remaining_seconds = divmod(round(seconds), 60)

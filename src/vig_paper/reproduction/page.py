@@ -44,7 +44,7 @@ Part = tuple[str, Any]
 
 
 def write_page(root: Path) -> Path:
-    """Write `index.html` of a run's folder from its contents; what does not exist yet is left out.
+    """Write `index.html` of a run's folder from its contents; missing contents are left out.
 
     Raises:
         UserError: The folder holds no run.
@@ -73,7 +73,7 @@ def write_page(root: Path) -> Path:
 
 
 def _introduction(folder: RunFolder, record: Mapping[str, Any], tables: Mapping[str, Any]) -> list[str]:
-    """Describe what was run, on how much it was trained, and how many cells of Table 1 pass.
+    """Describe the run, its amount of training, and how many cells of Table 1 pass.
 
     A run too small for that is put beside others of its size first.
     """
@@ -187,7 +187,7 @@ def _table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> 
 
 
 def _photos(folder: RunFolder, record: Mapping[str, Any]) -> list[list[str]]:
-    """Name, split, renderer, count and seed of each dataset that exists."""
+    """Return name, split, renderer, count and seed of each dataset that exists."""
     rows = []
     for name, (split, _, _) in DATASETS.items():
         try:

@@ -1,4 +1,4 @@
-"""What runs of the tiny scale reach: they train on too little for the paper's numbers to be an aim.
+"""Results that runs of the tiny scale reach: they train on too little for the paper's numbers to be an aim.
 
 `reached.json` has the medians of photos with at most 75 % of the object hidden, and how they were measured.
 """
@@ -17,7 +17,7 @@ from vig_train.evaluation.presentation import TableBlock
 from vig_train.evaluation.table import METRICS
 
 RUNS = "three runs of this size, seeds 0 to 2, vig 0.3.0.dev0"
-"""Where the numbers are from."""
+"""Origin of the numbers."""
 REACHED: dict[str, dict[str, tuple[float, float]]] = json.loads(
     Path(__file__).with_name("reached.json").read_text()
 )["medians"]
@@ -47,7 +47,7 @@ class ReachedMedian:
 
     @property
     def word(self) -> str:
-        """Return the cell's word on ours."""
+        """Return the verdict on our median."""
         return "ok" if self.passed else "worse"
 
 
@@ -55,8 +55,8 @@ def reached(settings: Mapping[str, Any], table: Mapping[str, Any]) -> list[Reach
     """Compare a table with those of runs of the same size; empty where none was measured.
 
     Args:
-        settings: Of the run, as `ReproductionSettings.to_json` gives them.
-        table: Of rasterised photos, as `vig_train.evaluation.paper.compare` takes it; of others none was.
+        settings: Settings of the run, from `ReproductionSettings.to_json`.
+        table: Table of rasterised photos, as for `vig_train.evaluation.paper.compare`; others have none.
     """
     tiny = ReproductionSettings.of("tiny").to_json()
     if table["tier"] != "raster" or any(settings[name] != tiny[name] for name in tiny if name not in VARIED):

@@ -94,16 +94,16 @@ def reproduce(
 
     Args:
         run: See `Run`.
-        kinds: Which of `STEP_KINDS`.
+        kinds: Some of `STEP_KINDS`.
         machine: Recorded when a run begins.
-        command: Recorded likewise.
+        command: Recorded when a run begins.
 
     Returns:
         The record, `run.json`.
 
     Raises:
         UserError: An unknown kind; no workers; the folder holds a run of other settings; a step needs one
-            that has not been done; what a step itself refuses.
+            that has not been done; errors of a step itself.
     """
     chosen = set(kinds)
     unknown = sorted(chosen - set(STEP_KINDS))

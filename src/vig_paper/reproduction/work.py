@@ -1,4 +1,4 @@
-"""What the steps of a run do. Each can be killed and begun again."""
+"""The steps of a run. Each can be killed and begun again."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Run:
     workers: int | None = None
     """Processes and threads; one per CPU by default."""
     report: Callable[[str], None] = print
-    """Takes a line on what is done."""
+    """Called with a line for each step."""
     progress: bool = True
     """A bar on a terminal, a line now and then in a log."""
 
@@ -92,7 +92,7 @@ class Run:
     def renderers(self) -> tuple[str, ...]:
         """Return the renderers whose photos are evaluated; reports when path-traced photos are left out.
 
-        They are left out when they are not wanted, and when there is neither a Blender nor finished photos.
+        They are left out when not requested, and when there is neither a Blender nor finished photos.
         """
         if not self.cycles:
             self.report("path-traced photos are left out, as --no-cycles asks")
@@ -174,7 +174,7 @@ def calibrate(run: Run) -> None:
     if len(dataset) < MIN_IMAGES:
         run.report(f"calibrate: {len(dataset)} photos are too few; uncertainties stay as they are predicted")
         return
-    if run.settings.net == "vig":  # the paper's networks predict what was measured on held-out photos
+    if run.settings.net == "vig":  # the paper's networks predict their errors on held-out photos
         calibrate_network(run.folder.weights, [dataset], run.report)
     with Meter(fit_count(dataset), 0, run.progress, "fits") as meter:
         calibration, samples = calibrate_fits(

@@ -1,4 +1,4 @@
-"""Whether a registered mesh belongs to the class: judged by distances both ways and by folds."""
+"""Acceptance of registered meshes into the class: judged by distances both ways and by folds."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ is then far from all others."""
 
 @dataclass(frozen=True)
 class Quality:
-    """How well a template lies on a mesh, in sizes of the mesh.
+    """Fit of a template to a mesh, in sizes of the mesh.
 
     Attributes:
         mean: Mean distance, both ways.
@@ -88,11 +88,11 @@ def judged(
     """Return the qualities of meshes as members of one class.
 
     Args:
-        qualities: Of each mesh by itself, by its index.
+        qualities: Fit quality of each mesh by itself, by its index.
         shapes: (N, V, 3), the template as it lies on each mesh.
-        medoid: Index of the mesh that the template was made from. What the template's few vertices cannot
-            represent of this mesh is not held against the others.
-        symmetry: Of the class.
+        medoid: Index of the mesh that the template was made from. Its unmatched share, due to the
+            template's few vertices, is subtracted from the others'.
+        symmetry: Symmetry of the class.
     """
     max_unmatched = MAX_ATTACHMENT_SHARE if symmetry == "any-turn" else MAX_UNMATCHED_SHARE
     of_medoid = qualities[medoid].unmatched_mesh

@@ -37,13 +37,13 @@ def build_class(
     """Build a class pack from a folder of meshes or from furniture catalogues.
 
     Args:
-        meshes: A folder of them; what `mesh_folder` takes, such as `catalogue.sh3f:car`; or a single file,
+        meshes: A folder of them; any argument of `mesh_folder`, such as `catalogue.sh3f:car`; or a file,
             whose shape is exact.
         out: The pack's folder, made where it is missing.
-        settings: What the user states.
+        settings: The user's statements about the class.
         say: Called with a line for each step.
-        progress: Whether standard error shows how far a step is.
-        command: What who uses the pack too early is told to run again; by default the shortest for these.
+        progress: Whether to report progress on standard error.
+        command: Command that an error about an unfinished pack advises; by default the shortest for these.
         whole: Whether the pack is whole when this ends; else it is when it gets its recognizer.
 
     Returns:
@@ -149,7 +149,7 @@ def build_class(
 MOST_NAMED = 8
 """Files that are named in one line."""
 STEP = " ..."
-"""Ends the lines of `build_class` with which a step begins that takes a while; others say what was found."""
+"""Ends the lines of `build_class` with which a step begins that takes a while; others state results."""
 
 
 def is_step(line: str) -> bool:
@@ -164,7 +164,7 @@ def _write_command(out: Path, command: str) -> None:
 
 
 def check_folder(out: Path) -> None:
-    """Raise UserError where a folder for a pack holds what no build has made."""
+    """Raise UserError where a folder for a pack holds files that no build has made."""
     begun = (out / "build").is_dir()
     if out.exists() and not (begun or out.is_dir() and not any(out.iterdir())):
         raise UserError(
@@ -173,7 +173,7 @@ def check_folder(out: Path) -> None:
 
 
 def _taken(shapes: ClassShapes, families: int) -> str:
-    """Return the line on what the class is made of."""
+    """Return the line on the shapes that the class is made of."""
     count, components = len(shapes.numbers), shapes.components
     held_out = count - len(shapes.trained)
     kept = f", {held_out} of them held out for validation and test" if held_out else ""

@@ -1,4 +1,4 @@
-"""What the materials of a class's meshes say of its surface: a part that is dark on most of them."""
+"""A class's dark part: one that the materials of most of its meshes make dark."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from vig_world.mesh import face_normals
 SAMPLES = 60_000
 """Points on a mesh at which its material is looked up."""
 NEAREST = 5
-"""Of these points the nearest decide on a vertex of the template."""
+"""Number of nearest points that decide on a vertex of the template."""
 DARK_RATIO = 0.4
 """A place is dark from this share of the luminance at `BODY_SHARE` down."""
 GLASS_RATIO = 0.15
-"""That of glass, through which something dark is seen."""
+"""The share for glass, through which something dark is seen."""
 AREA_BOUNDS = 0.03, 0.6
 """Shares of the surface between which a dark part is one."""
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-"""Of linear RGB (BT.709)."""
+"""Weights of linear RGB (BT.709)."""
 BODY_SHARE = 0.6
 """Share of the surface, from the darkest on, at whose end is the luminance that others are compared with."""
 
@@ -39,9 +39,9 @@ def dark_part(
         faces: (F, 3) of the template.
 
     Returns:
-        None where nothing, too little or most of the surface is dark, or too few meshes tell.
+        None where nothing, too little or most of the surface is dark, or too few meshes have materials.
     """
-    # Two meshes with materials say nothing of a class; one alone, whose own shape the class has, does.
+    # Two meshes with materials are too few for a class; one is enough for a class made of it alone.
     if not meshes or 1 < len(meshes) < 3:
         return None
     areas = vertex_areas(vertices, faces)

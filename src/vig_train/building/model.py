@@ -25,7 +25,7 @@ class Components:
         mean: (V, 3).
         basis: (K, V, 3), one standard deviation each.
         ratio: (K,) shares of the variance.
-        amplitude: Of the smooth deformations added, in sizes.
+        amplitude: Amplitude of the smooth deformations added, in sizes.
         errors: Leave-one-out error by number of components 0 to K, in sizes; empty for one mesh.
     """
 

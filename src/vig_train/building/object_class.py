@@ -24,13 +24,13 @@ class ClassShapes:
 
     Attributes:
         registered: The meshes that they come from.
-        symmetries: Of the class.
+        symmetries: Symmetries of the class.
         numbers: (A,) indices of the accepted meshes; all that follows is in their order.
-        splits: (A,) that each is for.
-        trained: Which of them, from 0, the components come from; the others are held out.
+        splits: (A,) split of each.
+        trained: Those, from 0, that the components come from; the others are held out.
         vertices: (A, V, 3) in metres, standing on z = 0.
         scale: Metres of a unit of the class's frame.
-        components: Of the shapes for training.
+        components: Shape model of the shapes for training.
     """
 
     registered: RegisteredMeshes
@@ -106,13 +106,13 @@ def object_class_of(
 ) -> ObjectClass:
     """Return the class of these shapes.
 
-    dark: Which vertices (V,) are of its dark part, and their relative reflectance; see `dark_part`.
-    progress: Whether standard error shows how far it is.
+    dark: Vertices (V,) bool of its dark part, and their relative reflectance; see `dark_part`.
+    progress: Whether to report progress on standard error.
     """
     model = _shape_model(shapes, dark)
     mean, covariance = packaged_light_prior()
     size = np.ptp(shapes.components.mean, axis=0)
-    # With a dark part evidence tells front from back by itself: on 205 photos of real cars views are as good
+    # A dark part is evidence for the front by itself: on 205 photos of real cars views are as good
     # with a `view_weight` of 1,000 as with 3,000, and those that are turned have a lower confidence.
     # The standard camera is 1.5 longest sides of the mean shape away.
     return ObjectClass(

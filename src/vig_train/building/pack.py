@@ -1,4 +1,4 @@
-"""What a build writes into a class pack's folder: the pack, meshes with materials for training, pictures."""
+"""Writes a class pack's folder: the pack, meshes with materials for training, pictures."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ TRAINED_FILES = (
 )
 """Files of a pack that `vig class train` writes."""
 CARD_SECTIONS = ("## Recognition", "## On photographs")
-"""Of a card, by `vig class train` and `vig class check`."""
+"""Sections of a card, written by `vig class train` and `vig class check`."""
 
 
 def write_pack(
@@ -39,7 +39,7 @@ def write_pack(
 ) -> None:
     """Write all that explaining photos and training need; class.json comes last: a pack with it is whole.
 
-    cache: Of the shapes from which the table of light is computed. `say` and `progress` are those of
+    cache: Cache of the shapes for the table of light. `say` and `progress` are those of
     `build_class`.
     """
     names = tuple(result.scans[number].name for number in shapes.numbers)
@@ -85,7 +85,7 @@ def source_meshes(shapes: ClassShapes) -> list[SourceMesh]:
     for number in shapes.registered.qualities:
         scan = shapes.registered.meshes[number].scan
         if not scan.pieces or has_one_colour(scan.pieces):
-            continue  # as of a format without any
+            continue  # without materials, as in some formats
         design = shapes.numbers.index(number) if number in shapes.numbers else -1
         move = shapes.object_from_mesh(number)
         meshes.append(

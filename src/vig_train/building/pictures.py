@@ -1,4 +1,4 @@
-"""Contact sheets of meshes, and curves: what the building of a class shows of each stage."""
+"""Contact sheets of meshes, and curves, for each stage of building a class."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def save_mesh_sheet(
 ) -> None:
     """Write a sheet of meshes with their labels, by default their numbers from 1 on.
 
-    above: Show each from above too. arrow: What is at +X, to which an arrow then points. checks: (V, 3)
+    above: Show each from above too. arrow: Name of the part at +X, which gets an arrow. checks: (V, 3)
     places on the template by which each vertex is coloured, so that the same colours are the same places.
     """
     colours = None

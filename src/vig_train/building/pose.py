@@ -1,4 +1,4 @@
-"""How meshes stand: all brought into one pose, upright, with the front to +X."""
+"""Poses of meshes: all brought into one pose, upright, with the front to +X."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vig_world.rotations import about_z
 MAX_ANCHORS = 8
 """Meshes with which all are compared, at most, to choose the medoid, to which the others are turned."""
 NORMAL_WEIGHT = 0.3
-"""Distance, in root mean square radii, that two normals count as whose difference has length one."""
+"""Distance, in root mean square radii, for which a difference of normals of length one counts."""
 LIKELY_POSE_FACTOR = 0.92
 """Factor on the distance of a pose that is likely beforehand."""
 UP_FACTORS = np.array([1.0, 1.0, 0.5])
@@ -25,7 +25,7 @@ UP_FACTORS = np.array([1.0, 1.0, 0.5])
 SYMMETRY_TOLERANCE = 0.022
 """Root mean square radii; a shape that a turn changes by less in the mean has that turn as its symmetry."""
 DETAIL_SHARE, DETAIL_TOLERANCE = 0.02, 0.22
-"""But not where so large a share of its surface, a spout or a handle, comes to lie farther off than this."""
+"""Exception: where the share of the surface, a spout or a handle, moves by more than the tolerance."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class PointCloud:
     Attributes:
         points: (N, 3).
         normals: (N, 3).
-        tree: Of features (N, 6), the points beside `NORMAL_WEIGHT` times the normals.
+        tree: k-d tree of features (N, 6): the points, and `NORMAL_WEIGHT` times the normals.
         spacing: Mean distance of nearest neighbours: the distance of two samples of one surface.
     """
 
@@ -58,7 +58,7 @@ class PointCloud:
     def distance(self, other: PointCloud, rotation: np.ndarray) -> float:
         """Return the mean distance, both ways, to another cloud turned by a rotation (3, 3)."""
         there, back = self.distances(other, rotation), other.distances(self, rotation.T)
-        # Truncated at .3 root mean square radii, lest a part of one mesh alone dominates.
+        # Truncated at .3 root mean square radii, so that a part of one mesh alone cannot dominate.
         return float(sum(0.5 * np.minimum(each, 0.3).mean() for each in (there, back)))
 
     def distances(self, other: PointCloud, rotation: np.ndarray) -> np.ndarray:
@@ -121,7 +121,7 @@ def align_clouds(
 ) -> tuple[int, list[np.ndarray], np.ndarray]:
     """Turn all clouds to their medoid, the one that is most like the others.
 
-    advance: Is called with the number of steps that were done.
+    advance: Called with the number of completed steps.
 
     Returns:
         The medoid's number, rotations (3, 3) of each cloud to it, and the mean distances (N,) that remain.

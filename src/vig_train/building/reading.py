@@ -30,12 +30,12 @@ class Scan:
     """One file's triangles.
 
     Attributes:
-        name: Of the file, relative to its folder.
+        name: Path of the file, relative to its folder.
         vertices: (V, 3) float64, in the file's units and axes; equal ones are one.
         faces: (F, 3), each with an area.
-        content_hash: Of the file's content.
-        pieces: What has a material each, of few enough faces for training; none where materials do not count.
-        notes: What of the file was left out, and what was taken in place of materials that were not read.
+        content_hash: Hash of the file's content.
+        pieces: Parts with a material each, of few enough faces for training; none to ignore materials.
+        notes: Sentences on omitted content of the file, and on substitutes for unread materials.
     """
 
     name: str
@@ -52,9 +52,9 @@ def read_scans(
     """Read every mesh below a folder, or of furniture catalogues, in the order of names; or a single file.
 
     Args:
-        meshes: A folder, a file, or what `mesh_folder` takes, such as `catalogue.sh3f:car`.
+        meshes: A folder, a file, or another argument of `mesh_folder`, such as `catalogue.sh3f:car`.
         materials: Whether their materials are kept.
-        progress: Whether standard error shows how far it is.
+        progress: Whether to report progress on standard error.
 
     Returns:
         The meshes, and why each other file was left out, by name.
@@ -99,7 +99,7 @@ def read_scans(
 
 
 def folder_of(meshes: str | Path) -> Path:
-    """Return the folder of the meshes that `read_scans` reads, and of what goes with them."""
+    """Return the folder of the meshes that `read_scans` reads, and of accompanying files."""
     path = mesh_folder(meshes)
     return path.parent if path.is_file() else path
 
@@ -161,7 +161,7 @@ def _weld(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarr
     corners = merged.ravel()[faces]
     points = unit[representative]
     spread = np.sqrt(np.linalg.eigvalsh(np.cov(points[np.unique(corners)].T)).clip(0))
-    # What is narrower than a thousandth of its length is a line.
+    # A mesh narrower than a thousandth of its length is a line.
     if not spread[1] > 1e-3 * spread[2]:
         raise UserError("expected triangles with an area; all of them lie on a line.")
     area = np.linalg.norm(face_normals(points, corners), axis=1)

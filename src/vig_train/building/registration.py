@@ -1,7 +1,7 @@
 """Non-rigid registration: a template's vertices carried onto another surface of the same kind of thing.
 
 The template moves with nodes spread over its surface, each of which carries an affine map (embedded
-deformation, Sumner et al. 2007). What is minimised is that of non-rigid ICP (Amberg et al. 2007),
+deformation, Sumner et al. 2007). The objective is that of non-rigid ICP (Amberg et al. 2007),
 
     sum_i w_i [ (n_i . (x_i - c_i))^2 + s |x_i - c_i|^2 ] + b sum_j v_j |x_i(j) - y_j|^2
         + alpha sum_ab |(X_a - X_b) G_ab|^2,
@@ -55,7 +55,7 @@ STAGES = (
 TANGENTIAL_WEIGHT = 0.03
 """s, the weight of distances along the surface over that of distances to it."""
 NORMAL_WEIGHT = 0.05
-"""Sizes of the object that a difference of normals of length one counts as in the nearest-point search."""
+"""Sizes of the object for which a difference of normals of length one counts in nearest-point search."""
 SPATIAL_NEIGHBOURS = 4
 """Vertices near in space to which a vertex is joined, so that parts that only touch move together."""
 
@@ -154,12 +154,12 @@ def _differences(nodes: np.ndarray, near: np.ndarray) -> sp.csr_matrix:
 
 @dataclass(frozen=True)
 class _Correspondences:
-    """What each vertex is drawn to.
+    """Targets of the vertices.
 
     Attributes:
-        normal: (V, 3) of the plane at the nearest point of the target.
+        normal: (V, 3) normal of the plane at the nearest point of the target.
         gap: (V, 3) from the vertex to that point.
-        weight: (V,) of the distance to the plane; times `TANGENTIAL_WEIGHT` of that to the point.
+        weight: (V,) weight of the plane's distance; times `TANGENTIAL_WEIGHT`, of the point's.
         pull: (V, 3) from the vertex to the mean of the target's points whose nearest vertex it is.
         strength: (V,) weight of the pull.
     """
@@ -212,7 +212,7 @@ def _solve(matrix: sp.spmatrix, right: np.ndarray) -> np.ndarray:
 
 
 class Registration:
-    """Registers a template to surfaces; what depends on the template alone is computed once.
+    """Registers a template to surfaces; values of the template alone are computed once.
 
     Args:
         vertices: (V, 3) of the template.

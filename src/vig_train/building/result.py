@@ -1,4 +1,4 @@
-"""A built class, what it was built from, and its card."""
+"""A built class, its sources, and its card."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from vig_world.dataset.spec import Split
 
 @dataclass(frozen=True)
 class BuildResult:
-    """A built class, and what it was built from.
+    """A built class, and its sources.
 
     Attributes:
-        object_class: As saved.
+        object_class: The class, as saved.
         length: Longest side of its mean shape, metres, as stated or assumed.
         scans: All meshes that could be read.
-        unreadable: Why other files were left out, by name.
+        unreadable: Reasons why other files were left out, by name.
         upright: Rotations of the meshes to the class's frame.
         medoid: Index of the mesh that the template was made from.
-        qualities: Of each mesh that was not dropped, by its index.
-        splits: Of each accepted mesh, by its index.
+        qualities: Fit quality of each mesh that was not dropped, by its index.
+        splits: Split of each accepted mesh, by its index.
         components: The shape model.
         sources: Origins of the meshes that come from furniture catalogues.
     """

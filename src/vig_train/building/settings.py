@@ -1,4 +1,4 @@
-"""What a user states about a class that is to be built."""
+"""Statements of the user about a class that is to be built."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vig_train.building.template import TEMPLATE_VERTICES
 from vig_world.assets.things import ZONE_NAMES
 
 USUAL_LENGTH, LENGTHS = 0.2, (0.001, 1000.0)
-"""Longest side of a class's mean shape where none is told, and the bounds of one that is, metres."""
+"""Longest side of a class's mean shape where none is stated, and the bounds of a stated one, metres."""
 MIN_VERTICES = 200
 MAX_VERTICES = 20_000
 AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "-x": (-1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1)}
@@ -22,13 +22,13 @@ AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "-x": (-1, 0, 0), "-y": 
 
 @dataclass(frozen=True)
 class BuildSettings:
-    """What the user states about a class.
+    """Statements of the user about a class.
 
     Attributes:
         name: The class's name.
         up: The axis that points up in most files, such as "z"; None: estimated.
         front: The axis that the front faces in most files, such as "+x"; None: estimated.
-        shows: What the front shows, such as "the handle"; for texts.
+        shows: Part that the front shows, such as "the handle"; for texts.
         symmetry: "none", "half-turn", "any-turn"; None: estimated.
         length: Longest side of the mean shape, metres; None: `USUAL_LENGTH`, or of a single glTF file, which
             is in metres, its own.

@@ -19,7 +19,7 @@ from vig_world.assets.own.folder import fingerprint
 from vig_world.assets.own.load import SUFFIXES, has_one_colour, load
 
 EDITION = 3
-"""Of the packs: those that an earlier vig made another way stay unused."""
+"""Edition of the packs: those of another edition are not used."""
 TURNS = {
     Symmetry.NONE: "no turn about its vertical looks the same",
     Symmetry.HALF_TURN: "half a turn about its vertical looks the same",

@@ -28,7 +28,7 @@ class StageCache:
     """Arrays by stage and inputs, a file for each.
 
     Attributes:
-        folder: Of the files, made where it is missing.
+        folder: Folder of the files, made where it is missing.
     """
 
     folder: Path
@@ -63,7 +63,7 @@ class StandingMesh:
     """A mesh in the class's frame: +X the front, the foot's middle at the origin, of unit size.
 
     Attributes:
-        scan: As in its file.
+        scan: The mesh as in its file.
         rotation: (3, 3) from the file's axes.
         linear: (3, 3), the rotation times the scale.
         offset: (3,), added after the linear map.
@@ -164,9 +164,9 @@ class RegisteredMeshes:
 
     Attributes:
         meshes: (N,) all of them.
-        template: Of the class.
+        template: Template of the class.
         vertices: (N, V, 3) in the class's frame; zeros for dropped meshes.
-        qualities: How well the template lies on each mesh that was not dropped, by the mesh's index.
+        qualities: Fit of the template to each mesh that was not dropped, by the mesh's index.
     """
 
     meshes: list[StandingMesh]
@@ -189,7 +189,7 @@ def register(
     say: Callable[[str], None],
     progress: bool = False,
 ) -> RegisteredMeshes:
-    """Return carry the template onto each used mesh, and judge which meshes belong to a class of this
+    """Carry the template onto each used mesh, and judge which meshes belong to a class of this
     symmetry.
     """
     vertices = np.zeros((len(meshes), *template.vertices.shape))

@@ -1,4 +1,4 @@
-"""What can be seen of a mesh from outside: the surface that registration needs, whatever the topology."""
+"""The surface of a mesh that is visible from outside, as registration needs it, whatever the topology."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vig_world.mesh import face_normals
 from vig_world.raster.rasterize import rasterize
 
 EYE_DISTANCE = 50.0
-"""Distance of the eye from a mesh that is drawn alone, in its radii: nearly parallel."""
+"""Distance of the camera from a mesh that is drawn alone, in its radii: nearly parallel."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class SurfaceSample:
 
     @property
     def size(self) -> float:
-        """Return longest side of the bounding box."""
+        """Return the longest side of the bounding box."""
         return float(np.ptp(self.points, axis=0).max())
 
     def features(self, weight: float) -> np.ndarray:
@@ -86,8 +86,8 @@ def draw_alone(
         faces: (F, 3) of the mesh.
         rotation: (3, 3) of the camera.
         sphere: Middle (3,) and radius of the sphere that fills the picture.
-        side: Of the picture, pixels.
-        margin: Radius of what fits into the picture, in radii of the sphere.
+        side: Side of the picture, pixels.
+        margin: Radius of the region in the picture, in radii of the sphere.
 
     Returns:
         Covered pixels (side, side) bool; the face of each of them (N,), and its barycentric weights (N, 3).
@@ -100,7 +100,7 @@ def draw_alone(
 
 
 def sphere_of(vertices: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return middle (3,) and radius of a sphere round vertices (V, 3)."""
+    """Return the middle (3,) and radius of a sphere round vertices (V, 3)."""
     middle = (vertices.min(0) + vertices.max(0)) / 2
     return middle, float(np.linalg.norm(vertices - middle, axis=1).max())
 

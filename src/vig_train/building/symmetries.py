@@ -48,7 +48,7 @@ class SurfaceLookup:
 def mirror_map(vertices: np.ndarray, faces: np.ndarray) -> sp.csr_matrix:
     """Return sparse (V, V); times vertices it gives the points of the mesh where their mirror images are.
 
-    Of a shape x in correspondence with the mesh, `(map @ x) * ACROSS` is the mirror image, in correspondence.
+    For a shape x in correspondence with the mesh, `(map @ x) * ACROSS` is its mirror image.
     """
     return SurfaceLookup(vertices, faces).resampling(np.diag(MIRROR_Y))
 

@@ -111,7 +111,7 @@ def _non_manifold_vertices(mesh: trimesh.Trimesh) -> np.ndarray:
     """Return vertices where a mesh is no manifold: at edges without exactly two faces, or where two fans of
     faces touch at a vertex alone.
     """
-    ends = mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)  # of each side of each face
+    ends = mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)  # the two of each side of each face
     corner = np.arange(mesh.faces.size).reshape(-1, 3)[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     turned = ends[:, 0] > ends[:, 1]
     ends[turned], corner[turned] = ends[turned, ::-1], corner[turned, ::-1]
@@ -213,7 +213,7 @@ def _dual(points: np.ndarray, faces: np.ndarray, areas: np.ndarray, owner: np.nd
 def outer_surface(
     vertices: np.ndarray, faces: np.ndarray, visible: SurfaceSample
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return one closed surface round all that a mesh (V, 3), (F, 3) holds, drawn onto what is visible."""
+    """Return one closed surface round all of a mesh (V, 3), (F, 3) drawn onto the visible surface."""
     outer, cell = _voxel_surface(vertices, faces)
     return _project_onto(np.asarray(outer.vertices), np.asarray(outer.faces), visible, cell)
 
@@ -221,7 +221,7 @@ def outer_surface(
 def _voxel_surface(vertices: np.ndarray, faces: np.ndarray) -> tuple[trimesh.Trimesh, float]:
     """Return the closed surface of the voxels that a mesh takes, and their size: parts joined, cracks closed.
 
-    What the air outside reaches through openings of more than a hundredth of the size stays outside.
+    Cavities with openings of more than a hundredth of the size count as outside.
 
     Args:
         vertices: (V, 3) of the mesh.
@@ -237,7 +237,7 @@ def _voxel_surface(vertices: np.ndarray, faces: np.ndarray) -> tuple[trimesh.Tri
     empty_regions, _ = ndimage.label(~occupied)
     solid = empty_regions != empty_regions[0, 0, 0]
     thin = solid & ~ndimage.binary_opening(solid)
-    solid |= ndimage.binary_dilation(thin)  # lest smoothing perforates what is a cell thick
+    solid |= ndimage.binary_dilation(thin)  # else smoothing perforates walls of one cell
     level = ndimage.gaussian_filter(solid.astype(np.float32), 0.8)
     surface, triangles, _, _ = marching_cubes(level, 0.5)
     mesh = trimesh.Trimesh((surface - margin + 0.5) * cell + low, triangles[:, ::-1])
@@ -268,7 +268,7 @@ def _project_onto(
 def closed_template(
     vertices: np.ndarray, faces: np.ndarray, visible: SurfaceSample, count: int = TEMPLATE_VERTICES
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return a template of a mesh (V, 3), (F, 3): of itself where it is closed, else of its outer surface.
+    """Return a template of a mesh (V, 3), (F, 3): from itself if it is closed, else from its outer surface.
 
     Raises ValueError where neither gives a closed mesh.
     """

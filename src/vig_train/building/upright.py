@@ -39,7 +39,7 @@ class UprightPoses:
 
     Attributes:
         rotations: (N, 3, 3) from each file's axes; the identity for dropped meshes.
-        symmetries: Of the class.
+        symmetries: Symmetries of the class.
         report: Axes and symmetries, and whether each was estimated or given, one line each.
         back: The axis opposite to the front in most files, such as "-x"; empty where any turn looks the same.
     """
@@ -63,12 +63,12 @@ def upright_poses(
 
     Args:
         scans: (N,) all meshes.
-        surfaces: (N,) of each, in its file's axes.
-        used: Indices of the meshes that are not dropped; the others say nothing of the pose.
-        settings: What the user states of axes, symmetry and turns.
-        cache: Of the rotations into a common pose.
+        surfaces: (N,) surface of each, in its file's axes.
+        used: Indices of the meshes that are not dropped; the others do not affect the pose.
+        settings: The user's statements on axes, symmetry and turns.
+        cache: Cache of the rotations into a common pose.
         say: Called with a line for each step.
-        progress: Whether standard error shows how far they are.
+        progress: Whether to report progress on standard error.
 
     Raises:
         UserError: The front that the user states is not level.
@@ -169,7 +169,7 @@ def _symmetries(clouds: list[PointCloud], stated: str | None) -> ClassSymmetry:
 
 
 def _estimated_front(clouds: list[PointCloud], symmetries: ClassSymmetry) -> float:
-    """Return the angle of the front about +Z, radians; 0 where nothing tells front from sides."""
+    """Return the angle of the front about +Z, radians; 0 where front and sides are alike."""
     if symmetries.mirror and symmetries.symmetry == "none":
         return front_angle(clouds, symmetries.mirror_plane)
     return 0.0

@@ -41,8 +41,8 @@ IN_DISTRIBUTION_FEATURES = (
 VIEW_FEATURES = tuple(
     name for name in CONFIDENCE_FEATURES if name not in ("log_residual", "mask_log_probability")
 )
-"""Features by which a view is judged to be right. How well pixels and mask agree says something of a view in
-drawn photos and nothing in real ones: of the second the area under the curve is .72 and .60 on drawn cars and
+"""Features by which a view is judged to be right. The fit of pixels and mask is evidence for a view in
+drawn photos but not in real ones: the mask's area under the curve is .72 and .60 on drawn cars and
 cups, .38 and .48 on real ones."""
 MASK_FEATURES = (
     "view_log_probability",
@@ -77,13 +77,13 @@ class CalibrationSamples:
         features: (N, C) confidence features.
         right: (N,) bool, whether the view is.
         mask_right: (N,) bool, whether the mask of the visible pixels is.
-        error: (N, P) of the latents.
+        error: (N, P) errors of the latents.
         deviation: (N, P), from the curvature.
         weight: (N,).
-        fold: (N,), of the `FOLDS`.
+        fold: (N,), number of one of the `FOLDS`.
         model: (N,) int, the mesh or design that each shows; fits of one are not independent.
         out_of_distribution: (M, C) confidence features of the M photos; M may be 0.
-        out_of_distribution_fold: (M,), their folds: of a rolled photo, that of the photo as it was.
+        out_of_distribution_fold: (M,), their folds: for a rolled photo, that of the original.
     """
 
     features: np.ndarray
@@ -98,7 +98,7 @@ class CalibrationSamples:
     out_of_distribution_fold: np.ndarray
 
     def without(self, fold: int) -> CalibrationSamples:
-        """Return the same less a fold."""
+        """Return the samples without a fold."""
         kept_in, kept_out = self.fold != fold, self.out_of_distribution_fold != fold
         return CalibrationSamples(
             **{n: a[kept_out if n.startswith("out") else kept_in] for n, a in vars(self).items()}
@@ -259,8 +259,8 @@ def lowest_threshold(
 ) -> float:
     """Return the lowest threshold at which the precision less its standard error is at least `PRECISION`.
 
-    It is at least `LEAST_THRESHOLD`. The standard error is robust to what fits of one `model` (N,) have in
-    common (Liang and Zeger 1986): where all that is wrong is of a few meshes, other meshes may be like these.
+    It is at least `LEAST_THRESHOLD`. The standard error is robust to correlation among fits of one
+    `model` (N,) (Liang and Zeger 1986): where all errors come from a few meshes, others may be like them.
     By default each fit is by itself. Without the standard error, the threshold chosen on these fits would be
     too low for other photos.
     """
@@ -289,8 +289,8 @@ def deviation_scale_and_floor(
 ) -> tuple[float, float]:
     """Return scale and floor such that 90 % of errors lie within 1.645 sqrt((scale d)^2 + floor^2).
 
-    They hold so many more as the standard error of that share is, robust to what fits of one `model` (N,)
-    have in common: other photos show other meshes.
+    They hold more, by that share's standard error, robust to correlation among fits of one `model` (N,):
+    other photos show other meshes.
     """
     scale, floor = _narrowest(error, deviation, weight, COVERAGE)
     within = np.abs(error) <= WITHIN_90 * np.sqrt((scale * deviation) ** 2 + floor**2)

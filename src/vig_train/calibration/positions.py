@@ -39,10 +39,10 @@ def calibrate_positions(
         calibration: Decides which fits are trusted.
         datasets: Those of the world "photo" are used, `count` photos of each at most; without one the
             calibration stays as it is.
-        object_class: What they show.
+        object_class: Class that they show.
         recognizer: Its network, calibrated.
-        count: See there.
-        advance: Is called with 1 for each photo.
+        count: Most photos of each dataset.
+        advance: Called with 1 for each photo.
     """
     photographs = [
         dataset for dataset in datasets if isinstance(dataset, Dataset) and dataset.world == "photo"

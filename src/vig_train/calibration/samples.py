@@ -44,7 +44,7 @@ AS_USERS_TAKE_THEM = StudioSettings(
     rolled=0.0,
     absent=0.25,
 )
-"""Photos of a studio to calibrate and to test on: nearer to what users have than those of the training, which
+"""Photos of a studio to calibrate and to test on: nearer to users' photos than those of the training, which
 are as wide as they can be. `absent` is the share that show something else."""
 MIN_ROLL_DEG = 20.0
 """Least roll, degrees, of a photo out of distribution."""
@@ -54,11 +54,11 @@ GOLDEN_RATIO = (math.sqrt(5) - 1) / 2
 
 @dataclass(frozen=True)
 class StudioPhotos:
-    """Photos of a studio, for what a dataset's do not show.
+    """Photos of a studio, for cases that a dataset lacks.
 
     Attributes:
         images: (N, H, W, 3) uint8 sRGB, which show the object.
-        latents: (N, P) of these.
+        latents: (N, P) latents of these.
         visible: (N, H, W) bool, where the object is seen.
         others: (M, H, W, 3) uint8, which do not.
         model: (N,) int, the mesh or design that each shows.
@@ -120,10 +120,10 @@ def calibrate_fits(
     """Fit all photos of datasets, and learn a calibration on the fits; datasets weigh the same at any size.
 
     Args:
-        datasets: Of the validation split; and photos of a studio.
-        object_class: What they show.
+        datasets: Datasets of the validation split; and photos of a studio.
+        object_class: Class that they show.
         recognizer: Its network, calibrated; or one for each dataset, which has not seen its photos.
-        settings: Of the fits, which are made without calibration; as photos are fitted by default.
+        settings: Settings of the fits, which are made without calibration; by default those for photos.
         workers: See `vig_train.evaluation.evaluate`, as for cache and processes.
         advance: Called with the number of fits made since the last call.
         cache: Folder that keeps fits, so that an interrupted run resumes.
@@ -162,7 +162,7 @@ def calibrate_fits(
 
 def _by_mesh(model: np.ndarray, fold: np.ndarray) -> np.ndarray:
     """Return folds (N,) with all fits of a mesh, numbered from 0 on, in one, where there are enough meshes:
-    what is learned is then tried on other meshes. Others keep theirs.
+    the calibration is then tested on other meshes. Others keep theirs.
     """
     meshes, of_mesh = np.unique(model, return_inverse=True)
     # Up to four meshes folds of the cross-validation are by photo.
@@ -215,12 +215,12 @@ def samples_of(
     """Return the samples of fits of a whole dataset, made without calibration.
 
     Args:
-        fits: Of the photos of the dataset.
+        fits: Fits of the photos of the dataset.
         dataset: Holds the true latents.
         visible: (N, H, W) bool, where the object is truly seen in the photos as they were fitted.
         origin: (M,) indices of the photos that were rolled, or of those without the object.
         rolled_features: (M, C) confidence features of the fits of these.
-        symmetry: Of the class. Where any turn looks the same, a view is right by its elevation.
+        symmetry: Symmetry of the class. Where any turn looks the same, a view is right by its elevation.
     """
     layout = layout_of_width(dataset.latents.shape[1])
     azimuth = layout.at("azimuth")
@@ -251,8 +251,8 @@ def studio_errors(
 
     Args:
         parts: Photos, each with a network that has not seen their meshes.
-        object_class: What they show.
-        settings: Of the fits.
+        object_class: Class that they show.
+        settings: Settings of the fits.
         workers: Processes.
         advance: Called with the number of fits made since the last call.
         cache: Folder that keeps fits, so that an interrupted run resumes.
@@ -290,7 +290,7 @@ def studio_errors(
             row["turned"] = float((turn > 150).mean())
         methods[name] = row
     trusted = np.array(verdicts) == "trusted"
-    right = (turn if symmetry.fold else tilt)[trusted] <= 15  # of the fits, which come last
+    right = (turn if symmetry.fold else tilt)[trusted] <= 15  # by the fits, which come last
     return {
         "photos": len(trusted),
         "methods": methods,

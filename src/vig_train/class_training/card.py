@@ -51,12 +51,12 @@ def section(
     """Return the section on a network that was trained and tested.
 
     Args:
-        errors: As `studio_errors` gives them.
-        images: That it was trained on.
-        seconds: Each step took.
-        workers: Cores.
+        errors: Result of `studio_errors`.
+        images: Number of training images.
+        seconds: Seconds of each step.
+        workers: Number of cores.
         unseen: See `unseen_in_test`.
-        history: As `read_history` gives it.
+        history: Result of `read_history`.
         props: Origins of the models that were put before objects, see `origins`.
     """
     lines = [
@@ -95,7 +95,7 @@ def section(
 def origins(source: str) -> list[str]:
     """Return where the models of a folder or of catalogues come from, a line for each catalogue and licence.
 
-    source: What `mesh_folder` takes.
+    source: Argument of `mesh_folder`.
     """
     creators: dict[tuple[str, str], set[str]] = {}
     for model in read_sources(mesh_folder(source)).models:
@@ -109,9 +109,9 @@ def origins(source: str) -> list[str]:
 
 
 def unseen_in_test(held_out: bool, folds: int) -> str:
-    """Return what the tested members had never seen, in words.
+    """Return a phrase for the data that the tested members had never seen.
 
-    held_out: Whether meshes were held out for the test. folds: Of cross-validation; 1, none.
+    held_out: Whether meshes were held out for the test. folds: Number of folds of cross-validation; 1: none.
     """
     unseen = "views, lights, grounds and things before it that the training never saw"
     if held_out:

@@ -1,4 +1,4 @@
-"""What a training does within its minutes."""
+"""Plan of a training within its minutes."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ QUICK_CHUNKS = 16
 QUICK_DECODER_STEPS = 60
 """Steps of its mask's decoder, half a minute."""
 QUICK_PICTURES = 480
-"""Of its map of objects, a quarter of a minute of two cores."""
+"""Pictures for its map of objects, a quarter of a minute of two cores."""
 IMAGE_SHARE = 0.5
-"""Of the time, for drawing images."""
+"""Share of the time for drawing images."""
 DECODER_SHARE = 0.15
-"""Of the time, for the mask's decoder. What is left is for the map of objects, the heads, the calibration
+"""Share of the time for the mask's decoder. The rest is for the map of objects, the heads, the calibration
 and the test."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What fits into the time, fixed before the work, so that a run that goes on gives what it would have.
+    """Amounts of work, fixed in advance, so that a resumed run gives the same result.
 
     Attributes:
         chunks: Files of images.
-        decoder_steps: Of the mask's decoder.
-        pictures: Put together for the map of objects.
-        epochs: Of the heads.
+        decoder_steps: Steps of the mask's decoder.
+        pictures: Pictures for the map of objects.
+        epochs: Epochs of the heads.
     """
 
     chunks: int
@@ -53,7 +53,7 @@ class Plan:
 def measured_plan(
     object_class: ObjectClass, images: Path, minutes: float, seed: int, workers: int, props: str = ""
 ) -> Plan:
-    """Return what fits into so many minutes, measured on the first images, which count.
+    """Return the plan for so many minutes, measured on the first images, which count.
 
     images: Folder of the images; those that are there count as well. props: see `StudioSettings`.
     """

@@ -1,6 +1,6 @@
 """The steps of a training, each done once.
 
-PACK/training keeps what each step leaves, so that a run that was stopped goes on, and a longer one begins
+PACK/training keeps the results of each step, so that a run that was stopped goes on, and a longer one begins
 with the images of a shorter one.
 """
 
@@ -69,23 +69,23 @@ PHOTOS = 960
 """Photos of the studio to calibrate on, a quarter of them without the object. From halves of 1,280, half of
 these without it, the share of real cars that is trusted varied from 0 to .38."""
 TEST_PHOTOS = 320
-"""Photos, likewise, to measure errors on."""
+"""Photos of the studio to measure errors on."""
 FOLDS = SIZES.members
-"""Of cross-validation: each member of the network is trained without every fourth mesh, and tested on it."""
+"""Folds of cross-validation: each member is trained without every fourth mesh, and tested on it."""
 CALIBRATION_SEED, TEST_SEED = 2**31 + 1, 2**31 + 2
-"""Of their images: larger than seeds of trainings usually are, whose images these must not be."""
+"""Seeds of their images: larger than usual seeds of trainings, so that no image is in both."""
 STEPS = {
     "images": "rendering the images that the network is trained on",
     "heads": "training the network",
     "calibration": "measuring on other images how far its answers can be trusted",
     "test": "measuring its errors on further images",
 }
-"""Names of the steps, and what each does."""
+"""Names of the steps, and their descriptions."""
 
 
 @dataclass(frozen=True)
 class _RunSettings:
-    """Settings that must be the same when a training goes on; of shapes, meshes, trunk and props a hash."""
+    """Settings that must be equal when a training is resumed; hashes of shapes, meshes, trunk and props."""
 
     minutes: float
     seed: int
@@ -104,9 +104,9 @@ class ClassTraining:
     Args:
         pack: Folder of the class pack.
         minutes: All steps together, about; `QUICK` for a quick recognizer.
-        seed: Of images and training.
+        seed: Seed of images and training.
         workers: Processes and threads; one per CPU by default.
-        say: Is called with a line for each step.
+        say: Called with a line for each step.
         props: Models in files to put before and behind objects as well, see `mesh_folder`; none where empty.
     """
 
@@ -164,7 +164,7 @@ class ClassTraining:
         return self.minutes == QUICK
 
     def run(self) -> dict[str, Any]:
-        """Do the steps that are not yet done and put what they made into the pack; return the errors."""
+        """Do the steps that are not yet done and put their results into the pack; return the errors."""
         work = {
             "images": self._draw,
             "heads": self._train,
@@ -193,7 +193,7 @@ class ClassTraining:
             )
 
     def plan(self) -> Plan:
-        """Return what fits into the time; measured once, on the first images, which count."""
+        """Return the plan for the time; measured once, on the first images, which count."""
         if self.quick:
             return Plan(QUICK_CHUNKS, QUICK_DECODER_STEPS, QUICK_PICTURES)
         path = self.run_folder / "plan.json"

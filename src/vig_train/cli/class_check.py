@@ -34,14 +34,14 @@ SIDE = 30.0
 
 
 class PhotoLabel(msgspec.Struct, frozen=True):
-    """What is true of a photo, as labels.json has it.
+    """Truth about a photo, an entry of labels.json.
 
     Attributes:
         photo: File name within the folder.
-        azimuth_deg: Of the view, as elevation_deg.
+        azimuth_deg: Azimuth of the view; elevation_deg likewise.
         box: x, y, width, height round the whole object, pixels; None where it is to be found.
         silhouette: File of the object's whole outline, None where there is none.
-        visible: File of what is seen of it; None where nothing is before the object.
+        visible: File of its visible pixels; None where nothing is before the object.
         shape: Group of photos that gets a row of its own.
     """
 
@@ -56,7 +56,7 @@ class PhotoLabel(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class PhotoErrors:
-    """Of one photo: degrees, IoU of the whole outline and of the visible pixels, the verdict; NaN where
+    """Errors on one photo: degrees, IoU of the whole outline and of visible pixels, verdict; NaN where
     nothing is labelled.
     """
 
@@ -249,7 +249,7 @@ def _median(values: Sequence[float]) -> float:
 
 
 def table_of(rows: Sequence[CheckRow], settings: CheckClass) -> str:
-    """Return the table in Markdown, with a line on what it says."""
+    """Return the table in Markdown, with a line of explanation."""
     lines = [
         f"Labelled photos, {'found by vig' if settings.find else 'with their boxes'}; a trusted view is right"
         f" within {settings.tolerance:g} degrees; balanced: views from right, left, elsewhere count alike.",

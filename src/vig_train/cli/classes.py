@@ -85,7 +85,7 @@ def build(settings: Build) -> int:
 
 
 def _turn(text: str) -> tuple[int, float]:
-    """Return NUMBER:DEGREES."""
+    """Return the number and the degrees of NUMBER:DEGREES."""
     match = re.fullmatch(r"(\d{1,6}):([-+]?\d{1,4}(?:\.\d+)?)", text)
     if match is None:
         raise UserError(f"expected --turn NUMBER:DEGREES, such as 7:90; got '{text}'.")

@@ -1,4 +1,4 @@
-"""What several verbs need."""
+"""Functions that several verbs share."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ def command_line(
     """Return the command of a verb with these settings, a dataclass.
 
     Args:
-        verb: With `vig` before it.
-        settings: What differs from the defaults is stated.
-        positional: Names of those that come first and without a flag.
-        skipped: Names of those that do not change the result.
+        verb: The verb, with `vig` before it.
+        settings: A dataclass; fields that differ from the defaults are stated.
+        positional: Names of fields that come first and without a flag.
+        skipped: Names of fields that do not change the result.
     """
     words = [*verb.split(), *(str(getattr(settings, name)) for name in positional)]
     for field in fields(settings):

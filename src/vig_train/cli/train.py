@@ -28,7 +28,7 @@ from vig_world.dataset import Dataset, read_dataset
 
 TRUNK_STAGES = len(NetworkSettings().blocks)
 MAP_PICTURES = 8000
-"""That are put together for the map of objects."""
+"""Number of pictures put together for the map of objects."""
 WITHOUT_MAP = ("epochs", "rate", "batch", "frozen")
 """Options that the training of a map alone does not take."""
 CONTEXT = (192, 128, 96, 64)
@@ -135,7 +135,7 @@ def _end(folder: Path, weights: Path) -> None:
 def _train_map(settings: Train, datasets: Sequence[Dataset], drawing: Drawing | None, mirror: bool) -> Path:
     """Return weights with a new map, trained on all images of datasets and of the studio's distinct ones.
 
-    Of each other class there are a third as many, which count as without an object.
+    Each other class adds a third as many, which count as without an object.
     """
     parts = [Examples.of(dataset) for dataset in datasets]
     if drawing is not None and drawing.distinct:

@@ -82,10 +82,10 @@ class Fits:
 
 @dataclass(frozen=True)
 class FitRun:
-    """What all fits of a run share.
+    """Settings that all fits of a run share.
 
     Attributes:
-        object_class: Of the objects.
+        object_class: Class of the objects.
         workers: Fits at a time; one per CPU by default.
         advance: Called with the number of fits made, or read, since its last call.
         cache: Keeps fits, chunk by chunk, in a folder for each name. A chunk is read from there when all that
@@ -115,8 +115,8 @@ class FitRun:
         Args:
             images: The photos as uint8 sRGB (N, H, W, 3).
             recognizer: Predicts where fits start.
-            settings: Of the fits.
-            name: Of the photos, in the cache.
+            settings: Settings of the fits.
+            name: Name of the photos, in the cache.
             prediction: The recognizer's, where it was made before.
 
         Raises:
@@ -170,7 +170,7 @@ Photo = tuple[np.ndarray, Prediction]
 PhotoArrays = tuple[np.ndarray, ...]
 """The same as arrays: the photo, then the prediction's arrays."""
 RunContext = tuple[ObjectClass, FitSettings]
-"""What all fits of a run have in common."""
+"""Data that all fits of a run share."""
 FitStream = Generator[tuple[int, Fits]]
 """Numbers of photos and their fits, as they are done."""
 
@@ -221,7 +221,7 @@ def _array_fitter(shared: RunContext) -> Callable[[PhotoArrays], Fits]:
     fit_one = _photo_fitter(shared)
 
     def fit_arrays(arrays: PhotoArrays) -> Fits:
-        photo, *parts = map(np.array, arrays)  # copies: what a cluster sends is read-only
+        photo, *parts = map(np.array, arrays)  # copies: arrays from a cluster are read-only
         return fit_one((photo, Prediction(*parts, symmetry=shared[0].symmetry)))
 
     return fit_arrays
@@ -276,7 +276,7 @@ def _write(path: Path, fits: Fits, key: str) -> None:
 def frame_images(dataset: Dataset, recognizer: Recognizer) -> tuple[np.ndarray, np.ndarray]:
     """Return images (N, H, W, 3) uint8 sRGB as fits take them, and visible pixels (N, H, W) bool.
 
-    Those of the paper's world are as they are. Of photographs the box of the object's whole silhouette is
+    Those of the paper's world are unchanged. For photographs the box of the object's whole silhouette is
     given, as to `vig fit --boxes`, and the window is turned as the network sees the object rolled.
     """
     dataset = dataset.at_network_size()

@@ -32,7 +32,7 @@ def angle_error_deg(predicted: Any, true: Any) -> np.ndarray:
 def appearance_error(predicted: Any, true: Any) -> np.ndarray:
     """Return the distance of two albedos in the chroma plane (a, b) of CIE Lab, eq. 5.
 
-    predicted, true: (B, 3) linear albedo in [0, 1] (clipped to it). As in the paper the numbers are taken as
+    predicted, true: (B, 3) linear albedo in [0, 1] (clipped to it). The paper takes the numbers as
     if they were sRGB, and the unit is that of OpenCV's 8-bit Lab divided by 255, without its rounding:
     times 255 gives CIE ab units.
     """
@@ -63,7 +63,7 @@ def illumination_error(predicted: Any, true: Any) -> np.ndarray:
 
 
 def illumination_relative(predicted: Any, true: Any) -> np.ndarray:
-    """Return what of a light is missed whatever its scale, relative to the truth's norm: in [0, 1], 0 is
+    """Return a light's scale-invariant residual, relative to the truth's norm: [0, 1], 0 is
     best.
 
     predicted, true: (B, 9) radiance. It is the sine of the angle between the two, and 0 for no light at all.
@@ -93,7 +93,7 @@ def shape_paper(predicted: Any, true: Any) -> np.ndarray:
 
 
 def shape_ratio(error_mm: Any, mean_shape_error_mm: Any) -> np.ndarray:
-    """Return the shape error in units of the mean shape's: what the paper's shape row shows, up to its unit.
+    """Return the shape error in units of the mean shape's: the paper's shape row, up to its unit.
 
     error_mm, mean_shape_error_mm: (B,) from `shape_error_mm` on the same images. Each error is divided by
     the *median* error of the mean shape, so that the median of the result is the ratio of the medians.

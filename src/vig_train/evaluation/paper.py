@@ -113,7 +113,7 @@ def compare(table: Mapping[str, Any]) -> list[MedianComparison]:
 
 
 TITLES = {"raster": "rasterised photos (the paper's OpenGL)", "cycles": "path-traced photos (photorealistic)"}
-"""What each renderer's photos are called."""
+"""Title of each renderer's photos."""
 
 
 @dataclass(frozen=True)

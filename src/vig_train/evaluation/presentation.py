@@ -98,7 +98,7 @@ def _fits(table: Mapping[str, Any]) -> TableBlock:
 
 
 def _kinds(table: Mapping[str, Any]) -> TableBlock:
-    """Return images by the share hidden, and photographs by what the object is covered with."""
+    """Return images by the share hidden, and photographs by the object's covering."""
     lines = []
     for kind, methods in table.get("kinds", {}).items():
         for method, summary in methods.items():

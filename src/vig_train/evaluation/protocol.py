@@ -59,18 +59,18 @@ def evaluate(
     """Run methods over all images.
 
     Args:
-        dataset: Of this class.
-        object_class: Of the objects.
+        dataset: Dataset of this class.
+        object_class: Class of the objects.
         recognizer: Its prediction is where fits start.
         methods: "baseline" predicts the same for every image. "rm" is the recognition model's best guess with
             its whole silhouette as mask, as in the paper; its predicted mask is reported as `MASK_HEAD`.
             "gaussian", "robust" and "spatial" are the fits under each likelihood.
-        settings: Of the fits, but for the likelihood.
+        settings: Settings of the fits, but for the likelihood.
         workers: Fits at a time; one per CPU by default.
         advance: Called with the number of fits made since its last call.
         cache: Folder that keeps fits. Fits of other photos, weights, settings or class there are replaced;
             those of other code are not recognised: remove the folder after a change of it.
-        processes: Workers may be processes, see `FitRun`; a script must then guard what it runs by
+        processes: Workers may be processes, see `FitRun`; a script must then guard its main code by
             `if __name__ == "__main__"`.
         cluster: Address of a Ray cluster that does the fits, in place of workers; see `FitRun`.
 

@@ -29,7 +29,7 @@ class MethodResult:
     masks: np.ndarray | None = None
     """(N, H, W) bool: the object's visible pixels as estimated."""
     symmetry: Symmetry = Symmetry.NONE
-    """Of the class."""
+    """Symmetry of the class."""
 
 
 def predicted_deviation(prediction: Prediction) -> np.ndarray:

@@ -167,7 +167,7 @@ def by_kind(
     """Return statistics by kind of image and method; kinds: the images (N,) bool of each; truth (N, P).
 
     That is the number of images, the azimuth's median error and its share within 15 degrees, the median IoU
-    of the visible pixels, the `coverage` of azimuth and elevation, and of fits the `verdicts`.
+    of the visible pixels, the `coverage` of azimuth and elevation, and for fits the `verdicts`.
     """
     posed = {method: result for method, result in results.items() if "segmentation_iou" in result.errors}
     standard = {m: standardised_errors(r, truth) for m, r in posed.items() if r.deviation is not None}

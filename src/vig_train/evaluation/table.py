@@ -66,18 +66,18 @@ def build_table(
     resamples: int = 1000,
     min_occlusion: float = 0.0,
 ) -> dict[str, Any]:
-    """Return summarise errors over all images whose occlusion is within limits; see
+    """Summarise errors over all images whose occlusion is within limits; see
     `statistics.within_occlusion`.
 
     Args:
         results: Method -> metric -> (N,) finite errors, in any of `METRICS` but "shape_ratio", which follows
             from "shape_mm" where there is a method "baseline", and of `OTHER_METRICS`; any may be missing.
         occlusion: (N,) in [0, 1].
-        renderer: Which made the images, "raster" or "cycles".
+        renderer: Renderer of the images, "raster" or "cycles".
         rng: Draws the bootstrap samples.
-        max_occlusion: Of the images that count.
+        max_occlusion: Largest occlusion of the images that count.
         resamples: Number of bootstrap samples.
-        min_occlusion: Of the images that count.
+        min_occlusion: Least occlusion of the images that count.
 
     Returns:
         `{"tier", "count", "max_occlusion", "min_occlusion", "rows": {metric: {method: {"median", "mean",
@@ -133,19 +133,19 @@ def summarise(
     """Compute `build_table` of the images within the limits of occlusion, and further statistics.
 
     Args:
-        results: Of each method.
+        results: Results of each method.
         dataset: Their images.
-        renderer: Which made the images.
-        min_occlusion: Of the images that count.
-        max_occlusion: Of the images that count.
-        seed: Of the bootstrap.
+        renderer: Renderer of the images.
+        min_occlusion: Least occlusion of the images that count.
+        max_occlusion: Largest occlusion of the images that count.
+        seed: Seed of the bootstrap.
 
     Returns:
         The table, with "failures": method to `statistics.failure_rate`; "verdicts": method to
         `statistics.verdicts`; "coverage": method to group of latents to the share of truths within the
-        predicted 90 % interval; "kinds": see `statistics.by_kind`, by quarters of what is hidden and, of
-        photographs, by what covers the object; "tests": a list from
-        `statistics.paired_tests`, without the baseline; "levels", "bins": of all images whatever the limits,
+        predicted 90 % interval; "kinds": see `statistics.by_kind`, by quarters of the hidden share and, for
+        photographs, by the object's covering; "tests": a list from
+        `statistics.paired_tests`, without the baseline; "levels", "bins": for all images whatever the limits,
         {"ranges": [[least, most], ...], "counts", "rows": {metric: {method: [summary or None, ...]}}}.
 
     Raises:

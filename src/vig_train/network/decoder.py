@@ -14,9 +14,9 @@ from vig_train.network.layers import convolution
 
 
 class ContextDecoder(nn.Module):
-    """From a trunk's maps to features of each cell at half the image's size.
+    """Computes, from a trunk's maps, features of each cell at half the image's size.
 
-    A dense layer remembers from the coarsest map what such objects look like; self-attention over all of its
+    A dense layer remembers from the coarsest map the look of such objects; self-attention over all of its
     cells, then residual convolutions from coarse to fine.
     """
 
@@ -32,12 +32,12 @@ class ContextDecoder(nn.Module):
         """Make a decoder of these channels.
 
         Args:
-            coarse: Of the coarsest map, `CELLS` a side, and of another as large.
-            finer: Of the finer maps, each of twice the size.
-            widths: Of the decoder, at the coarsest map and at each of the finer ones.
-            squeezed: From which the dense layer reads.
-            features: Of the dense layer.
-            recalled: That it adds to the coarsest map.
+            coarse: Channels of the coarsest map, `CELLS` a side, and of another as large.
+            finer: Channels of the finer maps, each of twice the size.
+            widths: Widths of the decoder, at the coarsest map and at each of the finer ones.
+            squeezed: Channels that the dense layer reads.
+            features: Outputs of the dense layer.
+            recalled: Channels that it adds to the coarsest map.
         """
         super().__init__()
         self.recall = nn.Sequential(
@@ -95,7 +95,7 @@ class _Residual(nn.Module):
 
 
 class ObjectMap(nn.Module):
-    """From two of the trunk's maps (B, C, h, w), joined, to `NUMBERS` of each cell (B, 5, h, w)."""
+    """Computes, from two of the trunk's maps (B, C, h, w), joined, `NUMBERS` of each cell (B, 5, h, w)."""
 
     def __init__(self, inputs: int, width: int):
         super().__init__()

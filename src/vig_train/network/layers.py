@@ -32,7 +32,7 @@ class InvertedResidual(nn.Module):
 
 
 class GroupedLinear(nn.Linear):
-    """As many linear layers as groups, side by side: each sees its share of the inputs alone."""
+    """A linear layer for each group, side by side, which sees only its share of the inputs."""
 
     def __init__(self, inputs: int, outputs: int, groups: int):
         super().__init__(inputs // groups, outputs)

@@ -39,7 +39,7 @@ class Heads(DenseHeads):
 
 
 class RecognitionNetwork(nn.Module):
-    """From an image (B, 3, 150, 150), sRGB in [0, 1], to `Heads`."""
+    """Maps images (B, 3, 150, 150), sRGB in [0, 1], to `Heads`."""
 
     COARSE_CELLS = CELLS
 

@@ -15,7 +15,7 @@ def replace_section(pack: Path, object_class: ObjectClass, section: str) -> None
 
     Args:
         pack: Folder of the pack.
-        object_class: Of the pack, whose name heads a card that is begun.
+        object_class: Class of the pack, whose name heads a new card.
         section: In Markdown, its first line the heading.
     """
     head, sections = read_sections(pack / "card.md")
@@ -37,7 +37,7 @@ def table_lines(header: Sequence[str], rows: Iterable[Sequence[str]], right: boo
 
 
 def read_sections(card: Path) -> tuple[str, dict[str, str]]:
-    """Return what a card begins with, and its sections by their headings, which they include."""
+    """Return a card's head, and its sections by their headings, which they include."""
     text = card.read_text(encoding="utf-8") if card.exists() else ""
     head, *rest = re.split(r"^(?=## )", text, flags=re.MULTILINE)
     return head, {section.partition("\n")[0]: section for section in rest}

@@ -10,7 +10,7 @@ from vig_world.library import Library
 TURN_COUNT = 12
 """Turns of each panorama about the vertical."""
 GROUND_ALBEDOS = (0.1, 0.25, 0.5)
-"""Albedos of what the object stands on."""
+"""Albedos of the object's support."""
 
 
 def light_prior() -> tuple[np.ndarray, np.ndarray]:

@@ -27,7 +27,7 @@ from vig_world.assets.mugs import (
 from vig_world.assets.mugs.mug import POINTS
 
 MODES = 12
-"""Enough for the held-out designs to be within 1 % of their size in the mean: see what `main` prints."""
+"""Enough for the held-out designs to be within 1 % of their size in the mean: `main` prints it."""
 DRAWN_DESIGNS = 150
 """Random designs from which the shape model is learned, beside the named ones."""
 TRAINING_SCENE_DESIGNS = 40

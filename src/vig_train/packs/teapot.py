@@ -67,7 +67,7 @@ def teapot_points(mean: np.ndarray) -> dict[str, int]:
 
 
 def teapot_families(model: ShapeModel) -> tuple[Family, ...]:
-    """Return families by where a teapot's handle is: between two of these there is nothing."""
+    """Return families by the place of a teapot's handle; none lies between two of these."""
     designs = TRAINING_DESIGNS + drawn_designs(DRAWN_DESIGNS)
     coefficients = nearest_coefficients(model, vertices_of(designs))
     families = []

@@ -2,7 +2,7 @@
 
 At a vertex x with unit normal n a surface of albedo a reflects a * T(x) . L of distant light L, with
 
-    T(x) = mean over w of [ Y(w) where w meets nothing of the object, else a T(y), y being what it meets ]
+    T(x) = mean over w of [ Y(w) where w meets nothing of the object, else a T(y), y being the place met ]
 
 over directions w that are distributed as the clamped cosine over pi (Sloan, Kautz and Snyder, 2002). Where
 nothing is occluded T_lm = A_l Y_lm(n), which is `vig.scene.irradiance`; the table holds the change from
@@ -50,7 +50,7 @@ _CHUNK = 1024
 
 Compute = Callable[[], Mapping[str, np.ndarray]]
 Keep = Callable[[str, list[str], Compute], Mapping[str, np.ndarray]]
-"""Gives the result of a stage for its inputs, computed where it is not kept, as `StageCache.result` does."""
+"""Returns the result of a stage for its inputs, computed if not kept, as `StageCache.result` does."""
 
 
 def computed(stage: str, inputs: list[str], compute: Compute) -> Mapping[str, np.ndarray]:
@@ -104,13 +104,13 @@ def unoccluded(normals: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Occlusion:
-    """What a shape's vertices see of the shape itself.
+    """Self-occlusion of a shape at its vertices.
 
     Attributes:
         normals: (V, 3).
         blocked: (V, 9) mean over directions of Y where something is met.
-        seen: (V, V) sparse; times a vertex attribute it is the mean over directions of the attribute of what
-            is met.
+        seen: (V, V) sparse; times a vertex attribute it is the mean over directions of the attribute of the
+            visible surface.
         inside: (V,) bool, whether the vertex lies within another part.
     """
 
@@ -126,7 +126,7 @@ class Occlusion:
         total, count = len(vertices), side**2
         rays, frames = Rays.draw(total, side, rng), frames_of(normals)
         given = (vertices.astype(np.float64), frames, rays.patterns, rays.turns)
-        # Rays start 2e-4 m along the normal, at unit scale, lest a facet hides its own corners.
+        # Rays start 2e-4 m along the normal, at unit scale, so that no facet hides its own corners.
         blocked, face, weights = engine.cast_hemisphere_rays(
             vertices.astype(np.float32), faces.astype(np.int32), *given, 2e-4, _CHUNK
         )
@@ -194,7 +194,7 @@ def transfer_model(
     At coefficients c it is table[0] + sum_k c_k table[k + 1], by least squares over shapes drawn N(0, 1)
     within their limits. Add it to A_l Y_lm(n) of the shape's own normals.
 
-    keep: Keeps the shapes that are done, so that a run that was stopped goes on.
+    keep: Keeps finished shapes, so that an interrupted run resumes.
     """
     # The one shape of a rigid class is computed four times: rays are drawn at random.
     shapes = min(shapes, 4) if model.rigid else shapes
@@ -231,7 +231,7 @@ class SampledChanges:
         advance: Callable[[int], None] = lambda count: None,
         keep: Keep = computed,
     ) -> "SampledChanges":
-        """Draw so many shapes; the same whatever of them `keep` has, on any number of threads."""
+        """Draw so many shapes; the same for any content of `keep` and any number of threads."""
         drawn = np.random.PCG64(np.random.SeedSequence([seed, shapes]))
         rng = np.random.Generator(drawn)
         coefficients = np.clip(rng.standard_normal((shapes, model.modes)), -SHAPE_LIMIT, SHAPE_LIMIT)
@@ -263,7 +263,7 @@ class SampledChanges:
 def relative_error(table: np.ndarray, model: ShapeModel, shapes: int = 12, seed: int = 1) -> float:
     """Return the root mean square error of the table's changes over theirs, on shapes of its own.
 
-    Of vertices that lie outside other parts.
+    Only vertices outside other parts count.
     """
     samples = SampledChanges.draw(model, shapes, RAY_GRID, seed)
     predicted = np.tensordot(np.column_stack([np.ones(shapes), samples.coefficients]), table, axes=1)
@@ -276,8 +276,8 @@ def write_transfer(
 ) -> np.ndarray:
     """Compute a class's table and write it, in half precision, into a class pack's folder; returns it.
 
-    class.json then tells of it, so that it cannot go missing unnoticed. progress: whether standard error
-    shows how far it is. keep: see `transfer_model`.
+    class.json then records it, so that its absence is noticed. progress: whether to report
+    progress on standard error. keep: see `transfer_model`.
     """
     table = transfer_model(object_class.at_unit_scale.shape_model, progress=progress, keep=keep)
     write_arrays(folder / TRANSFER_FILE, {"transfer": table.astype(np.float16)})

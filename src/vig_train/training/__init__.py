@@ -1,4 +1,4 @@
-"""The recognition network's training on datasets, and the calibration of what it states."""
+"""The recognition network's training on datasets, and the calibration of its outputs."""
 
 from vig_train.training.calibration import CalibrationResult, calibrate_network
 from vig_train.training.training import Epoch, TrainingSettings, train

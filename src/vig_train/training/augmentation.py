@@ -22,7 +22,7 @@ GAMMA = 2.2
 
 @dataclass(frozen=True)
 class Batch:
-    """What a step of training takes.
+    """Input of a step of training.
 
     Attributes:
         images: (B, 3, H, W) sRGB in [0, 1].
@@ -47,7 +47,7 @@ class Batch:
 
 @dataclass(frozen=True)
 class Augmentation:
-    """How much is changed.
+    """Amounts of change.
 
     Attributes:
         flip: Share of images that are mirrored.
@@ -63,7 +63,7 @@ class Augmentation:
         balance: Standard deviation of log white balance.
         grey: Share of images without colour.
         blur: Share of batches that are blurred.
-        most_blur: By up to how many pixels.
+        most_blur: Largest blur, pixels.
         noise: Largest standard deviation of noise, sRGB.
     """
 
@@ -87,7 +87,7 @@ class Augmentation:
     def __call__(
         self, examples: Examples, rng: np.random.Generator, library: CutoutLibrary | None = None
     ) -> Batch:
-        """Return change examples at random, on their device, which is the library's, too."""
+        """Return randomly changed examples, on their device, which is the library's, too."""
         images = examples.images.permute(0, 3, 1, 2).float().div(255)
         masks = torch.stack([examples.visible, examples.hidden], 1).float().div(255)
         present = examples.present()
@@ -110,7 +110,7 @@ class Augmentation:
     def _reframe(
         self, images: torch.Tensor, masks: torch.Tensor, flipped: torch.Tensor, rng: np.random.Generator
     ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Mirror, shift, magnify and turn each image with its masks; also by how much it was turned (B,)."""
+        """Mirror, shift, magnify and turn each image with its masks; return the turns (B,), too."""
         count = len(images)
         reframed = rng.random(count) < self.reframe
         turned_far = rng.random(count) < self.turned
@@ -127,7 +127,7 @@ class Augmentation:
         grid = functional.affine_grid(
             torch.from_numpy(matrix).to(images), list(images.shape), align_corners=False
         )
-        # What comes in from outside must not tell that the picture was turned.
+        # The filled border must not reveal that the picture was turned.
         outside = "border" if rng.random() < 0.5 else "reflection"
         warped = functional.grid_sample(images, grid, padding_mode=outside, align_corners=False)
         warped_masks = functional.grid_sample(masks, grid, padding_mode="zeros", align_corners=False)
@@ -136,7 +136,7 @@ class Augmentation:
     def _paste(
         self, images: torch.Tensor, masks: torch.Tensor, rng: np.random.Generator
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Paste pieces of the batch's images over others: what they cover of the object is hidden."""
+        """Paste pieces of the batch's images over others; covered parts of the object are hidden."""
         count, _, height, width = images.shape
         pasted_on = rng.random(count) < self.cut_out
         if not pasted_on.any() or count < 2:

@@ -37,9 +37,9 @@ class CalibrationResult:
     """Outputs of a network on N images before its calibration, and the calibration learned on them.
 
     Attributes:
-        calibration: What was written into the weights.
+        calibration: Calibration written into the weights.
         azimuth: (N,) true azimuths, radians; those of half turns twice over, so that they fill the circle.
-        azimuth_logits: (N, bins) of the network, of which bins that look the same are joined.
+        azimuth_logits: (N, bins) of the network, with bins that look the same joined.
         standard_errors: (N, M) errors of the regressed numbers over their stated deviations.
     """
 
@@ -66,7 +66,7 @@ def calibrate_network(
 ) -> CalibrationResult:
     """Write a calibration on datasets, and on further examples, into the weights at `path`.
 
-    `object_class` has the symmetries of what they show; without it they are a teapot's.
+    `object_class` has the symmetries of their objects; without it they are a teapot's.
 
     Raises:
         UserError: Fewer than `MIN_IMAGES`, or weights that cannot be read or are of the paper's networks.
@@ -100,7 +100,7 @@ def learn_calibration(parts: Sequence[tuple[Recognizer, Examples]]) -> Calibrati
 
 
 def write_calibration(path: Path, calibration: NetworkCalibration) -> None:
-    """Put a calibration into a weights file, in place of what it has."""
+    """Put a calibration into a weights file, in place of its own."""
     stored, metadata = read_tensors(path, "pt")
     tensors = {name: value for name, value in stored.items() if not name.startswith(calibration.PREFIX)}
     with atomic_write(path) as temporary:

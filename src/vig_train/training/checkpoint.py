@@ -42,10 +42,10 @@ def save_weights(
 
     Args:
         network: To write.
-        scale: Of its targets.
-        path: Of the file.
+        scale: Scale of its targets.
+        path: Path of the file.
         shared_trunk: Name the trunk in place of writing it.
-        more: Goes into the file's metadata.
+        more: Further metadata of the file.
         packed: Names of matrices that are written in 4 bits, see `vig_train.network.weights.packed`.
     """
     tensors = {
@@ -89,9 +89,9 @@ def load_checkpoint(
     """Put a checkpoint back; return the state of its run.
 
     Args:
-        path: Of the checkpoint.
-        networks: As they were saved; they take on its weights.
-        optimizer: Of `MOMENTS`; it takes on its moments.
+        path: Path of the checkpoint.
+        networks: Networks, as they were saved; they take on its weights.
+        optimizer: Optimizer with `MOMENTS`; it takes on its moments.
         run: The `run` that the state must have.
 
     Raises:

@@ -36,7 +36,7 @@ from vig_train.training.losses import LOSS_WEIGHTS, dense_losses
 HEADS = ("azimuth", "numbers", "others")
 """The network's dense heads."""
 PACKED_MATRICES = ("dense.2.weight", "recalled.weight")
-"""Of the network, those that are written in 4 bits."""
+"""Matrices of the network that are written in 4 bits."""
 EPOCHS = 20
 """Passes over the features; of 12, 20 and 40 twenty was best on real cars, of one network."""
 
@@ -66,16 +66,16 @@ class _Member(nn.Module):
 
 @dataclass(frozen=True)
 class HeadsTraining:
-    """How the dense heads are trained.
+    """Settings of the dense heads' training.
 
     Attributes:
         images: Folder of the files of images.
-        chunks: How many of them.
+        chunks: Number of these files.
         modes: Shape components of the class.
-        symmetry: Of the class.
-        folds: Member k below `folds` does not see what was drawn after models k modulo `folds`, so that it
+        symmetry: Symmetry of the class.
+        folds: Member k below `folds` does not see objects drawn after models k modulo `folds`, so that it
             can be tested on these, see `keep_member`; with one fold every member sees all.
-        seed: Of weights and order.
+        seed: Seed of weights and order.
         out: Folder where each member's weights are written; those that are there are not trained again.
         epochs: Passes over the features.
     """
@@ -91,7 +91,7 @@ class HeadsTraining:
 
     @property
     def steps(self) -> int:
-        """Return that a member takes, about."""
+        """Return the approximate number of steps of a member."""
         rows = PASSES * CHUNK * self.chunks
         return self.epochs * (rows // min(256, rows))
 
@@ -107,7 +107,7 @@ class HeadsTraining:
     ) -> Scale:
         """Train all members, each on one core, and put them into a network; returns the targets' scale.
 
-        advance: is called with the steps of each member when that is done.
+        advance: called with the steps of each member when it is done.
         """
         missing = [number for number in range(SIZES.members) if not self.path(number).exists()]
         advance(self.steps * (SIZES.members - len(missing)))
@@ -175,7 +175,7 @@ def _train_member(
 
 @torch.no_grad()
 def _join(network: RecognitionNetwork, members: Sequence[_Member]) -> None:
-    """Make members the dense heads of a network, which average what they say."""
+    """Make members the dense heads of a network, which average their outputs."""
     layers = [fuse_linear_bn_eval(member.linear, member.normalise) for member in members]
     squeezes = [member.squeeze.state_dict() for member in members]
     network.dense[0].load_state_dict(
@@ -185,7 +185,7 @@ def _join(network: RecognitionNetwork, members: Sequence[_Member]) -> None:
         }
     )
     joined = {name: torch.cat([getattr(each, name) for each in layers]) for name in ("weight", "bias")}
-    # What the decoder is trained on is what the file will hold.
+    # The decoder is trained on the weights that the file will hold.
     weight = torch.from_numpy(unpacked(*packed(joined["weight"].numpy())))
     network.dense[2].load_state_dict(joined | {"weight": weight})
     for name in HEADS:
@@ -198,7 +198,7 @@ def _join(network: RecognitionNetwork, members: Sequence[_Member]) -> None:
 
 
 def keep_member(recognizer: Recognizer, number: int) -> Recognizer:
-    """Return the same, but that the dense heads hear one of several members alone; the decoder hears all.
+    """Return a recognizer whose dense heads use one of several members alone; the decoder uses all.
 
     Their biases stay the mean of all members'.
     """

@@ -33,7 +33,7 @@ from vig_train.training.studio import Studio, StudioSettings
 from vig_train.training.training import load_start_weights
 
 SIZES = NetworkSettings(object_map=64, recalled=4, squeezed=112, features=896, dropout=0.5, members=4)
-"""Of a class's heads: with the decoder 3.1 million weights, 2 MB, as the large matrices are packed."""
+"""Sizes of a class's heads: with the decoder 3.1 million weights, 2 MB, as the large matrices are packed."""
 CHUNK = 128
 """Images of a file."""
 PASSES = 2
@@ -43,7 +43,7 @@ PIXEL_CHUNKS = 128
 LEARNING_RATE = 2e-3
 """The highest, of heads and decoder alike."""
 DECODER_PARTS = ("recalled", "deep", "side", "merge", "mask")
-"""What of the network is the decoder."""
+"""Parts of the network that make up the decoder."""
 CHECKPOINT_STEPS = 50
 """Steps of the decoder between checkpoints."""
 PLAIN_DECODER = Path(__file__).with_name("plain_decoder.safetensors")
@@ -54,12 +54,12 @@ STUDIO = StudioSettings(level=0.35)
 
 @dataclass(frozen=True)
 class Features:
-    """What the trunk makes of N augmented images, and what they show.
+    """Features of N augmented images by the trunk, and their targets.
 
     Attributes:
         coarse: (N, C, 10, 10) float16, of its last stage.
-        targets: Of these, on the host.
-        model: (N,) number of what the object was drawn after, see `Studio.models`.
+        targets: Targets of these, on the host.
+        model: (N,) number of the model of the object, see `Studio.models`.
     """
 
     coarse: torch.Tensor
@@ -94,12 +94,12 @@ def draw_chunks(
     """Write files of images with their features; those that are there stay.
 
     Args:
-        object_class: A pack's.
-        folder: Of the files.
+        object_class: Class of a pack.
+        folder: Folder of the files.
         chunks: Numbers of the files.
-        seed: Of the images.
+        seed: Seed of the images.
         workers: Processes.
-        advance: Is called with the number of images newly there.
+        advance: Called with the number of new images.
         props: See `StudioSettings`.
     """
     missing = [chunk for chunk in chunks if not chunk_path(folder, chunk).exists()]
@@ -187,7 +187,7 @@ class DecoderTraining:
         network: It is trained in place.
         examples: Images.
         mirror: Whether images may be mirrored.
-        seed: Of order and augmentation.
+        seed: Seed of order and augmentation.
     """
 
     network: RecognitionNetwork

@@ -19,13 +19,13 @@ from vig_train.training.augmentation import Augmentation
 from vig_train.training.examples import Examples
 
 SIDE = 304
-"""Of a picture, pixels."""
+"""Side of a picture, pixels."""
 TILES, TILES_SHARES = (1, 2, 3), (0.4, 0.4, 0.2)
 """Images along the side of a quarter of a mosaic, and how often."""
 PASTED = (48.0, 220.0)
 """Sides of images that are pasted, pixels."""
 PICTURES = 16
-"""That are made of them."""
+"""Number of pictures made of them."""
 
 Box = tuple[float, float, float, float, float]
 """Left, top, right, bottom in a picture's pixels, and the share of the object that is seen."""
@@ -46,7 +46,7 @@ class Tile:
     box: Box | None
 
     def placed(self, left: float, top: float, side: float) -> list[Box]:
-        """Return its box in a picture at whose place it is put; none where it has no object."""
+        """Return its box in a picture into which it is put; none where it has no object."""
         if self.box is None:
             return []
         x0, y0, x1, y1, seen = self.box
@@ -123,7 +123,7 @@ def _pasted(ground: Tile, tiles: Iterator[Tile], rng: np.random.Generator) -> tu
         side = int(math.exp(rng.uniform(math.log(PASTED[0]), math.log(PASTED[1]))))
         left, top = (int(each) for each in rng.integers(-side // 4, SIDE - side + side // 4 + 1, 2))
         placed, square = tile.placed(left, top, side), (left, top, left + side, top + side, 1.0)
-        # Of three in ten images with an object not it alone is pasted, but all, with soft edges.
+        # Three in ten images with an object are pasted whole, with soft edges.
         alone = bool(placed) and rng.random() > 0.3
         cover = tile.object if alone else _soft_square(len(tile.object))
         rows, columns = slice(max(top, 0), top + side), slice(max(left, 0), left + side)

@@ -108,10 +108,10 @@ def place_cutout(
 
     Args:
         cutout: RGBA.
-        middle: Where its middle comes to be, in widths from the picture's middle.
+        middle: Place of its middle, in widths from the picture's middle.
         size: Its longest side, in widths of the picture.
         angle: Degrees by which it is turned, counter-clockwise.
-        side: Of the picture, pixels.
+        side: Side of the picture, pixels.
     """
     rotated = cutout.rotate(angle, Image.Resampling.BILINEAR, expand=True) if abs(angle) > 1 else cutout
     factor = size * side / max(cutout.size)
@@ -132,7 +132,7 @@ _LINEAR = linear_from_srgb(np.arange(256) / 255).astype(np.float32)
 def render_cutout(rng: np.random.Generator, shown_prop: Prop, roll: float) -> Image.Image:
     """Draw a thing, turned at random about the vertical: RGBA, sRGB, as large as its outline.
 
-    roll: of the camera, radians.
+    roll: the camera's, radians.
     """
     meshes = [mesh for mesh, _ in shown_prop.parts]
     points = np.concatenate([mesh.vertices for mesh in meshes])

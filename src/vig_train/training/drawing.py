@@ -26,7 +26,7 @@ from vig_train.training.studio import Studio, StudioImage, StudioSettings
 from vig_train.training.targets import numbers_of
 
 STEP_SETTINGS = ("count", "distinct", "recoloured")
-"""Of a drawing, those on which its images do not depend."""
+"""Settings of a drawing on which its images do not depend."""
 DRAWN = 60
 """Images of a file that is drawn once."""
 
@@ -35,15 +35,15 @@ StepArrays = tuple[int, dict[str, np.ndarray]]
 
 @dataclass(frozen=True)
 class Drawing:
-    """What is drawn for each step.
+    """Images that are drawn for each step.
 
     Attributes:
         object_class: Folder of the class pack whose objects are drawn.
         count: Images of the studio.
-        distinct: So many are drawn before the training, and each step takes some of them; 0: each step's are
+        distinct: Images drawn before the training, of which each step takes some; 0: each step's are
             drawn for it.
         recoloured: Share of the dataset's images whose object gets other colours.
-        studio: Of the images.
+        studio: Settings of the images.
         workers: Processes.
     """
 
@@ -62,7 +62,7 @@ class Drawing:
         return CutoutLibrary.draw(seed, "train", name, model_cutouts(self.studio.props, "train", name))
 
     def described(self) -> dict[str, Any]:
-        """Return what a checkpoint must match to be resumed."""
+        """Return the settings that a checkpoint must match to be resumed."""
         settings = asdict(self) | {"object_class": ObjectClass.load(self.object_class).fingerprint}
         return {name: value for name, value in settings.items() if name != "workers"}
 
@@ -74,10 +74,10 @@ def drawn_once(
     stay.
 
     Args:
-        drawing: How many, and of what.
-        folder: Of the run; the files lie in a folder of it, named after all that they depend on.
-        seed: Of the training.
-        advance: Is called with the number of images newly there.
+        drawing: Number and settings of the images.
+        folder: Folder of the run; the files lie in a folder of it, named after all that they depend on.
+        seed: Seed of the training.
+        advance: Called with the number of new images.
 
     Raises:
         UserError: A file is damaged, or the folder cannot be written.
@@ -115,9 +115,9 @@ def add_drawn_examples(
 
     Args:
         steps: Examples of a dataset with the number of their step.
-        drawing: How many, and of what.
-        seed: Of the training.
-        once: From which they are taken where they were drawn before.
+        drawing: Number and settings of the images.
+        seed: Seed of the training.
+        once: Images drawn before, from which they are taken.
 
     Raises:
         UserError: The dataset is of another class than the studio's.

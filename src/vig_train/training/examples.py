@@ -18,7 +18,7 @@ HELD_OUT_SHARE = 1 / 16
 
 @dataclass(frozen=True)
 class Examples:
-    """Images with what they show, in memory.
+    """Images with their truth, in memory.
 
     Attributes:
         images: (N, H, W, 3) uint8, sRGB.

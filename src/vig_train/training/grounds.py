@@ -1,4 +1,4 @@
-"""What is behind a drawn object, and its shadow there."""
+"""The background of a drawn object, and its shadow there."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vig_world.assets.coats import any_colour
 
 
 def draw_ground(rng: np.random.Generator, split: Split, roll: float = 0.0) -> np.ndarray:
-    """Return what is behind the object, in most pictures rolled clockwise with the camera: (H, W, 3) linear
+    """Return an object's background, in most pictures rolled clockwise with the camera: (H, W, 3) linear
     RGB.
     """
     ground = _level_ground(rng, split)
@@ -63,7 +63,7 @@ def _level_ground(rng: np.random.Generator, split: Split) -> np.ndarray:
 def cast_shadow(
     rng: np.random.Generator, ground: np.ndarray, cover: np.ndarray, place: tuple[float, float, float]
 ) -> np.ndarray:
-    """Return the ground with a soft shadow under and beside what stands on it."""
+    """Return the ground with a soft shadow under and beside the object on it."""
     if rng.random() < 0.25 or not cover.any():
         return ground
     x, y = pixels()

@@ -1,4 +1,4 @@
-"""Parts of drawn pictures: layers, flat textures, light, what glossy things mirror, and the camera."""
+"""Parts of drawn pictures: layers, flat textures, light, mirrored surroundings, and the camera."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def defocus(picture: np.ndarray, blur: float) -> np.ndarray:
 
 
 def place_of(cover: np.ndarray) -> tuple[float, float, float]:
-    """Return middle x, y and size of what is covered, in widths of the image, from its middle."""
+    """Return middle x, y and size of the covered pixels, in widths of the image, from its middle."""
     rows, columns = np.flatnonzero(cover.max(1) > 0.5), np.flatnonzero(cover.max(0) > 0.5)
     if not len(rows) or not len(columns):
         return 0.0, 0.0, 0.6
@@ -80,7 +80,7 @@ class Environment:
         ground: (3,) radiance below.
         sky: (3,) above.
         directions: (L, 3) unit, towards the lamps.
-        sharpness: (L,) of each lamp's lobe.
+        sharpness: (L,) sharpness of each lamp's lobe.
         radiance: (L, 3).
     """
 
@@ -108,7 +108,7 @@ class Environment:
         )
 
     def radiance_from(self, directions: np.ndarray, roughness: float) -> np.ndarray:
-        """Return radiance (N, 3) from unit directions (N, 3), blurred by the roughness of what mirrors it."""
+        """Return radiance (N, 3) from unit directions (N, 3), blurred by the roughness of the mirror."""
         up = np.clip(0.5 + directions[:, 2:] / (0.1 + 2 * roughness), 0, 1)
         total = self.ground + (self.sky - self.ground) * up
         for towards, sharpness, radiance in zip(self.directions, self.sharpness, self.radiance, strict=True):
@@ -119,7 +119,7 @@ class Environment:
 
 
 def photograph(rng: np.random.Generator, picture: np.ndarray) -> np.ndarray:
-    """Return what a camera, its software and a web site make of linear light: (H, W, 3) uint8 sRGB."""
+    """Return linear light as processed by a camera, its software and a web site: (H, W, 3) uint8 sRGB."""
     gain = math.exp(rng.normal(0, 0.2)) * np.exp(rng.normal(0, 0.04, 3))
     x, y = pixels()
     vignetting = 1 - rng.uniform(0, 0.35) * (rng.random() < 0.3) * 2 * (x**2 + y**2)

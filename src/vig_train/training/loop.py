@@ -42,7 +42,7 @@ class Trainer(Generic[B]):
         optimizer: Its groups may have a `share`, a factor on their learning rate.
         loss: From a batch to the parts of its loss.
         rate: Learning rate by step.
-        weights: Of the parts of the loss; 1 where none is given.
+        weights: Weights of the parts of the loss; 1 where none is given.
         max_norm: Norm to which gradients are clipped; None for no clipping.
         average: A module, and the one that becomes the moving average of its weights.
     """
@@ -114,10 +114,10 @@ class TrainingRun:
     """Epochs of a training and its checkpoint, from which an interrupted run resumes.
 
     Args:
-        optimizer: Of the training.
+        optimizer: Optimizer of the training.
         networks: By name, as the checkpoint keeps them; they take on its weights where it exists.
         checkpoint: Its path; None for none.
-        fingerprint: Of settings and data, which a checkpoint must match.
+        fingerprint: Fingerprint of settings and data, which a checkpoint must match.
 
     Attributes:
         best_epoch: The best so far of the part that is trained, from 1 on.
@@ -149,7 +149,7 @@ class TrainingRun:
         Args:
             count: Epochs, at most.
             patience: Epochs without a better held-out loss after which training ends.
-            part: Names these epochs where a run trains several networks one after the other.
+            part: Name of these epochs where a run trains several networks one after the other.
         """
         self.part = part
         self._best = float(self._state.get(f"{part}best", math.inf))
@@ -186,7 +186,7 @@ class EpochLog:
     """A table of epochs as a CSV file, which a run that resumes goes on with.
 
     Args:
-        path: Of the file; rows that it has stay.
+        path: Path of the file; rows that it has stay.
         keys: Columns that name a row; the last is the epoch's number.
     """
 

@@ -24,8 +24,8 @@ def losses(heads: Heads, batch: Batch, symmetry: Symmetry = Symmetry.NONE) -> di
 
     Args:
         heads: The network's outputs.
-        batch: What they should be; its numbers are in the heads' units.
-        symmetry: Of the class.
+        batch: Truth; its numbers are in the heads' units.
+        symmetry: Symmetry of the class.
     """
     parts = dense_losses(heads, batch, symmetry)
     parts["mask"] = mask_loss(heads.mask, batch.mask)
@@ -34,7 +34,7 @@ def losses(heads: Heads, batch: Batch, symmetry: Symmetry = Symmetry.NONE) -> di
 
 @dataclass(frozen=True)
 class Targets:
-    """What the dense heads should say of N images; see `Batch`."""
+    """Targets of the dense heads for N images; see `Batch`."""
 
     azimuth: torch.Tensor
     numbers: torch.Tensor
@@ -55,8 +55,8 @@ def dense_losses(
 
     Args:
         heads: The network's outputs.
-        targets: What they should be; the numbers in the heads' units.
-        symmetry: Of the class; where any turn looks the same azimuth does not count.
+        targets: Truth; the numbers in the heads' units.
+        symmetry: Symmetry of the class; where any turn looks the same azimuth does not count.
     """
     labels = azimuth_labels(targets.azimuth, heads.azimuth.shape[1], symmetry=symmetry)
     azimuth = functional.cross_entropy(heads.azimuth, labels, reduction="none") * float(symmetry.fold > 0)

@@ -27,7 +27,7 @@ from vig_world.assets.things import is_of_class, prop
 VIEWS = 8
 """Cut-outs of each model, each in another pose and light."""
 SPLIT_SHARES: dict[Split, float] = {"train": 0.7, "validation": 0.1, "test": 0.2}
-"""Of the models, by a hash of their names."""
+"""Shares of the models, by a hash of their names."""
 _ANY_SIZE = SizedKind("thing", 1e-3, 100.0, furniture=False)
 _MOST_FAILURES = 50
 """Models in a row that give no cut-out before a drawing is given up."""
@@ -65,7 +65,7 @@ def model_cutouts(source: str, split: Split, class_name: str) -> ModelCutouts:
     """Return the models of a folder or of catalogues that fall into a split and are not of a class.
 
     Args:
-        source: What `mesh_folder` takes.
+        source: Argument of `mesh_folder`.
         split: The same model always falls into the same split.
         class_name: Models with a name like this class's are left out: before a car no cars.
 

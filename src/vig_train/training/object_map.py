@@ -1,6 +1,6 @@
 """Training of the map of objects of whole photos.
 
-Pictures of several objects go through the trunk once; the map is trained on what it makes of them.
+Pictures of several objects go through the trunk once; the map is trained on its features.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from vig_train.training.presence import fit_presence
 CELLS = SIDE // MAP_STRIDE
 """A side of a picture's map."""
 MAP_CHANNELS = 96
-"""Of a map; it has 50,000 weights."""
+"""Channels of a map, which has 50,000 weights."""
 CENTRE_FOCUS, MISS_FOCUS = 2, 4
 """Exponents of the focal loss, of how wrong a cell is and how far from a centre (Law and Deng 2018)."""
 
 
 @dataclass(frozen=True)
 class MapTargets:
-    """What the map of N pictures should say.
+    """Targets of the map for N pictures.
 
     Attributes:
         centre: (N, h, w) 1 where a centre lies, falling off about it.
@@ -73,8 +73,8 @@ class MapTraining:
 
     Attributes:
         examples: Images of single objects, and some without.
-        pictures: That are put together of them, in sixteens; each takes 140 kB.
-        seed: Of pictures and order.
+        pictures: Number of pictures put together of them, in sixteens; each takes 140 kB.
+        seed: Seed of pictures and order.
         mirror: Whether they may be mirrored.
         advance: Is called with the number of pictures that were made.
     """
@@ -151,8 +151,8 @@ def add_object_map(start: Path, path: Path, training: MapTraining) -> None:
 
 
 def map_loss(numbers: torch.Tensor, targets: MapTargets) -> torch.Tensor:
-    """Return focal loss of centres (Law and Deng 2018), for each of them, and the mean error of boxes near
-    them.
+    """Return the focal loss of centres (Law and Deng 2018), for each of them, and the mean error of boxes
+    near them.
 
     numbers: (N, 5, h, w), see `ObjectMap`.
     """
@@ -168,7 +168,7 @@ def map_loss(numbers: torch.Tensor, targets: MapTargets) -> torch.Tensor:
 
 
 def targets_of(boxes: list[Box]) -> MapTargets:
-    """Return what the map of a picture with these objects should say."""
+    """Return the targets of the map for a picture with these objects."""
     middle = torch.arange(CELLS) + 0.5
     down, right = middle[:, None], middle[None]
     centre, counts = torch.zeros(CELLS, CELLS), torch.ones(CELLS, CELLS, dtype=torch.bool)
@@ -179,7 +179,7 @@ def targets_of(boxes: list[Box]) -> MapTargets:
         x, y = (x0 + x1) / 2 / MAP_STRIDE, (y0 + y1) / 2 / MAP_STRIDE
         spread = ((right - x) / (0.12 * w + 0.25)) ** 2 + ((down - y) / (0.12 * h + 0.25)) ** 2
         here = torch.exp(-0.5 * spread)
-        # An object of which less than .12 is seen counts neither as there nor as absent.
+        # An object with a visible share below .12 counts neither as present nor as absent.
         known = BOX_SIDES[0] <= max(x1 - x0, y1 - y0) <= BOX_SIDES[1] and seen >= 0.12
         if not known or not (0 <= x < CELLS and 0 <= y < CELLS):
             counts &= here < 0.1

@@ -1,7 +1,7 @@
 """Cut-outs pasted before the objects of a batch: every step of a training hides other parts by other things.
 
 Pasted objects make detectors and segmenters robust (Dwibedi et al. 2017; Ghiasi et al. 2021). The shares and
-sizes below were set by looking at the images that they give, not by what training with them reaches.
+sizes below were set by looking at the images that they give, not by results of training with them.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ MORE = (1.0, 0.5, 0.3)
 LEAST_HIDDEN, MOST_HIDDEN = 0.1, 0.85
 """An image's cut-outs hide no more of its object than a share drawn between these."""
 SIZES = (0.25, 1.2)
-"""Of a cut-out, in sides of the object's box."""
+"""Size of a cut-out, in sides of the object's box."""
 NOWHERE = (25.0, 125.0)
 """The box, from and to, of an object that is not in the image, pixels."""
 
@@ -76,7 +76,7 @@ class CutoutLibrary:
         Args:
             images: sRGB in [0, 1].
             masks: (B, 2, H, W) shares of each pixel in which the object is seen, and in which it is hidden.
-            share: Of the images that get any.
+            share: Share of the images that get any.
             rng: Source of all randomness.
         """
         uniform, normal = _sources(rng, images)
@@ -99,7 +99,7 @@ class CutoutLibrary:
             left = (masks[:, :1] * (1 - cover)).sum((1, 2, 3))
             taken = chosen & (uniform(count) < share_of_these) & ((left > least_left * area) | (area == 0))
             cover = cover * taken[:, None, None, None]
-            # Of the cut-outs .4 darken softly what is beside them.
+            # A share of .4 of the cut-outs softly darkens its surroundings.
             dark = 0.4 * uniform(count) * (uniform(count) < 0.4)
             images = images * (1 - dark[:, None, None, None] * _beside(cover))
             images = images + cover * ((colour * gain).clamp(0, 1) - images)
@@ -145,7 +145,7 @@ def _sources(rng: np.random.Generator, like: torch.Tensor) -> tuple[Source, Sour
 
 
 def _boxes(cover: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return middles (B, 2) and lengths (B, 2) in x and y of what a cover (B, H, W) shows; see `NOWHERE`."""
+    """Return middles (B, 2) and lengths (B, 2), in x and y, of covers (B, H, W); see `NOWHERE`."""
     least, most = [], []
     for axis in (1, 2):
         on = (cover > 0.5).any(axis).float()

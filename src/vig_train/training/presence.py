@@ -14,7 +14,7 @@ from vig_train.training.examples import Examples
 BATCH = 60
 """Images that pass the network at once."""
 RIDGE = 1e-3
-"""Of the standardised weights about those of before."""
+"""Strength of the ridge penalty that draws the standardised weights to the earlier ones."""
 PRIOR_LOG_ODDS = 2.0
 """Added to the fit's: photos that users ask about show the object more often than these do. Set on real
 photos of mugs, teapots and cars: a higher one misses fewer mugs and takes more of other things for one."""
@@ -29,8 +29,8 @@ def fit_presence(network: RecognitionNetwork, examples: Examples, seed: int) -> 
 
     Args:
         network: In evaluation mode.
-        examples: Of the class, and without it, other classes' among them.
-        seed: Of their augmentation.
+        examples: Images with the class, and without it, other classes' among them.
+        seed: Seed of their augmentation.
     """
     present, head = examples.present().numpy(), network.others
     if len(np.unique(present)) < 2:

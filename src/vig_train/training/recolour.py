@@ -1,4 +1,4 @@
-"""Images of datasets with the object in other colours: so that hue says nothing of what is the object."""
+"""Images of datasets with the object in other colours: so that hue does not identify the object."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from vig_world.assets.coats import any_colour, draw_paint_layer
 def recolour(
     image: np.ndarray, visible: np.ndarray, albedo: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Give the object of an image another surface; what else is in the image stays.
+    """Give the object of an image another surface; all else in the image stays.
 
     Args:
         image: (H, W, 3) uint8 sRGB.

@@ -1,7 +1,7 @@
 """A studio: training images drawn afresh, as wide as photographs are.
 
 Each holds the object of a class with any surface, in any light, on a plain, set or cluttered ground, with
-things beside and before it, through a camera of any lens, and what is true of it. All is a pure function of a
+things beside and before it, through a camera of any lens, and its truth. All is a pure function of a
 seed and an index.
 """
 
@@ -45,12 +45,12 @@ SUPERSAMPLING = 2
 MAX_ATTEMPTS = 8
 """Attempts at drawing an image, each from its own random stream, before an error is raised."""
 NOTHING, OTHER_VESSEL, OTHER_THING, PART, WHOLE = range(5)
-"""What images show in the object's place."""
+"""Kinds of things that images show in the object's place."""
 
 
 @dataclass(frozen=True)
 class StudioSettings:
-    """Shares and spreads of what is drawn.
+    """Shares and spreads of the drawn images.
 
     Attributes:
         decorated: Share of objects that are painted.
@@ -93,7 +93,7 @@ class StudioSettings:
 
 @dataclass(frozen=True)
 class StudioImage:
-    """One image and what is true of it.
+    """One image and its truth.
 
     Attributes:
         image: (H, W, 3) uint8 sRGB.
@@ -102,7 +102,7 @@ class StudioImage:
         roll: Clockwise turn of the image, radians.
         visible: (H, W) uint8, the share of each pixel in which the object is seen, of 255.
         hidden: (H, W) uint8, the share in which something before it is.
-        model: Number of what the object was drawn after, see `Studio.models`.
+        model: Number of the model of the object, see `Studio.models`.
     """
 
     image: np.ndarray
@@ -115,7 +115,7 @@ class StudioImage:
 
 @dataclass(frozen=True, eq=False)
 class StudioModel:
-    """What objects are drawn after: template (V, 3), metres, as it lies on a mesh, coefficients (K,) of the
+    """A model of drawn objects: template (V, 3), metres, as it lies on a mesh, coefficients (K,) of the
     shape nearest to it, the mesh where it has materials, and whether the class was built from it; others are
     refused ones.
     """
@@ -130,7 +130,7 @@ class Studio:
     """Draws images of a class.
 
     Attributes:
-        models: Of the split, those of the fold alone where one is chosen; none where the class has no
+        models: Models of the split, those of the fold alone where one is chosen; none where the class has no
             designs, and shapes are those of its model.
     """
 
@@ -143,8 +143,8 @@ class Studio:
         refused: bool = True,
         things: Split | None = None,
     ):
-        """Objects are of the class's designs and meshes of a split; of fold k of n those whose numbers are k
-        modulo n; without `refused` those alone from which the class was built. Grounds and other things are
+        """Make a studio of the class's designs and meshes of a split; fold k of n has those with numbers k
+        modulo n; without `refused` only those from which the class was built. Grounds and other things are
         of that split, too, or of another.
         """
         self.object_class, self.settings, self.split = object_class, settings, things or split
@@ -235,7 +235,7 @@ class Studio:
         colours: list[np.ndarray],
         place: tuple[float, float, float],
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Put things before the object; return the picture (H, W, 3) and what is left of its cover (H, W)."""
+        """Put things before the object; return the picture (H, W, 3) and the rest of its cover (H, W)."""
         visible, full_area = cover, max(float(cover.sum()), 1e-6)
         target_share = 1 - rng.uniform(0, self.settings.most_hidden)
         # At most five things in front of the object.
@@ -250,15 +250,15 @@ class Studio:
         return picture, visible
 
     def _model(self, rng: np.random.Generator) -> tuple[int, StudioModel | None]:
-        """Return what the object is drawn after, with its number; 0 and None where the class has nothing."""
+        """Return the model of the object, with its number; 0 and None where the class has none."""
         if not self.models:
             return 0, None
         number = list(self.models)[int(rng.integers(len(self.models)))]
         return number, self.models[number]
 
     def _shape(self, rng: np.random.Generator, model: StudioModel | None) -> tuple[Latents, np.ndarray]:
-        """Return latents but for the albedo, and vertices, a little off the shape model, or off what is
-        drawn.
+        """Return latents but for the albedo, and vertices, a little off the shape model, or off the
+        given model.
         """
         settings = self.settings
         shape_model = self.object_class.shape_model
@@ -280,7 +280,7 @@ class Studio:
             elevation = math.radians(rng.uniform(15, 42) if low else rng.uniform(42, 89))
         light = self._light_factor @ rng.standard_normal(9) * rng.uniform(0.3, 1.3)
         light = light + rng.uniform(0.3, 1.0) * self.object_class.light_prior_mean
-        light[0] = EXPOSURE_L00  # as in datasets: at a set exposure
+        light[0] = EXPOSURE_L00  # a set exposure, like that of datasets
         numbers = (shape, [rng.uniform(0, 2 * math.pi)], [elevation], np.full(3, 0.5), light)
         tensors = [torch.from_numpy(np.asarray(values, np.float32))[None] for values in numbers]
         latents = Latents(tensors[0], tensors[1][0], tensors[2][0], tensors[3], tensors[4])
@@ -347,7 +347,7 @@ class Studio:
         camera: Camera,
         environment: Environment,
     ) -> tuple[Layer, np.ndarray]:
-        """Return one of the user's meshes, lit, and the mean albedo (3,) of what is seen of it."""
+        """Return one of the user's meshes, lit, and the mean albedo (3,) of its visible part."""
         matrix = camera.camera_from_world(float(latents.azimuth), float(latents.elevation))
         view = View(camera.scaled(SUPERSAMPLING), matrix[:3, :3], matrix[:3, 3])
         paint = draw_paint(rng, mesh, self.settings.own_colours)
@@ -367,7 +367,7 @@ class Studio:
         environment: Environment,
         ground: np.ndarray,
     ) -> tuple[Layer, np.ndarray]:
-        """Return the object lit, and the mean albedo (3,) of what is seen of it."""
+        """Return the object lit, and the mean albedo (3,) of its visible part."""
         model = self.object_class.shape_model
         normals = vertex_normals(vertices, model.faces)
         light = vertex_irradiance(latents, torch.from_numpy(normals), self.object_class).numpy()

@@ -19,7 +19,7 @@ def azimuth_labels(
 ) -> torch.Tensor:
     """Return soft labels (B, bins) of azimuths (B,) radians: a wrapped Gaussian of `spread` radians.
 
-    Of half turns two, half a circle apart; of any turn all bins are alike.
+    Half turns have two, half a circle apart; under any turn all bins are alike.
     """
     centres = (torch.arange(bins, device=azimuth.device) + 0.5) * (2 * math.pi / bins)
     off = symmetry.difference(azimuth[:, None], centres)

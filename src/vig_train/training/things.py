@@ -25,7 +25,7 @@ REVOLVED_SHARE = 0.2
 MODEL_SHARE = 0.6
 """Share of cut-outs that are of models in files, where there are such."""
 MOTTLED_SHARE, MOTTLED_MODEL_SHARE = 0.4, 0.1
-"""Shares of cut-outs with an uneven surface: of things by code, and of models, which have textures."""
+"""Shares of cut-outs with an uneven surface: among things by code, and among models, which have textures."""
 NOISE_SIDE = 512
 """Side of the noise, pixels, from which uneven surfaces are cropped."""
 
@@ -188,7 +188,7 @@ def _revolved(
     radii = radii * ends
     tilt = rng.uniform(0, 0.5)
     widest = float(radii.max())
-    # Seen from above, what is nearer lies lower in the picture.
+    # Seen from above, nearer points lie lower in the picture.
     height = up + tilt * np.sqrt((widest**2 - across**2).clip(0))
     radius = np.interp(height, heights, radii, left=0, right=0)
     soft = IMAGE_SIZE * reach

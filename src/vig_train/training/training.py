@@ -38,31 +38,31 @@ TRUNK_RATE = 0.3
 REPORT_SECONDS = 300.0
 """Seconds between lines on the time left, in a log."""
 HEAD_PARTS = ("dense", "azimuth", "numbers", "others")
-"""Of the network, the dense layer and the heads that read from it."""
+"""The network's dense layer and the heads that read from it."""
 
 
 @dataclass(frozen=True)
 class TrainingSettings:
-    """How to train.
+    """Settings of the training.
 
     Attributes:
         epochs: Passes over the datasets' training images, at most.
         batch: Images of the datasets per step.
-        drawing: Of further images for each step, drawn afresh; None for the datasets alone.
-        start: Weights to begin with: a file of `vig train`, of which all that fits is taken.
+        drawing: Further images for each step, drawn afresh; None for the datasets alone.
+        start: Weights to begin with: all that fits of a file of `vig train`.
         trunk_only: Take only the trunk from it.
-        frozen: Of the trunk's stages, those that stay as they are in `start`, from the first on.
+        frozen: Number of the trunk's first stages that stay as they are in `start`.
         mask_alone: Whether all but the mask's decoder stays as it is in `start`.
         learning_rate: The highest; see `Schedule`.
-        weight_decay: Of AdamW.
+        weight_decay: Weight decay of AdamW.
         validation: Most images of held-out rooms that are used.
         patience: Epochs without a better validation loss after which training ends.
-        augmentation: Of the training images.
-        symmetry: Of the class, under which azimuths are the same.
+        augmentation: Augmentation of the training images.
+        symmetry: Symmetry of the class, under which azimuths are the same.
         mirror: Whether shapes of the class are their own mirror images; if not, no image is flipped.
         network: Sizes; the number of shape components is the datasets'.
-        seed: Of weights, order, drawing and augmentation.
-        threads: Of the CPU, all by default.
+        seed: Seed of weights, order, drawing and augmentation.
+        threads: Threads of the CPU, all by default.
     """
 
     epochs: int = 18
@@ -118,7 +118,7 @@ class Epoch:
         number: From 1 on.
         trained: Each part of the loss, mean over the pass.
         validated: The same on the held-out images, of the averaged weights.
-        errors: Of these on the held-out images, in their own units.
+        errors: Errors of the averaged weights on the held-out images, in their own units.
     """
 
     number: int
@@ -141,11 +141,11 @@ def train(
     checkpoint that is written after each epoch.
 
     Args:
-        datasets: To learn from, their images in one order.
+        datasets: Training data, their images in one order.
         out: Folder of the weights and the checkpoint.
-        settings: How to train.
-        say: Is called with a line after each epoch.
-        record: Is called after each epoch, before the checkpoint is written.
+        settings: Settings of the training.
+        say: Called with a line after each epoch.
+        record: Called after each epoch, before the checkpoint is written.
         progress: Report the time left on standard error.
 
     Returns:
@@ -195,7 +195,7 @@ def train(
 
 @dataclass(frozen=True)
 class _TrainingState:
-    """A network in training, the average of its weights, and what changes it."""
+    """A network in training, the average of its weights, and its optimiser."""
 
     settings: TrainingSettings
     networks: dict[str, RecognitionNetwork]
@@ -287,16 +287,16 @@ def load_start_weights(
     """Give a network those weights of a file that fit it, or of these only the trunk's.
 
     Args:
-        network: To be given them.
-        path: Of the file.
-        trunk_only: Whether to take the trunk's alone.
+        network: Network that gets them.
+        path: Path of the file.
+        trunk_only: Whether to take only the trunk's.
         needed: Parts of the network of which all must fit, besides the trunk.
 
     Returns:
         The scale of the targets of the file's own training; empty where it has none.
 
     Raises:
-        UserError: The file is no weights file, or what is needed has other sizes in it.
+        UserError: The file is no weights file, or needed parts have other sizes in it.
     """
     with reading(path, "recognition weights", "Take a file of `vig train`."):
         tensors = as_tensors(whole_tensors(*read_tensors(path)))
@@ -329,7 +329,7 @@ def _setting_of(path: Path, name: str, without: Any) -> Any:
 
 
 def _frozen_parts(network: RecognitionNetwork, settings: TrainingSettings) -> list[nn.Module]:
-    """Return the first stages of the trunk, with what comes before them, or all but the mask's decoder."""
+    """Return the first stages of the trunk, with the stem, or all but the mask's decoder."""
     if settings.mask_alone:
         return [network.stem, *network.stages, *(getattr(network, name) for name in HEAD_PARTS)]
     return [network.stem, *network.stages[: settings.frozen]] if settings.frozen else []

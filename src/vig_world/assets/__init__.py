@@ -1,1 +1,1 @@
-"""What scenes are furnished with: textures, props, furniture, designs, panoramas, users' own files."""
+"""Assets that scenes are furnished with: textures, props, furniture, designs, panoramas, users' own files."""

@@ -15,7 +15,7 @@ from vig_world.dataset.spec import Coat
 from vig_world.mesh import face_normals
 
 TEXTURES, DECORATIONS = 240, 120
-"""How many of each there are."""
+"""Number of each."""
 TEXTURE_SIZE = 96
 DIELECTRIC = 0.04
 """Reflectance of glaze at normal incidence."""
@@ -102,8 +102,8 @@ def albedo_of(coat: Coat, points: np.ndarray, part: np.ndarray, height: float) -
 
 
 def mean_albedo(coat: Coat, vertices: np.ndarray, model: ShapeModel) -> np.ndarray:
-    """Return the mean albedo (3,) over the surface of an object (V, 3), metres: of its vertices, each with
-    its share.
+    """Return the mean albedo (3,) over the surface of an object (V, 3), metres, each vertex
+    weighted by its share.
     """
     height = float(model.mean[:, 2].max())
     area = np.linalg.norm(face_normals(vertices, model.faces), axis=1)
@@ -122,7 +122,7 @@ def draw_paint_layer(
         around: (N,) places about the vertical, in turns.
         level: (N,) places along it, in heights.
         points: (N, 3) the same places in space.
-        height: Of the object, in the units of points.
+        height: Height of the object, in the units of points.
     """
     kind = rng.choice(7, p=[0.24, 0.18, 0.12, 0.12, 0.12, 0.12, 0.1])
     if kind == 0:  # painted ceramics

@@ -34,7 +34,7 @@ _CATALOGUE: dict[Kind, dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class _Parameters:
-    """As `PARAMETERS_FILE` holds them: of designs that are not in the kind's catalogue, by name."""
+    """Content of `PARAMETERS_FILE`: parameters of designs outside the kind's catalogue, by name."""
 
     kind: Kind
     drawn: dict[str, dict[str, Any]]

@@ -63,7 +63,7 @@ class Footprint:
 
     @staticmethod
     def stacked(footprints: Sequence[Footprint]) -> Footprint:
-        """Return those of N solids, with as many points each, as one of shape (N, ...)."""
+        """Return the footprints of N solids, with as many points each, as one of shape (N, ...)."""
         return Footprint(*(np.stack([getattr(each, name) for each in footprints]) for name in _FIELDS))
 
     def __getitem__(self, index: Any) -> Footprint:

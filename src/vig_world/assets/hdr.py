@@ -20,14 +20,14 @@ def read_panorama(path: str | Path) -> np.ndarray:
     """Read an equirectangular `.hdr` or `.exr` panorama as linear RGB radiance, (H, 2 H, 3) float32 >= 0.
 
     Row 0 is straight up whatever the order of a Radiance file's scanlines; EXPOSURE and COLORCORR are undone.
-    Of an OpenEXR file the display window counts, black where it holds no data, and of several parts the
+    An OpenEXR file's display window counts, black where it holds no data; of several parts the
     largest with RGB. Other primaries become Rec. 709's, colours outside those clipped. Values below 0 by at
     most `UNDERSHOOT` of the mean become 0: resampling filters leave such values.
 
     Raises:
         UserError: For a missing, unreadable or damaged file, one that is not twice as wide as high, tiny or
             huge, one that holds NaN, infinite or more negative values, one that is black throughout, and
-            what is no RGB radiance: XYZE, cube maps, deep pixels, integers, luminance and chroma.
+            one without RGB radiance: XYZE, cube maps, deep pixels, integers, luminance and chroma.
     """
     path = existing_file(path)
     head = head_of(path)

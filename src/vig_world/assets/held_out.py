@@ -23,7 +23,7 @@ NAMED = "held_out_designs"
 
 @dataclass(frozen=True)
 class _Named:
-    """As class.json holds each of them."""
+    """Entry of one held-out design in class.json."""
 
     name: str
     split: str
@@ -34,7 +34,7 @@ class HeldOutDesigns:
     """D shapes in correspondence with a class's model, which was not made from those of test and validation.
 
     Attributes:
-        names: (D,) of each.
+        names: (D,) name of each.
         splits: (D,) the only split of datasets whose objects are of this design.
         vertices: (D, V, 3) float32, metres, standing on z = 0.
     """

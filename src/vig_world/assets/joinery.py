@@ -1,4 +1,4 @@
-"""Assembles what is built into rooms from boards and rods; texture coordinates are metres.
+"""Assembles built-in parts of rooms from boards and rods; texture coordinates are metres.
 
 Wood's grain runs along v, so v follows the longest side of a board. Meshes are closed and face outward.
 """

@@ -67,7 +67,7 @@ def slot_material(slot: str, rng: np.random.Generator) -> Material:
 
 
 def loose_fabric(rng: np.random.Generator) -> Material:
-    """Return a rug's or curtain's cloth, which stays what it is."""
+    """Return a rug's or curtain's cloth, which keeps its finish."""
     return material("cloth", rng, str(rng.choice(["cloth", "wallpaper", "cloth", "paint"])))
 
 

@@ -1,4 +1,4 @@
-"""Closed building blocks of what no model stands for: bevelled boxes, tubes, reliefs.
+"""Closed building blocks for things without a model: bevelled boxes, tubes, reliefs.
 
 Every mesh is closed (its faces' area vectors add up to zero), its faces look outward, and it has texture
 coordinates: u to the right and v up as seen from outside, (0, 0) at the texture's bottom left. Edges that

@@ -21,9 +21,9 @@ from vig_world.assets.own.simplify import simplified
 from vig_world.mesh import face_normals
 
 FILE = "meshes.safetensors"
-"""Of a pack's build folder."""
+"""Name of the file in a pack's build folder."""
 MOST_FACES = 20_000
-"""Of a mesh; one of more is simplified."""
+"""Most faces of a mesh; one with more is simplified."""
 CREASE_COSINE = 0.77
 """Faces that meet at a sharper angle, 40 degrees, keep an edge in their shading."""
 NEIGHBOURS = 4
@@ -40,7 +40,7 @@ class SourceMesh:
         uv: (V, 2) float32.
         material: (F,) int32, into textures.
         textures: (h, w, 3) float32 linear albedo each.
-        opacity: Of each texture; below 1 for glass.
+        opacity: Opacity of each texture; below 1 for glass.
         registered: (T, 3) float32, the class's template as it lies on the mesh.
         design: Number of the pack's design that was made from it, -1 for a mesh that was refused.
         split: The only split that shows it.

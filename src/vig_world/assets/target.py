@@ -38,7 +38,7 @@ def target_vertices(spec: SceneSpec, object_class: ObjectClass) -> np.ndarray:
 
 
 def standing_vertices(coefficients: np.ndarray, design: int, object_class: ObjectClass) -> np.ndarray:
-    """Return those of `shape_vertices`, raised or lowered so that the lowest is at z = 0."""
+    """Return the vertices of `shape_vertices`, raised or lowered so that the lowest is at z = 0."""
     vertices = shape_vertices(coefficients, design, object_class)
     lowest = vertices[:, 2].min()
     return vertices if lowest == 0 else vertices - np.array([0, 0, lowest], np.float32)
@@ -66,7 +66,7 @@ def _vertices(coefficients: tuple[float, ...], design: int, object_class: Object
 
 @lru_cache(maxsize=512)
 def nearest_shape(object_class: ObjectClass, design: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the model's coefficients (K,) nearest to a held-out design, and what it deviates by, (V, 3)
+    """Return the model's coefficients (K,) nearest to a held-out design, and its deviation, (V, 3)
     float32.
     """
     designs, model = held_out_designs_of(object_class), object_class.shape_model

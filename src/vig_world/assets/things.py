@@ -85,7 +85,7 @@ class Support:
     """A level rectangle on which things stand.
 
     Attributes:
-        zone: Its use, which decides what stands there; one of `ZONE_NAMES`.
+        zone: Its use, which decides the things on it; one of `ZONE_NAMES`.
         centre: (x, y, z) metres.
         half: Half its extents along its own axes.
         turn: Radians about +Z from its owner's x axis to its own.
@@ -133,11 +133,11 @@ class PropModel:
     """A prop of a catalogue, packaged or a user's own.
 
     Attributes:
-        name: Of its file, relative to its folder, or of its row in the packaged table.
-        family: What it is, such as `mug`; things like an object's class are not shown with it.
+        name: Path of its file, relative to its folder, or name of its row in the packaged table.
+        family: Its kind, such as `mug`; things like an object's class are not shown with it.
         fingerprint: sha256 of all files it was read from and of its settings in `vig.toml`; "" if packaged.
         zones: Zones to which it belongs; empty: any.
-        read: Gives its parts.
+        read: Reads its parts.
         varies: Whether samples show it in other proportions and colours.
     """
 

@@ -212,4 +212,4 @@ READERS = {
     "yolo-pose": "yolo pose train data=data.yaml (Ultralytics)",
     "webdataset": "webdataset.WebDataset",
 }
-"""What reads each format."""
+"""Reader of each format."""

@@ -1,4 +1,4 @@
-"""Scatters props over the supports, near the object and in the background, hiding nothing of it."""
+"""Scatters props over the supports, near the object and in the background, without hiding it."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def scatter(stage: StagedRoom, rng: np.random.Generator, rejected: Counter[str])
 
 
 def visible_ground(stage: StagedRoom) -> tuple[float, float]:
-    """Return nearest and farthest ground in the frame, metres ahead of the object's axis.
+    """Return the nearest and farthest ground in the frame, metres ahead of the object's axis.
 
     At most 1.3, or so much more as the object is larger than teapots.
     """
@@ -78,7 +78,7 @@ def _in_background(stage: StagedRoom, rng: np.random.Generator) -> list[Support]
 
 
 def draw_props(stage: StagedRoom, rng: np.random.Generator, zones: list[str]) -> list[tuple[str, int]]:
-    """Return family and number of a random prop for each of several zones, which belongs there."""
+    """Return family and number of a random prop for each of several zones, each of which belongs there."""
     names = []
     for zone, (family_at, member_at) in zip(zones, rng.random((len(zones), 2)).tolist(), strict=True):
         families = stage.families(zone)
@@ -162,7 +162,7 @@ class _Proposals:
         )
 
     def obstacle(self, stage: StagedRoom, number: int, others: list[int]) -> str:
-        """Place one of the props beside others, or return what obstructs it."""
+        """Place one of the props beside others, or return the kind of obstacle."""
         if self.touch[number, others].any():
             return "collision"
         turn = about_z(float(self.angles[number]))

@@ -47,7 +47,7 @@ class Member:
     """One object of a group.
 
     Attributes:
-        class_name: Of its class.
+        class_name: Name of its class.
         scene: Room, props, light and this object, all in the object's own frame: its latents are those of
             the object alone. Its lens is not the camera's.
         turn: Radians about +Z from its frame to the first member's.
@@ -87,10 +87,10 @@ def sample_group(
     others stand beside it on the same support, each overlapping another on the image.
 
     Args:
-        library: Of the split.
+        library: Assets of the split.
         classes: Each object is of one of them.
-        seed: Of the groups.
-        index: Of the group.
+        seed: Seed of the groups.
+        index: Number of the group.
         aspect: Width over height of the image.
 
     Raises:
@@ -104,7 +104,7 @@ def sample_group(
         number = GROUPS * index + attempt
         try:
             scene = sample(library, first, seed, number, smaller=SMALLER, target=hidden, draw=draw)
-        except CompositionError:  # no room hides it as it should, so far from the eye
+        except CompositionError:  # no room hides it as it should, so far from the camera
             continue
         group = _GroupBuilder(library, classes, scene, first, aspect)
         for _ in range(DRAWS):
@@ -207,7 +207,7 @@ def _seen_from(
     """Return a scene in the frame of another object, turned by `turn` and placed at (x, y) in the scene's
     frame.
 
-    azimuth and elevation are those of the eye (3,) about that object.
+    azimuth and elevation are those of the camera (3,) about that object.
     """
     back, offset = about_z(-turn), np.array([*place, 0.0])
     x, y, z = back @ (eye - offset) - [0.0, 0.0, object_class.target_height]

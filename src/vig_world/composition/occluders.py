@@ -105,7 +105,7 @@ def draw_large(
 
 
 def area_to_hide(stage: StagedRoom, level: float, nearness: float) -> float:
-    """Return the square metres of a silhouette, `nearness` of the object's distance away, that can hide
+    """Return the area, m^2, of a silhouette, `nearness` of the object's distance away, that can hide
     `level`.
     """
     view = stage.actor.view
@@ -177,14 +177,14 @@ def _drawn(
     """Return the first of N draws that has room before the object; see `occluder.cc`.
 
     Args:
-        stage: Where.
-        kind: As native code names them.
+        stage: The room and the object.
+        kind: Name of the kind in native code.
         level: Share of the object that is to be hidden.
         names: The props, in turn one for each draw.
-        uniform: (N, 3) in [0, 1) for what stands, else (N, 7).
-        normal: (N, 3) standard normal numbers, for what hangs in mid-air.
-        ends: Of the offset of what hangs in mid-air.
-        arms: N that hold it, if any do.
+        uniform: (N, 3) in [0, 1) for `standing`, else (N, 7).
+        normal: (N, 3) standard normal numbers, for occluders in mid-air.
+        ends: Bounds of the offset of occluders in mid-air.
+        arms: N arms that hold it, if any.
     """
     library = stage.library
     points = np.stack([library.extremes(*name) for name in names])

@@ -1,4 +1,4 @@
-"""How things are photographed: with what surface, from what height, through what lens."""
+"""How things are photographed: their surface, the camera's height, its lens."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ LEVEL, LOW = math.radians(15.0), math.radians(42.0)
 """Elevation below which most photographs are taken, and most of the others."""
 LEVEL_SHARE, LOW_SHARE = 0.55, 0.33
 LONGEST = 6.0
-"""Of lenses, over the standard one."""
+"""Longest focal length, over the standard lens's."""
 FARTHEST, HIGHEST = 2.5, 2.5
-"""Metres from the eye to the object, and above what it stands on, that rooms have space for."""
+"""Metres from the camera to the object, and above its support, that rooms have space for."""
 LEAST_GAP = 0.25
-"""Least depth of the object, over the standard camera's distance: the eye keeps off the largest shapes."""
+"""Least depth of the object, over the standard camera's distance: the camera keeps off the largest shapes."""
 ROLL, ROLLED, MOST_ROLL = 0.05, 0.1, 0.5
 """Standard deviation of the roll, radians; the share of those rolled by any angle up to the last."""
 SCALE, SHIFT = 0.1, 0.04
-"""Standard deviations of the log size, and of the place, of what boxes frame."""
+"""Standard deviations of the log size, and of the place, of the content of boxes."""
 
 
 @dataclass(frozen=True)
 class Manner:
-    """How one object is photographed; albedo (3,) is the coat's mean."""
+    """Manner in which one object is photographed; albedo (3,) is the coat's mean."""
 
     elevation: float
     coat: Coat

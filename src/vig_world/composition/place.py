@@ -35,7 +35,7 @@ LOWEST_EYE = 0.02
 MOST_NEAR = 0.02
 """Share of the frame in which something may be nearer than `Actor.nearest`."""
 EDGE = 0.01
-"""Metres between the object's outline and the edge of what it stands on."""
+"""Metres between the object's outline and the edge of its support."""
 WALL_SHARE = 0.9
 """Share of views from the side where people stand, for supports with a wall or back behind."""
 COVERED, LOW_COVER = 12.0, 0.7
@@ -93,7 +93,7 @@ def find_place(
         elif np.isinf(stage.behind).any():
             rejected["place open"] += 1  # beside a window, for example: nothing is behind the object
         elif layout.kind == EMPTY:
-            return stage  # what is near its eye is the ground alone
+            return stage  # only the ground is near its camera
         elif (stage.behind < actor.nearest).mean() > MOST_NEAR or not proposals.is_free(place, slid):
             rejected["place near"] += 1
         else:
@@ -102,7 +102,7 @@ def find_place(
 
 
 def _hiding(stage_at: Callable[[float], StagedRoom], hidden: tuple[float, float]) -> tuple[StagedRoom, float]:
-    """Return a stage moved out, by 0 to 1, from under what hides more of the object than wanted; and by how
+    """Return a stage moved out, by 0 to 1, from under things that hide too much of the object; and by how
     much.
     """
     stage = stage_at(0.0)
@@ -120,15 +120,15 @@ def _hiding(stage_at: Callable[[float], StagedRoom], hidden: tuple[float, float]
 
 
 class _Proposals:
-    """Places in a layout: zones as the class wants them, any support in a zone, seen from where people stand.
+    """Places in a layout: zones by the class's preference, any support in a zone, from the people's side.
 
     Attributes:
         support: (N,) number of each one's support.
-        states: (N,) whether each is good, or what it lacks: `PLACE_GOOD` and others of native code.
+        states: (N,) `PLACE_GOOD`, or the condition that it fails: constants of native code.
     """
 
     def __init__(self, layout: Layout, actor: Actor, hiding: bool, rng: np.random.Generator) -> None:
-        """Draw them; `hiding`: only such are good that have something before the object."""
+        """Draw places; `hiding`: whether good ones must have something before the object."""
         weights, supports = _support_table(layout, zone_weights(actor.object_class))
         self.fits_any = layout.kind in ("seamless", EMPTY) or bool(weights.any())  # these are for all things
         weights = weights if weights.any() else np.ones(len(supports))
@@ -163,7 +163,7 @@ class _Proposals:
         self.states, self._poses = propose(slice(None), 0.0)
 
     def sifted(self, rejected: Counter[str]) -> list[int]:
-        """Return numbers of the first good places; the others are counted by what they lack."""
+        """Return numbers of the first good places; the others are counted by the condition that they fail."""
         small = engine.PLACE_TOO_SMALL
         state = self.states if self.fits_any else np.full(len(self.states), small)
         for lack, reason in ((small, "too small"), (engine.PLACE_EYE, "eye")):

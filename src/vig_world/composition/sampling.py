@@ -33,12 +33,12 @@ ATTEMPTS, HALL_ATTEMPTS, SIZE_ATTEMPTS = 300, 72, 12
 """Rooms, and as many seamless grounds, that are tried; empty halls after these; how many with props of a
 size."""
 TARGET_STREAM, MANNER_STREAM = 2**20 + 1, 2**20 + 4
-"""Numbers of the random streams of a seed's first target, and of how a photograph is taken."""
+"""Numbers of the random streams of a seed's first target, and of the manner of a photograph."""
 BOARDS_FROM = 8
-"""From this attempt on, shelf boards may reach into the picture."""
+"""First attempt from which shelf boards may reach into the picture."""
 SUPPORT_SHARE, SUPPORT_BELOW, SUPPORT_ATTEMPTS = 0.4, 1.1, 4
-"""In this share of scenes seen from below an elevation (radians), room and furniture are to hide most of what
-is hidden, if one of four rooms allows it."""
+"""Share of scenes seen from below an elevation (radians) in which room and furniture hide most of the
+hidden part, if one of so many rooms allows it."""
 
 
 class CompositionError(SampleError):
@@ -63,18 +63,18 @@ def sample(
     until the hidden share of the object is within 0.015 of the target. In the world of photographs elevation,
     albedo, coat and lens are those of `photographs.draw_manner` instead, some objects stand on a seamless
     ground, and the rare one that no room hides as it should stands on such a ground, half as much hidden.
-    What has no place there either, as its camera finds no space, stands in an empty hall that has it.
+    One without a place there either, as its camera finds no space, stands in an empty hall.
 
     Args:
-        library: Of the split.
-        object_class: Of the object.
-        seed: Of the scenes.
-        index: Of the scene.
-        world: What scenes are like.
+        library: Assets of the split.
+        object_class: Class of the object.
+        seed: Seed of the scenes.
+        index: Number of the scene.
+        world: Kind of scenes.
         smaller: Factor of a photograph's object's size in the frame.
         target: Share to be hidden, in place of one that is drawn.
         draw: Number of the scene among those that the sample may have: the next one takes the place of one
-            that cannot be made. Of further draws the target is uniform; `rejected["scene"]` holds the number.
+            that cannot be made. The target of further draws is uniform; `rejected["scene"]` holds the number.
 
     Raises:
         CompositionError: No placement reached the target in `ATTEMPTS` rooms and `HALL_ATTEMPTS` halls.
@@ -178,7 +178,7 @@ def target_occlusion(seed: int, index: int, split: Split) -> float:
     """Return the share to be hidden, in [0, 0.9): multiples of the golden ratio, wrapped, from a random
     start.
 
-    Any run of samples is spread evenly over the range: of N, each tenth has N / 10, give or take one or two.
+    Any run of samples is spread evenly over the range: each tenth of N has N / 10, give or take one or two.
     """
     start = stream(seed, 0, split, TARGET_STREAM).uniform()
     return MAX_OCCLUSION * ((start + index * GOLDEN) % 1.0)

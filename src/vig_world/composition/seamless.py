@@ -1,4 +1,4 @@
-"""Which views no seamless ground has space for, so that none need be tried."""
+"""Views that no seamless ground has space for, so that none need be tried."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ SURELY = 0.01
 def fits_seamless_ground(actor: Actor) -> bool:
     """Return whether some seamless ground may have a place for the object and its camera.
 
-    Not so where the eye is in the ground or too high, where it sees over the wall behind the object, or where
-    the ground is too near to it; these are the same wherever the object stands.
+    False where the camera is in the ground or too high, sees over the wall behind the object, or where
+    the ground is too near to it; none depends on the object's place.
     """
     view, height = actor.view, float(actor.view.eye[2])
     if not LOWEST_EYE * actor.small < height < HEIGHT - EYE_CLEARANCE * actor.small:

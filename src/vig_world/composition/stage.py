@@ -27,7 +27,7 @@ NEAREST = 0.09
 """Least depth of anything in a scene, metres; less where things smaller than teapots are seen from nearer."""
 
 LEAST_GAP, WIDEST_GAP = 0.002, 0.1
-"""Metres between the object and what stands before it."""
+"""Metres between the object and occluders before it."""
 HAND_INSIDE = 6
 """Least distance of holding fingertips from the edge of the layout's frame, pixels."""
 SMALL = 0.25
@@ -39,12 +39,12 @@ class Actor:
     """The object as seen from its camera.
 
     Attributes:
-        object_class: What it is one of.
+        object_class: Class of the object.
         item: Its geometry.
         depth: (75, 75) metres, the object alone; inf where it is not.
         pixels: Flat indices of the pixels that show it.
         own: Depths of these pixels.
-        sums: (76, 76), how many of them lie above and left of each corner.
+        sums: (76, 76), number of them above and left of each corner.
         middle: Mean row and column, pixels.
         body: Its bound.
         ahead: Unit vector (3,) in the ground plane, away from the camera.
@@ -94,17 +94,17 @@ class Actor:
 
     @cached_property
     def front(self) -> float:
-        """Return metres from its axis towards the camera that it reaches."""
+        """Return its reach from its axis towards the camera, metres."""
         return float((self.body.outline @ -self.ahead[:2]).max())
 
     @cached_property
     def scale(self) -> float:
-        """Return over a teapot; see `ObjectClass.scale`."""
+        """Return its size over a teapot's; see `ObjectClass.scale`."""
         return self.object_class.scale
 
     @property
     def small(self) -> float:
-        """Return its `scale` if it is smaller than 7 cm or so, whose camera is near to what it stands on;
+        """Return its `scale` if it is smaller than 7 cm or so, whose camera is near its support;
         else 1.
         """
         return self.scale if self.scale < SMALL else 1.0
@@ -120,12 +120,12 @@ class StagedRoom:
     """A scene under construction.
 
     Attributes:
-        support: What the object stands on, in the layout's frame.
+        support: Support of the object, in the layout's frame.
         behind: Depth (75, 75) of the room, metres; inf where there is nothing.
-        blockers: The nearest of room and props, likewise.
+        blockers: Depth of the nearest of room and props, in the same form.
         solids: Bounds of the props so far.
-        halvings: How often what hides the object is halved in size and in its distance from other things.
-        closer: Whether what is held is as likely to be near the eye as near the object, on a log scale.
+        halvings: Number of times that occluders are halved in size and in their distance from other things.
+        closer: Whether held occluders are as often near the camera as near the object, on a log scale.
     """
 
     library: Library
@@ -165,7 +165,7 @@ class StagedRoom:
 
     @property
     def margin(self) -> float:
-        """Return metres between any two things."""
+        """Return the least gap between any two things, metres."""
         return MARGIN * 0.5**self.halvings
 
     @property

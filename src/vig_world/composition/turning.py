@@ -1,4 +1,4 @@
-"""Videos of a turning object before a still camera, while what hides it passes from one side to the other."""
+"""Videos of a turning object before a still camera, while its occluders pass from one side to the other."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ HIDDEN, OPEN = (0.55, 0.95), 0.15
 """Share of the object that is hidden as the props pass, and at most that is when they are away."""
 TURNING_STREAM = 2**20 + 5
 TURNS, UNEVEN = (0.5, 1.0), 0.5
-"""Of the object in a video, of either sense; how much its speed may vary."""
+"""Turns of the object in a video, in either sense; how much its speed may vary."""
 WAY = 1.2
-"""By how much the props move to either side, of the object's greatest distance from its axis."""
+"""Distance that the props move to either side, over the object's greatest distance from its axis."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,9 @@ class Turning:
     Attributes:
         scene: Half-way through the video.
         turn: Radians by which the object turns about its vertical axis, from the first frame to the last.
-        uneven: By what share its speed rises and falls about the mean, once in the video.
-        phase: Where in that it begins, radians.
-        way: (3,) metres by which what hides it moves meanwhile.
+        uneven: Share by which its speed rises and falls about the mean, once in the video.
+        phase: Phase of that at the start, radians.
+        way: (3,) metres by which its occluders move meanwhile.
     """
 
     scene: SceneSpec
@@ -62,7 +62,7 @@ class Turning:
 def draw_turning(library: Library, object_class: ObjectClass, seed: int, index: int) -> Turning:
     """Draw video number `index` of a seed, from the photographs of `sample`.
 
-    Of scenes `100 index`, `100 index + 1` ... it is the first that props hide by a share within `HIDDEN`,
+    The scene is the first of `100 index`, `100 index + 1` ... that props hide by a share within `HIDDEN`,
     while room and clutter hide no more than `OPEN`.
 
     Raises:
@@ -94,10 +94,10 @@ def draw_turning(library: Library, object_class: ObjectClass, seed: int, index: 
 
 
 def turned(scene: SceneSpec, angle: float) -> SceneSpec:
-    """Return the scene with its object turned back by `angle` radians about +Z, told in the object's own
+    """Return the scene with its object turned back by `angle` radians about +Z, in the object's own
     frame.
 
-    The object's frame is the world's: everything else turns about it by the angle, the eye included.
+    The object's frame is the world's: everything else turns about it by the angle, the camera included.
     """
     turn, room = about_z(angle), scene.room
     origin = turn @ np.array(room.origin)

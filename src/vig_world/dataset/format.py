@@ -1,4 +1,4 @@
-"""Where things lie in a dataset folder, in the BOP layout, and how its files are described.
+"""Layout of a dataset folder, that of BOP, and the descriptions of its files.
 
 A dataset is `D/info.json`, `D/camera.json`, `D/models/` and, for each split, `D/<split>/` with
 `latents.parquet`, `specs.jsonl` (one SceneSpec a line), `files.sha256` and the BOP scene `000000/`: `rgb/`,
@@ -23,9 +23,9 @@ FORMAT_VERSION = 3
 DEPTH_SCALES = (0.1, 0.2, 0.5, 1.0)
 """Millimetres per unit of a depth image: the finest that holds its farthest surface."""
 MOST_DEPTH = 65535
-"""Units of what is farther than the coarsest holds."""
+"""Value, in units, of surfaces beyond the range of the coarsest."""
 OBJECT_ID = 1
-"""Of the one object, in BOP's and COCO's files."""
+"""Identifier of the one object, in BOP's and COCO's files."""
 MOST_SAMPLES = 1_000_000
 """Files are numbered with six digits."""
 Size = tuple[int, int]

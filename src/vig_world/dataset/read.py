@@ -46,11 +46,11 @@ class Dataset:
     """One split of a dataset, N samples; pictures are read when first asked for.
 
     latents: (N, P) float32 in the order of `vig.scene.Latents.to_vector`. occlusion: (N,) float32,
-    1 - visible / alone pixels within the frame. target_occlusion: (N,) what was asked for. cause: what hides.
+    1 - visible / alone pixels within the frame. target_occlusion: (N,) as requested. cause: the occluder.
     truncated: (N,) bool, the frame cuts the object off. design: (N,) the further design whose deviation from
     the model the object has, see `vig_world.assets.target`; -1 for none. finish: `matt`, `glossy`, `painted`
     or `metal`. roll: (N,) clockwise turn of the image, radians. world: of all scenes, see
-    `vig_world.WORLDS`. size: of the image files. normals: whether there are some. cut: whether pictures are
+    `vig_world.WORLDS`. size: of the image files. normals: whether there are any. cut: whether pictures are
     those of `at_network_size`.
     """
 
@@ -81,8 +81,8 @@ class Dataset:
     def at_network_size(self) -> Dataset:
         """Return the same samples with pictures of 150 x 150 pixels, the size of networks' inputs.
 
-        Of other sizes the middle square, for which the scene was composed, is resampled; occlusion is then
-        that within the square.
+        The middle square of other sizes, for which the scene was composed, is resampled; occlusion is
+        then that within the square.
         """
         if self.cut or self.size == STANDARD_SIZE:
             return self
@@ -94,10 +94,9 @@ class Dataset:
         """Return pictures of one kind of the samples `indices` (all by default).
 
         kind: `rgb` gives (n, H, W, 3) uint8 sRGB; `depth` (n, H, W) float32 metres, inf where unknown, as it
-        is of what is farther than its image can hold; `mask`
-        (the object alone) and `mask_visib` (n, H, W) bool; `normal` (n, H, W, 3) float32 in the camera's
-        frame, 0 where unknown, of datasets that have `normals`. Raises UserError for a missing or damaged
-        file.
+        is beyond the range of its image; `mask` (the object alone) and `mask_visib` (n, H, W) bool; `normal`
+        (n, H, W, 3) float32 in the camera's frame, 0 where unknown, of datasets that have `normals`. Raises
+        UserError for a missing or damaged file.
         """
         chosen = range(len(self)) if indices is None else list(indices)
         with ThreadPoolExecutor(2) as pool:
@@ -141,7 +140,7 @@ class Dataset:
 
     @cached_property
     def visible(self) -> np.ndarray:
-        """Return all masks of what is seen of the object, (N, H, W) bool."""
+        """Return all masks of visible pixels of the object, (N, H, W) bool."""
         return self.read("mask_visib")
 
     def specs(self) -> list[SceneSpec]:

@@ -1,4 +1,4 @@
-"""What a synthetic scene is made of, as plain data: enough to build it again, with either renderer."""
+"""A synthetic scene as plain data: enough to build it again, with either renderer."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ WORLD_VERSION = 6
 
 
 class SampleError(UserError):
-    """What is wrong with one sample; another draw of it may do."""
+    """One sample cannot be made or read; another draw of it may do."""
 
 
 Role = Literal["occluder", "holder", "clutter"]
@@ -41,7 +41,7 @@ class Room:
 
     layout: asset number of the room. support: which of the layout's supports the object stands on; zone: of
     that support. origin: metres, where the layout's own origin lies in the world; turn: radians about +Z from
-    the layout to the world. finishes: what each slot of the layout is covered with, in the slots' order.
+    the layout to the world. finishes: the covering of each slot of the layout, in the slots' order.
     """
 
     layout: int
@@ -83,13 +83,13 @@ class Placed:
 
 @dataclass(frozen=True)
 class Coat:
-    """What the object is covered with.
+    """Covering of the object.
 
     Attributes:
         colours: Linear albedo of each of the object's parts.
         metal: Whether it mirrors in its own colour and scatters nothing.
-        gloss: Factor of what a glaze mirrors, 0 for matt.
-        roughness: Of the mirror, in [0, 1].
+        gloss: Factor of a glaze's mirror image, 0 for matt.
+        roughness: Roughness of the mirror, in [0, 1].
         paint: Seed of a decoration; None for plain.
     """
 
@@ -109,13 +109,13 @@ class Coat:
 
 @dataclass(frozen=True)
 class Lens:
-    """How a photo's camera differs from the standard one of the object's class.
+    """Difference of a photo's camera from the standard one of the object's class.
 
     Attributes:
         farther: Factor of distance and focal length: the same picture with less perspective.
         roll: Clockwise turn of the image, radians.
         scale: Factor of the focal length alone.
-        shift: By which the picture is moved to the right and down, in its sides.
+        shift: Shift of the picture to the right and down, in its sides.
     """
 
     farther: float = 1.0
@@ -131,10 +131,10 @@ class SceneSpec:
     shape (K,) standard deviations, of the model's shape nearest to the object's; design: number of the
     held-out design of the class whose deviation from the model the object also has, -1 for none.
     azimuth, elevation radians; albedo (3,) linear RGB; light (9,) SH of incident radiance, world frame,
-    as the raster tier has it. panorama: asset number; panorama_angle: radians by which it was turned.
-    target: the occlusion asked for, in [0, 0.9]; occlusion: what the sampler measured, one sample per
-    pixel. rejected: how many candidate placements were thrown away, by reason. coat: None for a matt
-    object of one albedo; else `albedo` is its mean. lens: of the camera.
+    as the rasteriser has it. panorama: asset number; panorama_angle: radians by which it was turned.
+    target: the requested occlusion, in [0, 0.9]; occlusion: as measured by the sampler, one sample per
+    pixel. rejected: number of rejected candidate placements, by reason. coat: None for a matt
+    object of one albedo; else `albedo` is its mean. lens: the camera's.
     """
 
     seed: int

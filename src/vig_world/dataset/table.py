@@ -17,7 +17,7 @@ with optional_import("world"):
 MOST_TABLE = 1 << 30
 """Bytes of the table's file."""
 MOST_IN_LIST, MOST_TEXT = 256, 16_384
-"""Of each sample: entries of a list, bytes of each text column."""
+"""Limits of each sample: entries of a list, bytes of each text column."""
 
 _TYPES = {
     **dict.fromkeys(("index", "seed", "panorama", "layout", "design"), pa.int64()),
@@ -33,7 +33,7 @@ def read_table(root: Path, split: str, texts: bool = True) -> pa.Table:
     """Return a split's latents.parquet; without `texts`, the columns that only checks and exports read are
     left out.
 
-    How many rows and values it says to have is checked before they are decoded: a small file can hold
+    The stated numbers of rows and values are checked before they are decoded: a small file can hold
     gigabytes of repetitions. Raises UserError when it is missing or damaged.
     """
     count = read_info(root)["splits"][split]["count"]

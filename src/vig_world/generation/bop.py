@@ -1,7 +1,7 @@
 """The BOP format's own files and numbers, as its toolkit computes and reads them.
 
-Format: https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_format.md; what the numbers of
-`scene_gt_info.json` mean is settled by its script `calc_gt_info.py`. Lengths are in millimetres.
+Format: https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_format.md; its
+script `calc_gt_info.py` defines the numbers of `scene_gt_info.json`. Lengths are in millimetres.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ SYMMETRIES: dict[Symmetry, dict[str, Any]] = {
     Symmetry.HALF_TURN: {"symmetries_discrete": [[-1.0, 0, 0, 0, 0, -1.0, 0, 0, 0, 0, 1.0, 0, 0, 0, 0, 1.0]]},
     Symmetry.ANY_TURN: {"symmetries_continuous": [{"axis": [0, 0, 1], "offset": [0, 0, 0]}]},
 }
-"""As BOP's files of models state them: poses (4 x 4, row by row) that look the same, and axes."""
+"""Symmetries in the form of BOP's files of models: equivalent poses (4 x 4, row by row), and axes."""
 
 
 def models_info(mesh: Mesh, symmetry: Symmetry = Symmetry.NONE) -> dict[str, dict[str, Any]]:

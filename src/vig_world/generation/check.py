@@ -43,13 +43,13 @@ MOST_FILE = 1 << 31
 
 @dataclass(frozen=True)
 class Findings:
-    """What a check found.
+    """Findings of a check.
 
     Attributes:
         problems: One line each, in the order of the samples.
-        samples: How many were checked.
-        files: How many were checked.
-        rendered: How many were checked.
+        samples: Number of checked samples.
+        files: Number of checked files.
+        rendered: Number of samples rendered again.
     """
 
     split: str
@@ -64,7 +64,7 @@ class Findings:
         return not self.problems
 
     def summary(self) -> str:
-        """Return one sentence."""
+        """Return the findings in one sentence."""
         state = "clean" if self.clean else f"{len(self.problems)} problems"
         again = f", {self.rendered} rendered again" if self.rendered else ""
         return f"{self.split}: {self.samples} samples, {self.files} files{again}: {state}"
@@ -173,7 +173,7 @@ def _file_problems(folder: Path, hashes: dict[str, str]) -> Iterator[str]:
 
 
 def _read(folder: Path, name: str, value: str | None) -> tuple[bytes, list[str]]:
-    """Return a file's content, and what is wrong with it as a file."""
+    """Return a file's content, and the problems of it as a file."""
     try:
         data = read_bytes(inside(folder, name), MOST_FILE)
     except (OSError, ValueError) as error:
@@ -218,7 +218,7 @@ def _sample_problems(
     try:
         spec = SceneSpec.from_json(item["spec"])
         yield from (f"sample {index}: {each}" for each in label_problems(item, spec, pictures, object_class))
-    except Exception as error:  # what labels of foreign sizes and types lead to
+    except Exception as error:  # labels of foreign sizes and types
         yield f"sample {index}: its spec or labels cannot be read ({type(error).__name__}: {error})"
 
 

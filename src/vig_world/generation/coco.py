@@ -28,7 +28,7 @@ READ_AT_ONCE = 256
 def export_coco(root: str | Path, out: str | Path, split: str | None = None) -> Path:
     """Write `out/images/<split>/*.png` and, under `out/annotations`, two files of the split.
 
-    `instances_<split>.json` is plain COCO: segmentation, bbox and area of what is visible; an object that is
+    `instances_<split>.json` is plain COCO: segmentation, bbox and area of the visible part; an object that is
     not seen at all has no annotation. `amodal_<split>.json` is in the manner of COCOA and D2SA (segmentation,
     bbox and area of the whole object within the frame, visible_mask, invisible_mask, occlude_rate) and has
     KINS's names beside (a_segm, a_bbox, a_area, i_segm, i_bbox, i_area). Masks are uncompressed run lengths.
@@ -88,7 +88,7 @@ def export_coco_keypoints(
 
 
 def _write(dataset: Dataset, path: Path, annotations: list[dict[str, Any]], category: dict[str, Any]) -> None:
-    """Write a file of annotations; `category` is what the one category has besides its name."""
+    """Write a file of annotations; `category` holds further entries of the one category."""
     settings = read_info(dataset.folder.parent)["splits"][dataset.folder.name]
     described = {"id": OBJECT_ID, "name": settings["class"], "supercategory": "object"}
     images = [

@@ -16,7 +16,7 @@ MOST_LABELS = 4096
 
 
 def sidecar_path(folder: Path, index: int) -> Path:
-    """Return the file that says that sample `index` of a split that is being made is whole."""
+    """Return the file that marks sample `index` of an unfinished split as complete."""
     return folder / PARTIAL / f"{index:06d}.json"
 
 
@@ -52,7 +52,7 @@ def write_picture(path: Path, data: bytes) -> None:
                 return
     except OSError:
         pass
-    write_bytes(path, data)  # makes folders, replaces what a killed run left, and says what is wrong
+    write_bytes(path, data)  # makes folders, replaces files of a killed run, and reports errors
 
 
 def read_scene(folder: Path, count: int) -> list[dict[str, Any]]:

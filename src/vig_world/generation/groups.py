@@ -92,8 +92,8 @@ def make_group(
 ) -> Group:
     """Group number `index` of a seed, a photo of width x height pixels: a pure function of its arguments.
 
-    Each object is drawn in its own frame, with room and props; of these pictures each pixel takes that of the
-    nearest object. On the room lie the darkest shadows of any; objects cast none on each other.
+    Each object is drawn in its own frame, with room and props; each pixel is that of the nearest
+    object. The room has the darkest shadow of any; objects cast none on each other.
     """
     spec = sample_group(library, classes, seed, index, size[0] / size[1])
     by_name = {each.name: each for each in classes}

@@ -74,8 +74,8 @@ class Job:
         options: Settings of the renderer; they are recorded in the dataset.
         own: The user's custom assets.
         photo: Whether pictures pass through a camera model (`vig_world.renderers.photo`).
-        world: What scenes are like.
-        size: Of the pictures; scenes do not depend on it.
+        world: Kind of scenes.
+        size: Size of the pictures; scenes do not depend on it.
         normals: Whether samples have pictures of normals.
     """
 
@@ -92,7 +92,7 @@ class Job:
 
     @cached_property
     def fingerprint(self) -> str:
-        """Return tells classes apart."""
+        """Return the fingerprint of the class."""
         return self.object_class.fingerprint
 
 
@@ -101,9 +101,9 @@ class Failure:
     """Why a draw of a sample gave no files.
 
     Attributes:
-        reason: Names the sample.
-        traceback: Of an exception.
-        expected: Whether it is no fault: the scene could not be composed.
+        reason: Reason, which names the sample.
+        traceback: Traceback of an exception.
+        expected: Whether it is expected: the scene could not be composed.
     """
 
     reason: str
@@ -122,7 +122,7 @@ class Maker:
     def make(self, index: int, draw: int = 0) -> dict[str, bytes] | Failure:
         """Return the files of a draw of sample `index` by their names in the split's folder; see `encode`.
 
-        Raises UserError for what no other draw would mend.
+        Raises UserError for errors that no other draw would avoid.
         """
         try:
             with one_thread():
@@ -175,7 +175,7 @@ class Maker:
 
 
 def photographed(picture: Picture, spec: SceneSpec) -> tuple[Picture, PhotoSettings]:
-    """Return pass a picture through the camera model; labels stay. Also returns the camera's settings."""
+    """Return a picture passed through the camera model, its labels kept, and the camera's settings."""
     linear = getattr(picture, "linear", None)
     if linear is None:
         linear = linear_from_srgb(picture.image.astype("float32") / 255)

@@ -17,22 +17,22 @@ from vig_world.dataset.read import Dataset
 from vig_world.raster.view import View
 
 CORNERS = tuple(f"corner_{number:03b}" for number in range(8))
-"""Of the box along the object's axes: 1 stands for the greater x, y, z, in this order."""
+"""Corners of the box along the object's axes: 1 stands for the greater x, y, z, in this order."""
 CENTRE = "centre"
 EDGES = tuple((i, i | bit) for i in range(8) for bit in (4, 2, 1) if not i & bit)
 """Pairs of corners."""
 OUTSIDE, HIDDEN, SEEN = 0, 1, 2
 """COCO's numbers of visibility."""
 SLACK = 0.02
-"""Of the diagonal of the object's box, by which a point may lie behind what is seen at its pixel."""
+"""Depth by which a point may lie behind its pixel's surface, over the diagonal of the object's box."""
 MIRROR_SLACK = 0.02
-"""Of the length of the mean shape's box, by which a class's point may be off its mirror image."""
+"""Distance of a class's point from its mirror image, over the length of the mean shape's box."""
 
 
 @dataclass(frozen=True)
 class Keypoints:
-    """Of one sample: place (N, 2) float64 in pixels, x and y, the image's corner at 0, nan behind the camera;
-    seen (N,) int, one of `OUTSIDE` (the frame), `HIDDEN`, `SEEN`.
+    """Keypoints of one sample: place (N, 2) float64, x and y in pixels from the image's corner, nan behind
+    the camera; seen (N,) int, one of `OUTSIDE` (the frame), `HIDDEN`, `SEEN`.
     """
 
     place: np.ndarray
@@ -107,11 +107,11 @@ def keypoints(dataset: Dataset, object_class: ObjectClass, indices: Iterable[int
 def _located(
     points: np.ndarray, on_surface: int, view: View, depth: np.ndarray, mask: np.ndarray, slack: float
 ) -> Keypoints:
-    """Return points (N, 3), of which the first `on_surface` lie on the object, as a view with its depth image
-    (H, W) and mask of what is seen of the object (H, W) shows them.
+    """Project points (N, 3), of which the first `on_surface` lie on the object, into a view with depth
+    image (H, W) and mask of the object's visible pixels (H, W).
 
-    Seen is what nothing lies before. A point of the surface must also be at a pixel of the mask or beside
-    one: at an outline the pixel itself may be another thing's.
+    A point is seen where nothing lies before it. One of the surface must also be at a pixel of the mask or
+    beside one: at an outline the pixel itself may be another thing's.
     """
     camera = view.camera
     in_camera = points @ view.rotation.T + view.translation

@@ -26,14 +26,14 @@ CLOSE = 1e-9
 FLIPPED = 0.01
 """Largest share of the silhouette's pixels by which the mask may differ from a projection of the mesh."""
 NORMAL_STEP = 0.01
-"""By which the length of stored normals may differ from 1: three components, each rounded by 0.004."""
+"""Largest difference of the length of stored normals from 1: three components, each rounded by 0.004."""
 TURNED_AWAY, FACING = 0.1, 0.99
 """Cosine of a normal that is turned away from the camera; share of normals that are not, interpolated as they
 are between vertices."""
 MOST_MODEL = 64 << 20
 """Bytes of a file that all splits share."""
 WITHIN = 0.9
-"""At least this share of the visible pixels, but for their outermost, have a depth within the object."""
+"""Least share of visible pixels, but for the outermost, with a depth within the object."""
 
 
 def label_problems(
@@ -62,7 +62,7 @@ def label_problems(
     canvas = silhouette(object_class, vertices, spec, (width, height))
     yield from _visibility_problems(item["gt_info"][0], alone, visible, pictures["depth"], canvas)
     yield from _share_problems(item["row"], item["gt_info"][0], alone, visible)
-    inner = binary_erosion(visible)  # a pixel at an edge has the depth of what is nearest in it
+    inner = binary_erosion(visible)  # a pixel at an edge has the depth of its nearest surface
     scale = item["camera"]["depth_scale"]
     millimetres = pictures["depth"][inner] * scale
     z = 1000 * (vertices @ view.rotation[2] + view.translation[2])

@@ -31,8 +31,8 @@ def make_samples(
 
     Args:
         missing: Indices of the samples.
-        attempt: Makes draws; yields each one's place in the list, and why it failed or None.
-        advance: Is called with the number of samples newly written.
+        attempt: Makes draws; yields each one's place in the list, and the reason of its failure or None.
+        advance: Called with the number of samples newly written.
 
     Raises:
         UserError: `HOPELESS` draws failed and none succeeded, or `MOST_DRAWS` of one sample failed.

@@ -51,9 +51,9 @@ def contact_sheet(
         dataset: The samples; the choice among them is deterministic.
         path: The picture to write.
         count: Number of samples, at least 1.
-        labels: Whether to draw the outline of what is seen of the object and its box, and to tint the hidden
+        labels: Whether to draw the outline and box of the object's visible part, and to tint the hidden
             part.
-        object_class: Of the dataset, whose keypoints are drawn, too; None draws none.
+        object_class: Class of the dataset, whose keypoints are drawn, too; None draws none.
 
     Raises:
         UserError: When count is below 1, a file is damaged, or the picture cannot be written.
@@ -89,7 +89,7 @@ def contact_sheet(
 
 
 def _labelled(tile: Image.Image, alone: np.ndarray, seen: np.ndarray) -> Image.Image:
-    """Return a photo with what is hidden of the object tinted, and outline and box of what is seen."""
+    """Return a photo with the object's hidden part tinted, and outline and box of the visible part."""
     alone, seen = (
         np.asarray(Image.fromarray(mask).convert("L").resize(tile.size, Image.Resampling.BILINEAR)) > 127
         for mask in (alone, seen)

@@ -83,7 +83,7 @@ def make_dataset(
         count: Number of samples.
         seed: Sample i is a pure function of the seed and i.
         tier: The renderer, `raster` or `cycles`.
-        split: Which assets and object designs are used; splits share none.
+        split: Split of the assets and object designs; splits share none.
         workers: Number of processes; None: one per CPU.
         progress: Whether to report progress on standard error.
         object_class: The packaged teapot by default.
@@ -91,7 +91,7 @@ def make_dataset(
         own: The user's custom assets.
         photo: Whether to pass pictures through a camera model.
         ray: Address of a Ray cluster, or `auto`, in place of worker processes.
-        world: What scenes are like, see `vig_world.WORLDS`.
+        world: Kind of scenes, see `vig_world.WORLDS`.
         size: Width and height of pictures, pixels; scenes are the same at any size.
         normals: Whether to write pictures of surface normals, too.
 
@@ -178,7 +178,7 @@ def remove_split(out: str | Path, split: str) -> None:
 
 
 def _require(tier: str, ray: str | None) -> None:
-    """Raise UserError for what cannot run here, before anything is written."""
+    """Raise UserError for options that cannot run here, before anything is written."""
     if ray is not None:
         require_ray()
     elif tier == "cycles":
@@ -200,7 +200,7 @@ def alone(root: Path, split: str) -> Iterator[None]:
     path = root / f".{split}.lock"
     try:
         root.mkdir(parents=True, exist_ok=True)
-        # A link in the lock's place is not followed, and what is there is not emptied.
+        # A link in the lock's place is not followed, and its target is not emptied.
         lock = open(os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666), "r+b", buffering=0)
     except OSError as error:
         raise UserError(f"cannot write '{path}': {error.strerror or error}") from error

@@ -15,7 +15,7 @@ from vig_world.generation.keypoints import dataset_class, keypoints, mirrored, n
 
 DESCRIPTION = "data.yaml"
 USES = {"train": ("train", "validation", "test"), "val": ("validation", "test", "train"), "test": ("test",)}
-"""What Ultralytics calls splits, and which of ours serves: the first that there is."""
+"""Ultralytics' names of splits, and the splits that serve: the first that exists."""
 
 
 def export_yolo_pose(
@@ -23,9 +23,9 @@ def export_yolo_pose(
 ) -> Path:
     """Write `out/images/<split>/*.png`, `out/labels/<split>/*.txt` and `out/data.yaml`.
 
-    A line of a label is: class 0; x and y of the middle, width and height of the box of what is visible; x, y
-    and visibility (0, 1 or 2) of each keypoint. All are shares of the image's width or height. What is not
-    seen at all has an empty file. Splits exported into one folder share `data.yaml`.
+    A line of a label is: class 0; x and y of the middle, width and height of the visible part's box; x, y
+    and visibility (0, 1 or 2) of each keypoint. All are shares of the image's width or height. An unseen
+    object has an empty file. Splits exported into one folder share `data.yaml`.
 
     Returns `out`. Raises UserError when there is no such dataset, its class is another, `out` is the dataset
     or holds an export of that split, or a file cannot be read or written.

@@ -16,14 +16,14 @@ from vig_world.raster.shadows import sky_weights, slopes
 from vig_world.raster.view import View
 
 SAMPLES: int = engine.SAMPLES
-"""Along a pixel's side, of a picture."""
+"""Samples of a picture along a pixel's side."""
 SUN_SHARE = 0.2
 """Share of the light's first degree that shows in highlights."""
 
 
 @dataclass(frozen=True)
 class SurfaceSamples:
-    """Where on the object's surface the N samples that show it lie.
+    """Places on the object's surface of the N samples that show it.
 
     Attributes:
         points: (3, N) float32, the world, metres.

@@ -17,7 +17,7 @@ from vig_world.raster.packed import PackedAsset
 from vig_world.raster.pyramid import TextureLevels
 
 HARMONICS = np.array([Y00, Y1, Y1, Y1, Y2, Y2, Y20, Y2, Y2 / 2], np.float64)
-"""What each polynomial of the basis is multiplied by, see `vig.scene.light.sh_basis`."""
+"""Factor of each polynomial of the basis, see `vig.scene.light.sh_basis`."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,8 +29,8 @@ class PackedAsset:
     """An asset in the memory of native code; some 50 kB for a prop.
 
     Attributes:
-        native: What drawing reads.
-        slots: Names of the finishes that its parts take, in their order.
+        native: Data that drawing reads.
+        slots: Names of the finishes of its parts, in their order.
     """
 
     native: Any
@@ -50,7 +50,7 @@ class PackedAsset:
 
 
 def pack(parts: Sequence[tuple[Mesh, Material]]) -> dict[str, np.ndarray]:
-    """Return the arrays of an asset: `slots`, and what `make_asset` of native code reads.
+    """Return the arrays of an asset: `slots`, and the input of native code's `make_asset`.
 
     Meshes are in a frame of their own, metres, and need texture coordinates, metres where there is a slot.
 

@@ -22,8 +22,8 @@ class Picture:
             samples. visible is a part of amodal.
         by_support: (H, W) bool, pixels of amodal that the room or its furniture hides; the other hidden ones
             are behind props.
-        canvas: (3H, 3W) bool, the object alone on a canvas whose middle third is the image: what lies outside
-            is cut off by the frame.
+        canvas: (3H, 3W) bool, the object alone on a canvas whose middle third is the image: pixels outside
+            are cut off by the frame.
         light: (9,) float32, SH of incident radiance at the object's place, world frame, at the paper's
             exposure.
         normals: (H, W, 3) float32 unit normals in the camera's frame where `depth` was found, 0 where there

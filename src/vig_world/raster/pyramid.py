@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 MOST_TEXELS = 512
-"""Along a side; larger textures are reduced."""
+"""Most texels along a side; larger textures are reduced."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from vig_renderer import NEAR
 
 @dataclass(frozen=True)
 class Fragments:
-    """What is seen at each pixel's centre.
+    """The visible face at each pixel's centre.
 
     face[y, x] = f means that face f is the nearest there; -1: nothing.
     barycentric[y, x] are the perspective-correct weights of that face's three corners (0 where nothing).
@@ -35,7 +35,7 @@ def rasterize(
     """Rasterise one mesh on the CPU in float32.
 
     Args:
-        vertices: (V, 3) world, metres. Faces nearer than `NEAR` to the eye's plane are not drawn.
+        vertices: (V, 3) world, metres. Faces nearer than `NEAR` to the camera's plane are not drawn.
         faces: (F, 3) whole numbers.
         rotation: (3, 3) camera_from_world.
         translation: (3,) camera_from_world, metres.

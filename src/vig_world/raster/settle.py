@@ -40,13 +40,13 @@ def settle(
     it.
 
     Args:
-        items: Where they are at offset 0.
+        items: The items at offset 0.
         view: The camera.
         motion: (3,) metres by which they move per unit of offset.
         ends: Least and greatest offset: there they hide most, and little or nothing.
         pixels: The object's.
         level: Share of its pixels that is to be hidden.
-        tolerance: By which that may differ.
+        tolerance: Largest difference from `level`.
 
     Returns:
         Offset and depth (H, W), or why there is none: "not out of the way" (too much is hidden at the

@@ -66,7 +66,7 @@ def ambient_occlusion(vertices: np.ndarray, faces: np.ndarray) -> dict[str, np.n
 
 
 def surface_points(vertices: np.ndarray, faces: np.ndarray, area: float) -> np.ndarray:
-    """Return scatter points over a mesh, at least one on each face.
+    """Scatter points over a mesh, at least one on each face.
 
     Args:
         vertices: (V, 3) metres.

@@ -18,10 +18,10 @@ from vig_world.rotations import about_z
 NEAR = 0.02
 """Metres; anything nearer to the camera's plane is clipped."""
 NEAR_SHARE, EYE_SHARE = 0.2, 0.5
-"""Of the distance to the object, and of the height of the eye, up to which things are clipped where it is
-less: things of 7 cm and less, and eyes on the ground."""
+"""Shares of the distance to the object, and of the camera's height, up to which things are clipped where
+that is less: for things of at most 7 cm, and cameras on the ground."""
 LOWEST = 1e-3
-"""Metres that an eye is over the ground, at least, where it counts."""
+"""Least height of the camera over the ground, metres, in `near`."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class View:
 
     @cached_property
     def near(self) -> float:
-        """Return the depth, metres, up to which things are clipped: less for an eye near the object or the
+        """Return the depth, metres, up to which things are clipped: less for a camera near the object or the
         ground.
         """
         height = max(float(self.eye[2]), LOWEST)
@@ -111,7 +111,7 @@ class View:
 
     @property
     def forward(self) -> np.ndarray:
-        """Return unit vector (3,) in the world along which depth is counted."""
+        """Return the unit vector (3,) in the world along which depth is counted."""
         return self.rotation[2]
 
     def depth(self, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -142,7 +142,7 @@ def _pose(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the rotation (3, 3) and translation (3,) of a camera, read-only.
 
-    As `Camera.pose`, which is for many views at once: for a single one plain numbers take less.
+    Same as `Camera.pose`, which is for many views at once: plain numbers are faster for a single one.
     """
     sa, ca, se, ce = math.sin(azimuth), math.cos(azimuth), math.sin(elevation), math.cos(elevation)
     level = np.array([[ca, sa, 0.0], [se * sa, -se * ca, -ce], [-ce * sa, ce * ca, -se]])

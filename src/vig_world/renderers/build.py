@@ -29,9 +29,9 @@ class Instance:
         mesh: Metres, own frame; uv (0, 0) at the texture's bottom left, repeated outside [0, 1].
         normals: (V, 3) unit.
         texture: (h, w, 3) linear albedo, row 0 on top.
-        kind: Of the material.
-        roughness: Of the material.
-        emission: Of the material.
+        kind: Kind of the material.
+        roughness: Roughness of the material.
+        emission: Emission of the material.
         rotation: (3, 3), from its own frame to the world.
         translation: (3,), metres.
     """

@@ -1,4 +1,4 @@
-"""How an object with a coat looks, point by point: its albedo in the model's light, and what it mirrors."""
+"""Appearance of an object with a coat, point by point: its albedo in the model's light, and reflections."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Appearance:
     Attributes:
         on: (H, W) bool, the samples that show it.
         colour: (N, 3) linear RGB.
-        normal: (N, 3) unit, towards the eye.
+        normal: (N, 3) unit, towards the camera.
         albedo: (N, 3).
     """
 
@@ -61,15 +61,15 @@ def appearance_of(
     """Return an object's look.
 
     Args:
-        coat: What covers it.
-        model: Whose vertices and parts these are.
+        coat: Its covering.
+        model: Shape model of the vertices and parts.
         vertices: (V, 3) metres.
         faces: (F, 3), some of the model's.
         normals: (V, 3) unit.
         irradiance: (V,) over pi, see `vig.renderer.drawing.vertex_irradiance`.
         view: Its camera, a pixel for each sample.
-        mirrored: What glaze and metal mirror.
-        reflectance: Of metal, times its colour.
+        mirrored: Radiance that glaze and metal reflect.
+        reflectance: Reflectance of metal, times its colour.
     """
     fragments = rasterize(vertices, faces, view.rotation, view.translation, view.camera)
     on = fragments.face >= 0
@@ -96,18 +96,18 @@ def coloured(
     """Return the appearance of N points of an object.
 
     Args:
-        coat: What covers it.
-        model: Whose parts these are.
+        coat: Its covering.
+        model: Shape model of the parts.
         points: (3, N) metres, world.
         normals: (3, N), of any length.
         irradiance: (N,) over pi.
-        vertices: (N,), of the model, beside each point.
-        eye: (3,) metres.
-        mirrored: What glaze and metal mirror.
-        reflectance: Of metal, times its colour.
+        vertices: (N,), the model's nearest to each point.
+        eye: Camera (3,), metres, world.
+        mirrored: Radiance that glaze and metal reflect.
+        reflectance: Reflectance of metal, times its colour.
 
     Returns:
-        Colour (N, 3) linear RGB, unit normal (N, 3) towards the eye, albedo (N, 3).
+        Colour (N, 3) linear RGB, unit normal (N, 3) towards the camera, albedo (N, 3).
     """
     normals = normals / (_length(normals) + 1e-9)
     albedo = albedo_of(coat, points.T, model.parts[vertices], float(model.mean[:, 2].max())).T
@@ -120,7 +120,7 @@ def coloured(
         facing = np.abs(facing)
         radiance = mirrored((2 * facing * normals - towards).T, coat.roughness).T
         if coat.metal:
-            # What lights a mirror is about what lights a matt surface.
+            # A mirror and a matt surface get about the same light.
             colour = reflectance * albedo * radiance
         else:
             fresnel = fresnel_of(facing)

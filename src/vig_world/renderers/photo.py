@@ -26,7 +26,7 @@ class PhotoSettings:
         blur: Standard deviation of the lens's blur, pixels.
         motion: Length of the camera's path, pixels.
         motion_angle: Its direction, radians from the rows'.
-        electrons: How many a pixel at white (linear 1) collects, their noise being the square root of their
+        electrons: Number that a pixel at white (linear 1) collects, with noise of the square root of the
             number.
         read_noise: Standard deviation of the additional noise, electrons.
         quality: Quality of the JPEG, in pillow's scale.
@@ -67,7 +67,7 @@ class PhotoSettings:
 def photograph(
     linear: np.ndarray, rng: np.random.Generator, settings: PhotoSettings | None = None
 ) -> tuple[np.ndarray, PhotoSettings]:
-    """Return pass a picture through lens, sensor, white balance, sRGB and JPEG, in this order.
+    """Pass a picture through lens, sensor, white balance, sRGB and JPEG, in this order.
 
     Args:
         linear: (H, W, 3) linear light, 0 or more, 1 the white of a right exposure; brighter things are

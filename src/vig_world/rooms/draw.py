@@ -185,7 +185,7 @@ def _hang(plan: Plan) -> None:
 
 
 def _lay_rugs(plan: Plan, name: str) -> list[Body]:
-    """Return a rug under a low table, by a bed or in the middle; returns what it covers."""
+    """Lay a rug under a low table, by a bed or in the middle; return its body, if any."""
     rng = plan.rng
     if rng.uniform() > {"kitchen": 0.1, "cafe": 0.15, "living kitchen": 0.6}.get(name, 0.65):
         return []

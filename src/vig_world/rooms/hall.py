@@ -17,7 +17,7 @@ height of the ceiling."""
 MIDDLE = 0.6
 """Share of each side on which things stand."""
 SPACE = 2.2
-"""Metres from the middle of the smallest within which the eye and the object have space."""
+"""Metres from the middle of the smallest within which the camera and the object have space."""
 
 
 def draw_hall(rng: np.random.Generator, size: float = 1.0) -> Layout:

@@ -69,8 +69,8 @@ def _cook(plan: Plan) -> None:
 
 
 def _some(plan: Plan, front: float = 0.6, **expected: float) -> list[PlacedFurniture]:
-    """Return stands pieces against walls while the room is not too full: of each family as many as
-    `expected`.
+    """Stand pieces against walls while the room is not too full, and return them: of each family about
+    `expected`, in the mean.
     """
     result: list[PlacedFurniture] = []
     for family, number in expected.items():

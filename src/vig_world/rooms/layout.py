@@ -20,9 +20,9 @@ class Layout:
 
     Attributes:
         kind: Kitchen, dining room, living room ...
-        parts: Floor, walls, ceiling, what is built in (windows, doors, skirting, lamps) and all furniture, in
+        parts: Floor, walls, ceiling, built-in parts (windows, doors, skirting, lamps) and all furniture, in
             the layout's frame.
-        supports: Where things may stand, the floor too.
+        supports: Surfaces where things may stand, the floor too.
         outline: (N, 2) corners of the floor, counter-clockwise; four of a box, six of an L.
         height: Height of the ceiling.
         solids: (M, 5, 2) furniture that stands in the way: four corners in the ground plane,

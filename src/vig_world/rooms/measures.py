@@ -1,4 +1,4 @@
-"""Measures a finished plan: what is above and behind its supports, and where its floor is free."""
+"""Measures a finished plan: the space above and behind its supports, and where its floor is free."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _rectangle(support: Support) -> Body:
 
 
 def measured(plan: Plan, support: Support) -> Support:
-    """Return the support with `clearance` under what hangs above it, and `behind` to what stands behind it.
+    """Return the support with `clearance` to things above it, and `behind` to things behind it.
 
     It ends before a narrow thing above its back edge, such as a window sill.
     """
@@ -47,7 +47,7 @@ def measured(plan: Plan, support: Support) -> Support:
 
 
 def _under(bodies: list[Body], support: Support) -> float:
-    """Free height over a support under bodies that are all above it."""
+    """Return the free height over a support under bodies that are all above it."""
     own = replace(_rectangle(support), low=-np.inf, high=np.inf)
     lows = [b.low for b in bodies if own.meets(b)]
     return min(lows, default=float("inf")) - support.centre[2] - 0.005
@@ -107,7 +107,7 @@ def occupied(plan: Plan, bodies: list[Body]) -> tuple[Array, Array]:
 
 
 def floor_supports(plan: Plan, avoid: list[Body], most: int = 4) -> list[Support]:
-    """Free rectangles of the bare floor, the larger first; their +y points to what is nearest."""
+    """Return free rectangles of the bare floor, the larger first; their +y points to the nearest thing."""
     taken, low = occupied(plan, [b for b in plan.bodies if b.low < 1.0] + avoid)
     result: list[Support] = []
     free = ~taken

@@ -111,7 +111,7 @@ def window(
 
 
 def _blind(j: Joinery, opening: Opening, y: float, drop: float) -> float:
-    """Return slats, or a roller's cloth, let down by `drop` metres; returns the clear height below."""
+    """Hang slats, or a roller's cloth, let down by `drop` metres; return the clear height below."""
     a, b, high = opening.left + 0.015, opening.right - 0.015, opening.high
     rng = j.rng
     if rng.uniform() < 0.6:

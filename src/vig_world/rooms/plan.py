@@ -18,7 +18,7 @@ Box = tuple[float, float, float, float, float, float]
 
 TOUCH = 1e-4
 CROWN = 0.03
-"""Metres above a support that still belong to what carries it: rims, edges, a tap's foot."""
+"""Metres above a support that still belong to its carrier: rims, edges, a tap's foot."""
 THIN = 0.002
 """Metres by which a box above a support is wider than its contents, so that sheets have a side, too."""
 HEADROOM = 1.9
@@ -74,13 +74,13 @@ def extent(piece: Furniture) -> tuple[Array, Array]:
 
 
 def sideways(support: Support) -> Support:
-    """Return the same rectangle, reached from +x of its owner; what closed its back is beside it now."""
+    """Return the same rectangle, reached from +x of its owner; its closed back is now a side."""
     across, deep = support.half
     return replace(support, half=(deep, across), turn=support.turn + np.pi / 2, behind=float("inf"))
 
 
 def boxes_of(piece: Furniture) -> list[Box]:
-    """Return boxes that hold a piece but leave free what is above its widest open support."""
+    """Return boxes that hold a piece but leave free the space above its widest open support."""
     low, high = (bound.tolist() for bound in extent(piece))
     open_ = [s for s in piece.supports if s.clearance == float("inf") and abs(np.sin(2 * s.turn)) < 1e-6]
     whole: list[Box] = [(low[0], low[1], high[0], high[1], low[2], high[2])]
@@ -104,7 +104,7 @@ def boxes_of(piece: Furniture) -> list[Box]:
 
 
 def _above(piece: Furniture, level: float) -> Array:
-    """Return the corners (N, 3) of what of a piece is above a level."""
+    """Return the corners (N, 3) of the part of a piece above a level."""
     points = []
     for mesh, _ in piece.parts:
         vertices = mesh.vertices

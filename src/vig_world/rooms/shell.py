@@ -84,7 +84,7 @@ def cells(low: tuple[float, float], high: tuple[float, float], holes: list[Hole]
 
 
 def quads(corners: list[list[tuple[float, float, float]]], uv: Array) -> Mesh:
-    """Separate quads, each (4, 3) counter-clockwise as seen; uv (N, 4, 2)."""
+    """Return separate quads, each (4, 3) counter-clockwise as seen; uv (N, 4, 2)."""
     points = np.array(corners, np.float32)
     faces = np.array([[0, 1, 2], [0, 2, 3]])[None] + 4 * np.arange(len(points))[:, None, None]
     return Mesh(

@@ -11,8 +11,8 @@ from vig_world.mesh import Mesh
 from vig_world.rooms.layout import Layout
 
 RADIUS, BEND, WALL, HEIGHT = 3.2, 0.7, 1.9, 3.0
-"""Metres: of the floor, of the bend between it and the wall, height of the wall, and of what counts as a
-ceiling."""
+"""Metres: radius of the floor, and of the bend between it and the wall; heights of the wall and of the
+nominal ceiling."""
 STANDS = 0.6 * (RADIUS - BEND)
 """Metres along either axis within which things stand."""
 SEGMENTS, STEPS = 48, 8

@@ -77,13 +77,13 @@ class TeapotDesign:
     handle_bottom: float = 0.040
     handle_reach: float = 0.035  # its centre line's outermost point beyond belly_radius; straight too
     handle_peak: float = 0.6  # height of the outermost point between bottom (0) and top (1)
-    handle_rise: float = 15.0  # direction of its upper end above the horizon; straight: of the whole grip
+    handle_rise: float = 15.0  # direction of its upper end above the horizon; straight: the grip's
     handle_drop: float = 10.0  # direction of its lower end above the horizon, seen from the body
-    handle_upper_roundness: float = 0.6  # 0.3 pointed .. 0.55 round .. 0.9 squared; above: of the arc
+    handle_upper_roundness: float = 0.6  # 0.3 pointed .. 0.55 round .. 0.9 squared; above: shape of the arc
     handle_lower_roundness: float = 0.55
     handle_thickness: float = 0.012  # in the loop's plane; straight: half the grip's
     handle_width: float = 0.016  # across it
-    handle_squareness: float = 0.2  # of its section: 0 elliptic .. 1 nearly rectangular
+    handle_squareness: float = 0.2  # shape of its section: 0 elliptic .. 1 nearly rectangular
 
 
 _CATALOGUE = load_catalogue(TeapotDesign, __package__)

@@ -11,7 +11,7 @@ from vig_world.assets.designs.flaws import flaws
 from vig_world.assets.designs.mixing import Mixing, drawn_in_order, first_sound
 
 SHARES: dict[Handle, float] = {"behind": 0.7, "above": 0.22, "straight": 0.08}
-"""How often each handle is drawn."""
+"""Probability of each handle."""
 
 MOST_TRIES = 200
 

@@ -1,4 +1,4 @@
-"""What is wrong with a design: parts detached, folded or in each other's way, and sizes out of proportion."""
+"""Flaws of a design: parts detached, folded or in each other's way, and sizes out of proportion."""
 
 from __future__ import annotations
 

@@ -13,17 +13,17 @@ Design = TypeVar("Design")
 
 @dataclass(frozen=True)
 class Mixing:
-    """How the parameters of a kind of designs are mixed.
+    """Rules by which the parameters of a kind of designs are mixed.
 
     Attributes:
         groups: Beginnings of the names of parameters that are mixed together, a tuple for each part.
         units: (unit, lengths) pairs: lengths that are mixed as ratios to another, so that a part fits another
             body. In an order in which each unit is known before it is needed.
         lengths: All lengths that vary about their mixture.
-        angles: All angles that do.
+        angles: All angles that vary about their mixture.
         whole: Parameters that no mixture changes: they are the first design's, or no group's.
         jitter: Standard deviation of each length's logarithm about its mixture's.
-        angle_jitter: Degrees, the same of angles.
+        angle_jitter: Standard deviation of each angle, degrees.
     """
 
     groups: tuple[tuple[str, ...], ...]
@@ -64,7 +64,7 @@ class Mixing:
         return {key: value / float(d[of[key]]) if key in of else value for key, value in d.items()}
 
     def absolute(self, relative: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the parameters of ratios; `relative` undone."""
+        """Return the parameters from ratios, the inverse of `relative`."""
         d = dict(relative)
         for unit, keys in self.units:
             for key in keys:
@@ -81,7 +81,7 @@ def first_sound(
     """Return the first of the designs drawn that has no flaws.
 
     Raises:
-        RuntimeError: When so many in a row have some.
+        RuntimeError: When `tries` designs in a row have flaws.
     """
     for _ in range(tries):
         design = draw()

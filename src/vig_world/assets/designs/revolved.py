@@ -115,7 +115,7 @@ def body_vertices(design: TeapotDesign) -> np.ndarray:
 
 
 def _lobed(design: TeapotDesign, vertices: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """Return factor of the radius of each vertex (V,) by ribs and flat sides, where `depth` (V,) is 0 to
+    """Return the factor of the radius of each vertex (V,) by ribs and flat sides, where `depth` (V,) is 0 to
     1.
     """
     d = design

@@ -93,7 +93,7 @@ def handle_vertices(design: TeapotDesign, wall: BodyProfile) -> np.ndarray:
 
 
 def _ear(d: TeapotDesign, wall: BodyProfile) -> np.ndarray:
-    """Centre line (N, 2) of (x, z) of a handle behind the body, from its lower end to its upper."""
+    """Return the centre line (N, 2) of (x, z) of a handle behind the body, from the lower end."""
     end_half, end_side = 0.5 * _HANDLE_FLARE * d.handle_thickness, 0.5 * _HANDLE_FLARE * d.handle_width
     rise, drop = np.radians(d.handle_rise), np.radians(d.handle_drop)
     top_x = -_inside(d, wall, d.handle_top, end_half / np.cos(rise), end_side)
@@ -120,7 +120,7 @@ def _ear(d: TeapotDesign, wall: BodyProfile) -> np.ndarray:
 
 
 def _bail(d: TeapotDesign, wall: BodyProfile) -> np.ndarray:
-    """Centre line (N, 2) of (x, z) of a handle above the lid, from the back shoulder to the front's."""
+    """Return the centre line (N, 2) of (x, z) of a handle above the lid, from the back shoulder."""
     span, widest = d.bail_span * d.belly_radius, (d.bail_span + d.bail_swell) * d.belly_radius
     end = wall.shoulder(span)
     top = np.array([d.bail_shift * d.belly_radius, lid_top(d) + d.bail_height])
@@ -141,7 +141,7 @@ def _bail(d: TeapotDesign, wall: BodyProfile) -> np.ndarray:
 
 
 def _grip(d: TeapotDesign, wall: BodyProfile) -> np.ndarray:
-    """Centre line (N, 2) of (x, z) of a straight handle: out below, round its tip and back above.
+    """Return the centre line (N, 2) of (x, z) of a straight handle: out below, round its tip and back above.
 
     The halves of the loop touch, so that a grip is an ear without an opening, and the two blend.
     """

@@ -37,15 +37,15 @@ class ModelRow:
     Attributes:
         role: `prop` or `furniture`.
         name: Unique.
-        family: What it is, such as `vase`; of furniture what rooms ask for, such as `dining_table`.
+        family: Its kind, such as `vase`; for furniture the family that rooms request, such as `dining_table`.
         split: The only split that shows it.
-        zones: Of a prop where it belongs, with spaces between; empty for furniture.
-        title: As its author calls it.
-        author: Who made it.
-        licence: Under which it was published.
+        zones: Zones to which a prop belongs, separated by spaces; empty for furniture.
+        title: Its author's name for it.
+        author: The model's author.
+        licence: Licence of its publication.
         catalogue: The file that it comes from.
         width, depth, height: Metres.
-        faces: How many triangles.
+        faces: Number of triangles.
     """
 
     role: str

@@ -23,7 +23,7 @@ def unwrap(vertices: np.ndarray, faces: np.ndarray, uv: np.ndarray | None = None
     Args:
         vertices: (V, 3) metres.
         faces: (F, 3).
-        uv: (V, 2) of a picture, or None.
+        uv: (V, 2) coordinates in a picture, or None.
     """
     patch = smooth_patches(vertices, faces)
     corner, index = np.unique(faces * (int(patch.max()) + 1) + patch[:, None], return_inverse=True)
@@ -65,7 +65,7 @@ def _laid_flat(
     extent = high - low
     facing = np.abs(total).argmax(1)
     plane = np.linalg.norm(total, axis=1) > LEVEL * area
-    extent[np.flatnonzero(plane), facing[plane]] = -1.0  # of a plane, its own axis is none of the two
+    extent[np.flatnonzero(plane), facing[plane]] = -1.0  # a plane is not mapped along its normal
     order = np.argsort(extent, axis=1)  # shortest first
     rows = np.arange(len(points))
     along, across, third = (order[of_patch, k] for k in (2, 1, 0))

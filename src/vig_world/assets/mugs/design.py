@@ -23,7 +23,7 @@ class MugDesign:
     bulge_height: float = 0.45  # / height
     flare: float = 0.0  # radius beyond the taper's at the rim / radius
     flare_start: float = 0.6  # height from which it flares / height
-    corner_height: float = 0.006  # of the quarter ellipse between bottom and wall
+    corner_height: float = 0.006  # height of the quarter ellipse between bottom and wall
     corner_inset: float = 0.004  # its width
     squareness: float = 0.0  # 0 round .. 1 nearly square section
     foot_height: float = 0.003

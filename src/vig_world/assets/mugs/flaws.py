@@ -1,4 +1,4 @@
-"""What is wrong with a mug's design: surfaces folded or in each other's way, and sizes out of proportion."""
+"""Flaws of a mug's design: surfaces folded or in each other's way, and sizes out of proportion."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ HEIGHTS, WIDTHS, LENGTHS = (0.045, 0.18), (0.05, 0.13), (0.065, 0.175)
 PROPORTIONS = (0.5, 2.1)
 """Height / width of the body."""
 REACHES = (0.18, 0.5)
-"""How far the handle stands out / width of the body."""
+"""Reach of the handle / width of the body."""
 _OPENING = 0.007
 """Metres between handle and wall, at the widest."""
 _LEAST_ROW = 0.0007

@@ -18,11 +18,11 @@ from vig_world.assets.mugs.wall import Profile
 
 AROUND = 16
 RINGS = 26
-"""Of the handle's own, between the two loops of the wall."""
+"""The handle's own rings, between the two loops of the wall."""
 _ANGLE = 2.0 * np.pi * np.arange(AROUND) / AROUND
 _FINE = np.linspace(0.0, 1.0, 400)
 _ENDS, _BENDS = 0.3, 0.45
-"""How far rings gather at the ends and where the line bends, against evenly."""
+"""Degrees to which rings gather at the ends and where the line bends; 0: evenly."""
 _BLEND = 0.2
 """Share of the line over which sections turn from the wall's slope, and follow its roundness."""
 

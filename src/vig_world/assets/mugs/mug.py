@@ -93,7 +93,7 @@ def _mirror() -> np.ndarray:
 
 
 MUG_FACES: np.ndarray = _faces()
-"""Triangles (F, 3) of every mug, counter-clockwise from outside. A face's first vertex tells its part."""
+"""Triangles (F, 3) of every mug, counter-clockwise from outside. A face's first vertex gives its part."""
 
 MUG_PARTS: np.ndarray = _parts()
 """Part of each vertex (V,), an index into PART_NAMES."""

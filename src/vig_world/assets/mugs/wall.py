@@ -25,7 +25,7 @@ class Profile:
 
     @property
     def length(self) -> float:
-        """Return arc length, metres."""
+        """Return the arc length, metres."""
         return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
 
     def at(self, fraction: np.ndarray) -> np.ndarray:
@@ -34,7 +34,7 @@ class Profile:
         return np.stack([np.interp(fraction, along, self.points[:, k]) for k in range(2)], axis=-1)
 
     def fraction(self, height: float) -> float:
-        """Return fraction of the arc length at a height, metres."""
+        """Return the fraction of the arc length at a height, metres."""
         return float(np.interp(height, self.points[:, 1], arc_fraction(self.points)))
 
     def radius(self, height: float | np.ndarray) -> np.ndarray:
@@ -42,7 +42,7 @@ class Profile:
         return np.interp(height, self.points[:, 1], self.points[:, 0])
 
     def tangent(self, fraction: float) -> np.ndarray:
-        """Return unit tangent (2,), upwards."""
+        """Return the unit tangent (2,), upwards."""
         way: np.ndarray = np.diff(
             self.at(np.array([max(0.0, fraction - 0.01), min(1.0, fraction + 0.01)])), axis=0
         )[0]

@@ -1,4 +1,4 @@
-"""Levels of detail and collision hulls, which repeat a shape, told by the names of files or of nodes."""
+"""Levels of detail and collision hulls, which repeat a shape, recognised by names of files or nodes."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ def shape_copies(
     """Return which shapes repeat another as a coarser level of detail or as a collision hull, by number.
 
     Args:
-        names: Of the shapes, without suffix; a folder or parent node and what lies in it have a `/` between.
-        faces: How many each has: the finest of several levels is no copy.
+        names: Names of the shapes, without suffix; `/` separates a folder or parent node from its content.
+        faces: Number of faces of each: the finest of several levels is no copy.
         alike: Whether two shapes are alike, where the names, such as chair_low and chair_high, leave it open;
             None: only unmistakable names count.
     """
@@ -58,7 +58,7 @@ def shape_copies(
 
 
 def _read_name(name: str, hull: re.Pattern[str]) -> tuple[tuple[str, ...], str]:
-    """Return the words of a name that stay the same from copy to copy, and what copy it says to be."""
+    """Return the words of a name that stay the same from copy to copy, and the copy that it names."""
     plain, levels = _LEVEL.subn(" ", name)
     key: list[str] = []
     kind = "level" if levels else ""

@@ -115,7 +115,7 @@ def resized(image: np.ndarray, height: int) -> np.ndarray:
 
 
 def _overlaps(old: np.ndarray, new: np.ndarray) -> np.ndarray:
-    """Share (N, O) of each new interval that lies in each old one, given the edges of both, ascending."""
+    """Return shares (N, O) of new intervals in old ones, given the ascending edges of both."""
     shared = np.minimum(new[1:, None], old[None, 1:]) - np.maximum(new[:-1, None], old[None, :-1])
     shared = np.maximum(shared, 0)
     return shared / shared.sum(1, keepdims=True)

@@ -20,14 +20,14 @@ def files_of(
     """List the files below a folder with one of the suffixes, except hidden ones; links are followed.
 
     Args:
-        folder: To look into.
-        suffixes: Of the files, in small letters.
+        folder: Folder to search.
+        suffixes: Suffixes of the files, in lower case.
         also: Suffixes of others that are listed, where there is a file with one of `suffixes`.
 
     Returns:
         Names relative to the folder with `/` between, in alphabetical order, and paths. Characters in names
         are composed (NFC), and escaped where they cannot be printed. A link to a missing file is listed:
-        reading it tells what is wrong.
+        reading it reports the error.
 
     Raises:
         UserError: When the folder is missing, is a file, or holds no such file.

@@ -27,7 +27,7 @@ def read_furniture(folder: str | Path) -> tuple[list[FurnitureModel], list[str]]
     """Read every mesh file below a folder, or of furniture catalogues, as furniture, in the order of names.
 
     Args:
-        folder: A folder, or what `mesh_folder` takes, such as `catalogue.sh3f:chair`.
+        folder: A folder, or another argument of `mesh_folder`, such as `catalogue.sh3f:chair`.
 
     Returns:
         The pieces, and one sentence for each skipped file and for each guess. A piece on which nothing can

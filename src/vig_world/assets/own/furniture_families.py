@@ -1,4 +1,4 @@
-"""What a piece of furniture is, by words in its name."""
+"""Families of furniture, recognised by words in a piece's name."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Loads mesh files as triangles with textures; every failure is a UserError.
 
-Each format is read by a file of `meshes`, as libraries drop in silence what they do not know.
+Each format is read by a file of `meshes`, as libraries silently drop unknown content.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class MeshPiece:
 class Loaded:
     """Contents of a mesh file: pieces by material, and the bytes of all files read.
 
-    `notes` are sentences without a full stop: what was left out, and what was taken in place of materials
+    `notes` are sentences without a full stop on omitted content and on substitutes for materials
     that were not read.
     """
 
@@ -61,7 +61,7 @@ class Loaded:
 
 
 def has_one_colour(pieces: Sequence[MeshPiece]) -> bool:
-    """Return whether a mesh has no more than one colour, as of a format without any."""
+    """Return whether a mesh has no more than one colour, as in formats without any."""
     return len(pieces) == 1 and pieces[0].texture.size == 3
 
 

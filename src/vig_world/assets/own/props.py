@@ -28,7 +28,7 @@ def read_props(folder: str | Path) -> tuple[list[PropModel], list[str]]:
     """Read every mesh file below a folder, or of furniture catalogues, as a prop, in the order of names.
 
     Args:
-        folder: A folder, or what `mesh_folder` takes, such as `catalogue.sh3f:car`.
+        folder: A folder, or another argument of `mesh_folder`, such as `catalogue.sh3f:car`.
 
     Returns:
         The props, and one sentence for each skipped file and for each guess.

@@ -25,7 +25,7 @@ from vig_world.assets.things import ZONE_NAMES
 
 FILE = "vig.toml"
 MOST_BYTES, MOST_LINE = 1 << 18, 1 << 13
-"""Of the file, and of a line of it: the time that a parser takes grows with the square of a dotted name."""
+"""Largest file and longest line, in bytes: a parser's time grows with the square of a dotted name."""
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 
 
@@ -39,7 +39,7 @@ class FileSettings:
         turn: Degrees, counter-clockwise about the upward axis, after the file's axes were put upright
             (furniture's front is to face -Y).
         zones: Zones to which it belongs.
-        family: What it is, such as `table`.
+        family: Its kind, such as `table`.
         nodes: The only nodes of a scene to read; empty: all.
         skip: Whether to leave the file out.
     """

@@ -16,12 +16,12 @@ from vig_world.assets.own.surfaces import TooManyPixelsError, open_picture
 MOST_BYTES = 512 * 2**20
 """Bytes of a file that is read, at most."""
 _CODECS = ("gb18030", "shift_jis", "euc_kr", "cp1251", "cp1252", "cp437", "latin-1")
-"""Encodings of names that are not UTF-8; cp437 is what unpackers of zip files make of others."""
+"""Encodings of names that are not UTF-8; unpackers of zip files read others as cp437."""
 _GB2312 = re.compile(rb"([\x00-\x7f]|[\xa1-\xf7][\xa1-\xfe])*")
 
 
 def readings(name: bytes) -> list[str]:
-    """Return what a name may say: as UTF-8 and in every other encoding that allows it, the likeliest first.
+    """Return possible readings of a name, as UTF-8 and in other encodings that allow it, likeliest first.
 
     Some words in GBK are valid UTF-8, and names may have been decoded wrongly before.
     """
@@ -47,14 +47,14 @@ def name_keys(name: bytes) -> set[str]:
 class Siblings:
     """Reader of the files that one mesh file names.
 
-    Names are sought beside the mesh file, and if that is a link, beside its target. No name leads out of
+    Names are sought in the mesh file's folder, and if that is a link, in its target's. No name leads out of
     `root`; a link does only where the mesh file is a link itself, as in the caches of model hubs.
 
     Attributes:
         path: The mesh file.
         read: Bytes of the files read, by name.
-        notes: Sentences on what was not read, and what was taken instead.
-        instead: What is taken in place of an unreadable picture or material.
+        notes: Sentences on files that were not read, and on their substitutes.
+        instead: Substitute for an unreadable picture or material.
     """
 
     def __init__(self, root: Path, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""From a file's axes and units to Z up and metres, standing on z = 0 and centred."""
+"""Conversion from a file's axes and units to Z up and metres, standing on z = 0 and centred."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def _guessed_up(pieces: list[MeshPiece], suffix: str, kind: SizedKind) -> tuple[
     for up, other in (("z", "y"), ("y", "z")):
         if tops[up] > _CLEARLY * tops[other]:
             return up, True
-    return ("y" if suffix == ".obj" else "z"), False  # as most programs export it
+    return ("y" if suffix == ".obj" else "z"), False  # the convention of most programs
 
 
 def _base(pieces: list[MeshPiece]) -> float:

@@ -10,7 +10,7 @@ from vig_world.mesh import face_normals
 
 LEAST_SIDE = 0.15
 LEAST_CLEARANCE = 0.2
-"""Metres."""
+"""Least side and free height of a support, metres."""
 MOST_SUPPORTS = 12
 _CELL = 0.02
 _LEVEL = 0.01
@@ -33,7 +33,7 @@ class Area:
 
 @dataclass(frozen=True)
 class _Hits:
-    """Where vertical lines through the cells meet faces: cell row and column, height, whether it looks up."""
+    """Hits of vertical lines through cells on faces: cell row and column, height, whether it looks up."""
 
     row: np.ndarray
     column: np.ndarray

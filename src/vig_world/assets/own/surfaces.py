@@ -13,7 +13,7 @@ from vig_world.assets.textures import BRIGHTEST, DARKEST
 
 MOST_TEXELS = 256
 MOST_PIXELS = 50_000_000
-"""Of a picture before it is made smaller."""
+"""Most pixels of a picture, before it is reduced."""
 GREY = 0.5
 """Albedo where a file has no readable colour."""
 _PALETTE = 64
@@ -116,7 +116,7 @@ def colour_faces(colours: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 class TooManyPixelsError(ValueError):
-    """A picture is larger than what is decoded."""
+    """A picture is too large to be decoded."""
 
 
 def open_picture(data: bytes) -> Image.Image:
@@ -144,7 +144,7 @@ def _albedo(values: np.ndarray) -> np.ndarray:
 
 
 def _quantized(colours: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return of colours (F, 3), uint8, their numbers (F,) in a palette (n, 3) of fractions."""
+    """Return numbers (F,) of colours (F, 3), uint8, in a palette, and the palette (n, 3), in [0, 1]."""
     row = Image.fromarray(np.ascontiguousarray(colours[None], np.uint8))
     reduced = row.quantize(most, dither=Image.Dither.NONE)
     palette = np.asarray(reduced.getpalette(), np.float64).reshape(-1, 3) / 255

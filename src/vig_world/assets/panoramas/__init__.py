@@ -1,7 +1,7 @@
 """Procedural indoor environment maps, and the light that a panorama gives.
 
 A room is drawn as boxes, flat things on its walls, windows and lamps (`rooms`, `furnishing`); rays from the
-viewpoint find what is visible (`tracing`); each point is lit by the sources that it sees and by ambient light
+viewpoint find the visible surfaces (`tracing`); each point is lit by visible sources and ambient light
 (`painting`), and has the albedo of its surface (`finishes`).
 """
 

@@ -48,7 +48,7 @@ def albedo_of(room: PanoramaRoom, points: Array, owner: Cells, side: Cells, size
     """Return the albedo (N, 3) of the boxes (owner >= 0) and the room's sides at points (N, 3).
 
     Args:
-        size: Metres (N,) that a pixel spans there; lines thinner than it fade into what is round them.
+        size: Metres (N,) that a pixel spans there; lines thinner than it fade into their surroundings.
     """
     result = np.empty_like(points)
     order = np.argsort(owner, kind="stable")
@@ -83,8 +83,8 @@ def albedo_of(room: PanoramaRoom, points: Array, owner: Cells, side: Cells, size
 
 
 def _line(result: Array, where: Array, width: float, size: Array, factor: float) -> Array:
-    """Return the albedo (N, 3) darkened on a line of a width in metres, the less the more of a pixel (N,) is
-    no line.
+    """Return the albedo (N, 3) darkened on a line of a width in metres, in proportion to the line's share of
+    a pixel (N,).
     """
     return result * np.where(where, 1 - (1 - factor) * np.minimum(width / size, 1), 1)[:, None]
 

@@ -1,4 +1,4 @@
-"""What a mirror in a room shows of its panorama."""
+"""The part of a room's panorama that a mirror in it shows."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def mirror(
     Args:
         radiance: (H, 2H, 3) equirectangular, as in `project_panorama`.
         angle: Radians by which it is turned about +Z.
-        ground_albedo: Of what lies below, lit by the panorama's mean.
+        ground_albedo: Albedo (3,) of the ground below, lit by the panorama's mean.
     """
     height, width = radiance.shape[:2]
     below = ground_albedo * radiance[: height // 2].mean((0, 1))

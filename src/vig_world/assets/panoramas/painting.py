@@ -1,4 +1,4 @@
-"""Paints a room in HDR: what each ray from the viewpoint meets, and how that is lit."""
+"""Paints a room in HDR: the surface that each ray from the viewpoint meets, and its light."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _ELSEWHERE = 1e-3
 
 @dataclass(frozen=True)
 class _Place:
-    """Where light starts: a point (3,), its intensity (3,) along `facing` (3,), or all round when None."""
+    """Source of light: a point (3,), its intensity (3,) along `facing` (3,), or all round when None."""
 
     point: Array
     facing: Array | None
@@ -87,7 +87,7 @@ def paint(room: PanoramaRoom, height: int) -> Array:
 
 
 def _places(room: PanoramaRoom) -> list[_Place]:
-    """Return windows and lamps as points: two for what is longer than a metre."""
+    """Return windows and lamps as points: two for those longer than a metre."""
     places = []
     for panel in room.panels:
         half = panel.half
@@ -147,7 +147,7 @@ def _through_glass(room: PanoramaRoom, points: Array, direction: Array) -> NDArr
 def _nooks(
     room: PanoramaRoom, points: Array, owner: NDArray[np.int_], side: NDArray[np.int_], casting: list
 ) -> Array:
-    """Share (N,) of the light from all the room that gets into its corners and round its furniture."""
+    """Return the share (N,) of the room's light that reaches its corners and the space round furniture."""
     shade = np.ones(len(points), np.float32)
     shell = owner < 0
     low, high = points + room.reach[1::2], room.reach[::2] - points
@@ -173,7 +173,7 @@ def _nooks(
 def _show_sources(
     room: PanoramaRoom, image: Array, way: Array, distance: Array, solid_angle: Array, casting: list
 ) -> None:
-    """Paint what shines itself into the image (N, 3), each with the flux that it has, however small."""
+    """Paint light sources into the image (N, 3), each with the flux that it has, however small."""
     eye = np.zeros((1, 3), np.float32)
     for panel in room.panels:
         where, radiance = _panel(room, panel, way, distance)

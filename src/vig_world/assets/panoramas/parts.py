@@ -11,7 +11,7 @@ import numpy as np
 Array = np.ndarray
 
 OUTWARD = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], np.float32)
-"""Of the room's six sides, in their order."""
+"""Outward normals of the room's six sides, in their order."""
 CEILING, FLOOR = 4, 5
 
 Pattern = Literal[
@@ -80,12 +80,12 @@ class Panel:
 
     @cached_property
     def normal(self) -> Array:
-        """Return unit vector (3,) in which it shines."""
+        """Return the unit vector (3,) in which it shines."""
         return np.cross(self.across, self.over)
 
     @property
     def area(self) -> float:
-        """Return the square metres."""
+        """Return the area, square metres."""
         return float(4 * self.half[0] * self.half[1])
 
 
@@ -105,10 +105,10 @@ class PanoramaRoom:
     Attributes:
         reach: (6,) distance of the sides.
         sides: A finish for each.
-        sun: The direction to it (3,) and its irradiance / pi (3,) on what faces it, or None.
+        sun: The direction to it (3,) and its irradiance / pi (3,) on a surface that faces it, or None.
         ambient: Factor of the light from all the room.
-        skyline: Seed of what is seen outdoors.
-        shade: How dark the side away from the light lies, 0 to 1.
+        skyline: Seed of the outdoor view.
+        shade: Darkness of the side away from the light, 0 to 1.
     """
 
     reach: Array

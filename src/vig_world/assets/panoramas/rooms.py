@@ -78,7 +78,7 @@ def _floor(rng: Generator) -> Finish:
 def _rectangle(
     rng: Generator, reach: Array, side: int, size: Array, sill: float
 ) -> tuple[Array, Array, Array, Array]:
-    """Centre, across, over and half extents of a rectangle (width, height) somewhere on a side."""
+    """Return centre, across, over and half extents of a rectangle (width, height) at random on a side."""
     inward = -OUTWARD[side]
     over = np.array([0, 1, 0] if side >= CEILING else [0, 0, 1], np.float32)
     across = np.cross(over, inward)

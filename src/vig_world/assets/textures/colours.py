@@ -77,7 +77,7 @@ def shade(base: ArrayLike, rng: np.random.Generator, spread: float = 0.2) -> Arr
 
 
 def partner(base: ArrayLike, rng: np.random.Generator) -> Array:
-    """Return a colour (3,) that goes with `base` (3,): of other lightness, of the same, a near or the
+    """Return a colour (3,) that goes with `base` (3,): of another lightness, and of the same, a near or the
     opposite hue.
 
     Chosen in the perceptual space Oklab; always distinguishable from `base`.

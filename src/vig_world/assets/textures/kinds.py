@@ -1,4 +1,4 @@
-"""The kinds of textures: each maker registers itself, with what is known about its kind."""
+"""The kinds of textures: each maker registers itself, with the facts about its kind."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ def _ink(rng: np.random.Generator, paper: Array) -> Array:
 
 
 def _lay(image: Array, mask: Array, top: int, left: int, fill: Array) -> None:
-    """Paint `fill` where the mask (h, w) covers, from row `top` and column `left`; what sticks out is cut."""
+    """Paint `fill` through the mask (h, w) from row `top` and column `left`, cut at the image's edges."""
     window = image[max(top, 0) : top + mask.shape[0], max(left, 0) : left + mask.shape[1]]
     mask = mask[max(-top, 0) :, max(-left, 0) :][: window.shape[0], : window.shape[1]]
     window += (fill - window) * mask[..., None]
@@ -56,7 +56,7 @@ def scenery(rng: np.random.Generator, size: int) -> Array:
 
 
 def _still_life(rng: np.random.Generator, size: int) -> Array:
-    """Round things on a table, or a flower, with light from a side."""
+    """Paint round things on a table, or a flower, with light from a side."""
     v, u = grid(size)
     ground = colour(rng)
     image = ground * (1.1 - 0.4 * v[..., None]) * np.ones((size, size, 1), np.float32)
@@ -171,7 +171,7 @@ def page(
     """Return a page of text on paper, a letter or a page of a book.
 
     Args:
-        layouts: How many columns it may have.
+        layouts: Numbers of columns that it may have.
     """
     base = shade([0.80, 0.78, 0.72], rng, 0.08) if base is None else base
     image = np.empty((size, size, 3), np.float32)

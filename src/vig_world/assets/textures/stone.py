@@ -42,7 +42,7 @@ def concrete(rng: np.random.Generator, size: int, base: Array | None) -> Array:
 
 @kind(metres=(0.5, 1.2), needs_base=True)
 def tiles(rng: np.random.Generator, size: int, base: Array) -> Array:
-    """Return the square tiles, all alike or in two colours, and grout."""
+    """Return square tiles, all alike or in two colours, and grout."""
     n = int(rng.integers(2, 7))
     value, joint = cells(rng, size, n, n, 0.0, rng.uniform(0.008, 0.02))
     shade = 1 + rng.uniform(0.0, 0.12) * value + rng.uniform(0.0, 0.05) * noise(rng, size)

@@ -1,4 +1,4 @@
-"""How materials look to the path tracer: by kind and roughness, and the object's finishes."""
+"""Appearance of materials in the path tracer: by kind and roughness, and the object's finishes."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ Finish = Literal["diffuse", "glossy", "painted"]
 FINISHES: tuple[Finish, ...] = ("diffuse", "glossy", "painted")
 
 COAT_ROUGHNESS = (0.1, 0.4)
-"""Of the glaze on a `glossy` or `painted` object, drawn anew for each sample."""
+"""Roughness of the glaze on a `glossy` or `painted` object, drawn anew for each sample."""
 DECORATION_SIZE = 128
 TEXELS, RIM = 10, 1
 """Texels a side of each face's own square of a baked coat, and those at its edges for interpolation."""
 TEXELS_FINE, FINE_FROM = 30, 2 * IMAGE_SIZE
-"""As many in larger images, and pixels a side from which an image counts as such."""
+"""The same in larger images, and pixels a side from which an image counts as such."""
 
 
 @dataclass(frozen=True)
 class _Look:
-    """How things of one kind look besides their texture and roughness.
+    """Look of things of one kind, besides their texture and roughness.
 
     specular: reflectance from the front as Blender counts it, 0.5 being 4 %. polish: share of them that
     have a clear coat (varnish, glaze, wax), of a roughness drawn from `gloss`. relief: metres by which light
@@ -66,7 +66,7 @@ _KINDS: dict[str, _Look] = {
     **dict.fromkeys(("cloth", "weave"), _TEXTILE),
     **dict.fromkeys(("paper", "page", "print", "picture", "wallpaper", "floral", "stripes"), _PRINTED),
 }
-"""By kind of material (`vig_world.assets.things.Material`) or of texture, for finishes; others are plain."""
+"""Looks by kind of material (`vig_world.assets.things.Material`) or, for finishes, of texture; else plain."""
 
 
 def appearance(

@@ -30,7 +30,7 @@ class BlenderProcess:
     """One process that answers `wire` messages; it ends with this one, even if that is killed.
 
     Args:
-        command: What to run; a folder for temporary files is added as last argument.
+        command: Command to run; a folder for temporary files is added as last argument.
         start_timeout: Seconds until it has sent its first header, which is kept as `hello`.
 
     Raises:

@@ -41,9 +41,8 @@ class TracedPicture(Picture):
     `light` is grey, of the light that arrives at the object's place without the object, L00 = EXPOSURE_L00.
 
     Attributes:
-        linear: (H, W, 3) float32, what `image` encodes, not clipped.
-        gain: (3,), by which the panorama's radiance was multiplied in each channel to get there: exposure and
-            white balance.
+        linear: (H, W, 3) float32, content of `image`, not clipped.
+        gain: (3,) factor of the panorama's radiance in each channel: exposure and white balance.
     """
 
     linear: np.ndarray
@@ -103,7 +102,7 @@ class CyclesRenderer:
         """Seconds of the last scene as the worker saw it: `build_s`, `image_s`, `probe_s`, `cpu_s`."""
 
     def render(self, spec: SceneSpec) -> TracedPicture:
-        """Return the path trace a scene; the same spec gives the same bytes, whatever was rendered before.
+        """Path trace a scene; the same spec gives the same bytes, whatever was rendered before.
 
         Raises:
             SampleError: When Blender failed to answer twice, or no light reaches the object.
@@ -180,8 +179,8 @@ def arriving(probe: np.ndarray, panorama: np.ndarray, angle: float) -> np.ndarra
     """Return SH (9, 3) of the light at a probe, world frame.
 
     Args:
-        probe: (h, 2h, 4), what it sees of the scene, with coverage.
-        panorama: (H, 2H, 3), what it sees through the gaps. Both have the panorama's columns, which are to be
+        probe: (h, 2h, 4), its picture of the scene, with coverage.
+        panorama: (H, 2H, 3), visible through the gaps. Both have the panorama's columns, which are to be
             turned by `angle` radians about +Z.
     """
     height, width = panorama.shape[:2]

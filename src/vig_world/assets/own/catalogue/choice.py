@@ -1,4 +1,4 @@
-"""Which models of which catalogues an argument such as `catalogue.sh3f:car,truck` names."""
+"""The models of catalogues that an argument such as `catalogue.sh3f:car,truck` names."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from vig_world.assets.own.meshes.mtl import library_names, picture_name, plain_l
 from vig_world.assets.own.siblings import readings
 
 _UPRIGHT = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], np.float64)
-"""From a catalogue's axes (Y up, front +Z) to those of vig's own furniture (Z up, front -Y)."""
+"""Rotation from a catalogue's axes (Y up, front +Z) to those of vig's own furniture (Z up, front -Y)."""
 
 
 def fitted_obj(data: bytes, rotation: np.ndarray, size: np.ndarray) -> bytes:

@@ -29,11 +29,11 @@ class CatalogueModel:
     Attributes:
         catalogue: The catalogue's file.
         name: Such as "Coffee cup".
-        tags: Words by which people search for it.
+        tags: Search words.
         category: Such as "Kitchen".
         creator: Its author; empty where unknown.
         licence: Its own, or else the catalogue's; empty where unknown.
-        path: Of the model's file within the zip.
+        path: Path of the model's file within the zip.
         fields: All that is listed of it, by key.
     """
 
@@ -76,7 +76,7 @@ class CatalogueModel:
 
 
 def read_catalogue(path: Path) -> list[CatalogueModel]:
-    """Read what a catalogue lists, in its order.
+    """Read the models that a catalogue lists, in its order.
 
     Raises:
         UserError: The file is missing, is no zip, or has no list of models.
@@ -154,7 +154,7 @@ def _unescaped(text: str) -> str:
 
 
 def _number(text: str) -> float:
-    """Return a number, or NaN for what is none."""
+    """Return a number, or NaN for other text."""
     try:
         number = float(text)
     except ValueError:

@@ -1,4 +1,4 @@
-"""Where the meshes of a folder come from, `sources.json`: names, authors and licences, to be passed on."""
+"""Origins of a folder's meshes, `sources.json`: names, authors and licences, to be passed on."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ class Source:
 
     Attributes:
         file: Name of the file, relative to the folder.
-        name: Of the model, as its author calls it.
+        name: The author's name for the model.
         creator: Its author; empty where the catalogue names none.
-        licence: As the catalogue states it; empty where it states none.
+        licence: Licence that the catalogue states; empty where it states none.
         catalogue: Name of the catalogue's file.
     """
 
@@ -36,7 +36,7 @@ class Sources:
     """The origins of a folder's meshes.
 
     Attributes:
-        models: Of each mesh file, in the order of names.
+        models: Source of each mesh file, in the order of names.
         left_out: Why other models of the catalogues were left out, by name, one sentence each.
         vig_sources: Version of the format.
     """

@@ -26,7 +26,7 @@ from vig_world.assets.own.load import PICTURES
 from vig_world.assets.own.settings import FILE as SETTINGS_FILE
 
 FORMAT = 1
-"""Version of what is unpacked, to be raised with any change of it; folders of another are not used."""
+"""Version of unpacked folders, to be raised with any change of them; those of another are not used."""
 MOST_ENTRY = 256 << 20
 """Bytes of one file of a catalogue, unpacked."""
 MOST_UNPACKED = 4 << 30
@@ -42,8 +42,8 @@ def mesh_folder(source: str | Path) -> Path:
     catalogues.
 
     Models are unpacked to the user's cache folder when they are first asked for: an OBJ file each, in metres,
-    Z up, front -Y, of the catalogue's size, with materials and pictures, a `vig.toml` with what it is and
-    where it belongs, and `sources.json` with names, authors and licences.
+    Z up, front -Y, of the catalogue's size, with materials and pictures, a `vig.toml` with its family and
+    its zones, and `sources.json` with names, authors and licences.
 
     Args:
         source: A folder of meshes, returned as it is, also when it does not exist; `catalogue.sh3f`; a folder
@@ -63,7 +63,7 @@ def mesh_folder(source: str | Path) -> Path:
     stem = choice.catalogues[0].stem if len(choice.catalogues) == 1 else "catalogues"
     name = "-".join([_slug(stem, "catalogue"), *map(_slug, choice.words)])[:_LONGEST_NAME]
     folder = _cache() / f"{name}-{digest.hexdigest()[:24]}"
-    if folder.is_dir():  # asked first: what another process makes meanwhile must not be removed
+    if folder.is_dir():  # first: a folder that another process makes meanwhile must not be removed
         if (folder / SOURCES_FILE).is_file():
             return folder
         shutil.rmtree(folder, ignore_errors=True)  # somebody removed files of it
@@ -145,7 +145,7 @@ class _Unpacker:
     ) -> tuple[str, bytes] | None:
         """Write a file that another one of the zip refers to; return its path in the zip and its bytes.
 
-        None for what is missing or leads out of the catalogue: whoever reads the mesh names it.
+        None for a file that is missing or outside the catalogue: the reader of the mesh names it.
         """
         plain = name.replace("\\", "/").lstrip("/")
         path = posixpath.normpath(posixpath.join(posixpath.dirname(referrer), plain))
@@ -183,7 +183,7 @@ def _settings(model: CatalogueModel) -> str:
     thing = re.sub(r"[^a-z0-9_]", "", words).strip("_")[:_LONGEST_NAME] or "model"
     furniture = family_of_thing(thing)
     lines = ["[defaults]", f'family = "{furniture or thing}"']
-    if furniture is None:  # else they would be the zones of what stands on it
+    if furniture is None:  # on furniture, zones would be those of things upon it
         zones = ", ".join(f'"{zone}"' for zone in zones_of(model.name, model.tags, model.category))
         lines.append(f"zones = [{zones}]")
     if model.is_mounted:

@@ -1,4 +1,4 @@
-"""Where the things of a catalogue belong in the generator's rooms, by their names, tags and categories."""
+"""Zones of the generator's rooms for a catalogue's things, by their names, tags and categories."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _ZONES = {word: zones for zones, words in _WORDS.items() for word in words.split
 
 
 def head_words(name: str) -> list[str]:
-    """Return the words of a thing's name that say what it is: `bowl` of "Bowl with fruits, red".
+    """Return the words of a thing's name that name its kind: `bowl` of "Bowl with fruits, red".
 
     Returns:
         Lower-case words of letters, not one of them after a comma or a preposition.

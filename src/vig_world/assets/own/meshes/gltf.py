@@ -1,4 +1,4 @@
-"""glTF files: what a reader may drop in silence is decoded, or refused by its name.
+"""glTF files: features that a reader may drop silently are decoded, or refused by name.
 
 They are read as the specification says: https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html.
 """
@@ -39,7 +39,7 @@ HONOURED = {
     GLOSSINESS,
     WEBP,
 }
-"""Extensions that may be required: they are decoded, or say nothing of shape and colour that is dropped."""
+"""Extensions that may be required: they are decoded, or do not affect shape and colour."""
 REMEDIES = {
     "EXT_meshopt_compression": "decompress it, for example by gltf-transform copy or gltfpack without -c",
     "KHR_meshopt_compression": "decompress it, for example by gltf-transform copy or gltfpack without -c",
@@ -47,21 +47,21 @@ REMEDIES = {
     "KHR_texture_basisu": "save its textures as PNG or JPEG",
 }
 WITHIN = 0.01
-"""Of a mesh's extent, by which its positions may lie beyond the bounds that its accessors state: of Draco."""
+"""Share of its extent by which a mesh of Draco may exceed the bounds that its accessors state."""
 
 
 def read_gltf(data: bytes, siblings: Siblings, leave_out_copies: bool = True) -> list[SurfaceMesh]:
-    """Read what a viewer shows of a `.gltf` or `.glb` file: a mesh for each primitive, by nodes' names.
+    """Read the meshes of a `.gltf` or `.glb` file that viewers show: one a primitive, by nodes' names.
 
     This is the default scene, each node of several levels of detail at the finest.
 
     Args:
-        data: Of the file.
+        data: Content of the file.
         siblings: Reads the other files that it names.
         leave_out_copies: Whether nodes that are called a level of detail or a collision hull are left out.
 
     Raises:
-        ValueError: It is damaged, its positions lie elsewhere than it states, or it needs what is not read.
+        ValueError: It is damaged, has positions outside its stated bounds, or needs unsupported features.
     """
     meshes = _Reader(*_opened(data), siblings).meshes()
     return _without_copies(meshes, siblings) if leave_out_copies else meshes

@@ -19,7 +19,7 @@ _OPTIONS = {
     b"-s": 3, b"-o": 3, b"-t": 3, b"-mm": 2, b"-blendu": 1, b"-blendv": 1, b"-cc": 1, b"-clamp": 1, b"-bm": 1,
     b"-boost": 1, b"-texres": 1, b"-imfchan": 1, b"-type": 1,
 }  # fmt: skip
-"""How many values follow each option before a picture's name, at most."""
+"""Most values that follow each option before a picture's name."""
 _CUT_OUT = 0.05
 """Opacity below which a texel of map_d is a hole, not glass."""
 
@@ -40,8 +40,8 @@ def read_materials(names: list[bytes], libraries: list[bytes], siblings: Sibling
     """Return the surface of each material of an OBJ file; None, with a note, where that is not known.
 
     Args:
-        names: Of the materials that faces have; empty for faces without (usemtl).
-        libraries: What the file writes behind mtllib.
+        names: Materials that faces have; empty for faces without (usemtl).
+        libraries: Text that follows mtllib in the file.
         siblings: Reads the files.
     """
     if not libraries and not any(names):
@@ -125,7 +125,7 @@ def _parse_library(data: bytes) -> dict[bytes, Statements]:
 def _settle_opacity(materials: dict[bytes, Statements]) -> None:
     """Replace Tr by d in all materials of a library.
 
-    Tr is the transparency, but MeshLab and many scans (YCB, BigBIRD) write Tr 1 for what is opaque: Tr is
+    Tr is the transparency, but MeshLab and many scans (YCB, BigBIRD) write Tr 1 for opaque surfaces: Tr is
     the opacity in a library that has Tr 1 and nowhere Tr 0.
     """
     stated = [_numbers(material[b"tr"][0]) for material in materials.values() if b"tr" in material]

@@ -76,7 +76,7 @@ def plain_obj(data: bytes) -> bytes:
                 positions.append(words[1:4])
         elif kind == b"f":
             faces.append((len(lines), [_absolute(corner, counts) for corner in words[1:]]))
-        # Names of materials may hold a #: only what has numbers is written anew.
+        # Names of materials may hold a #: only lines of numbers are written anew.
         is_geometry = kind in counts or kind in (b"f", b"l", b"p")
         lines.append(b" ".join(words) if is_geometry else line.strip())
     vertices = np.array(positions, np.float64).reshape(-1, 3)
@@ -91,7 +91,7 @@ def plain_obj(data: bytes) -> bytes:
 
 
 def _absolute(corner: bytes, counts: dict[bytes, int]) -> bytes:
-    """Return a corner v/vt/vn with its indices counted from 1; ValueError for 0 and for what is not there
+    """Return a corner v/vt/vn with its indices counted from 1; ValueError for 0 and for one not defined
     yet.
     """
     parts = corner.split(b"/")

@@ -19,7 +19,7 @@ SUN_MAP = 512
 
 
 def version() -> str:
-    """Return blender's version."""
+    """Return Blender's version."""
     return bpy.app.version_string
 
 
@@ -28,7 +28,7 @@ def trace(
 ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """Render a scene's `image` (H, W, 3) and `probe` (h, 2h, 4), linear; the header holds timings in seconds.
 
-    The scene is built from nothing, so that it does not depend on what came before, and turned by minus
+    The scene is built from nothing, so that it does not depend on earlier ones, and turned by minus
     `angle` about +Z instead of turning the panorama, which is looked up at every path's end. The probe's
     columns are the panorama's; its colours lack the panorama itself, seen where the fourth channel, coverage,
     is less than 1: the bright specks of a panorama would need many more samples than all the rest.
@@ -69,7 +69,7 @@ def clear() -> None:
 
 
 def settle(scene: bpy.types.Scene, header: dict[str, Any], threads: int) -> None:
-    """Set up the path tracer; docs/world.md describes what is rendered."""
+    """Set up the path tracer; docs/world.md describes the rendering."""
     scene.render.engine = "CYCLES"
     scene.render.threads_mode, scene.render.threads = "FIXED", threads
     scene.render.resolution_percentage = 100
@@ -148,7 +148,7 @@ def add(
 
 
 def pinhole(scene: bpy.types.Scene, about: dict[str, Any], turn: np.ndarray) -> bpy.types.Object:
-    """Return an OpenCV camera (`camera_from_world`); Blender's looks along -Z with Y up."""
+    """Return Blender's camera for an OpenCV one (`camera_from_world`); it looks along -Z with Y up."""
     width, height, focal = about["width"], about["height"], about["focal"]
     scene.render.resolution_x, scene.render.resolution_y = width, height
     data = bpy.data.cameras.new("camera")

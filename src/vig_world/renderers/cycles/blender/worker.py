@@ -44,7 +44,7 @@ def main() -> None:
 
 
 def own_streams() -> tuple[io.FileIO, BinaryIO]:
-    """Return the pipes, moved to descriptors of their own; what else is printed goes to standard error."""
+    """Return the pipes, moved to descriptors of their own; other output goes to standard error."""
     requests, replies = io.FileIO(os.dup(0), "r"), os.fdopen(os.dup(1), "wb")
     nowhere = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nowhere, 0)
@@ -56,7 +56,7 @@ def own_streams() -> tuple[io.FileIO, BinaryIO]:
 def few_processors(count: int) -> Iterator[None]:
     """Let this process see `count` processors only, where the system can.
 
-    When it is loaded, Blender makes its pools of threads as large as what it sees. Larger ones than a worker
+    When it is loaded, Blender makes its pools of threads as large as their number. Larger ones than a worker
     is to use spin in the way of the workers beside it: half as much processor time again.
     """
     if not hasattr(os, "sched_setaffinity"):
