@@ -30,7 +30,7 @@ def explainer() -> vig.Explainer:
 
 @pytest.fixture(scope="session")
 def video(explainer: vig.Explainer) -> Video:
-    """Twelve frames of a video in which a globe passes before the pot."""
+    """Twelve frames of a video in which another object passes before the pot, and hides it wholly in one."""
     return video_of(explainer, slice(None, None, 3), 4)
 
 

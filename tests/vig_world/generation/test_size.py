@@ -15,7 +15,7 @@ from PIL import Image
 
 from vig.io.errors import UserError
 from vig.scene import ObjectClass, srgb8_from_linear
-from vig_train.evaluation import framing
+from vig_train.evaluation.fits import frame_images
 from vig_train.training.examples import Examples
 from vig_world.composition.sampling import sample
 from vig_world.dataset import Dataset, read_dataset
@@ -99,7 +99,7 @@ def test_networks_train_and_are_evaluated_on_the_middle(other: Path) -> None:
     examples = Examples.of(dataset)
     assert examples.images.shape == (COUNT, 150, 150, 3) and examples.visible.shape == (COUNT, 150, 150)
     plain = Dataset(**{**vars(dataset), "world": "paper"})
-    images, visible = framing.frame_images(plain, None)  # type: ignore[arg-type]
+    images, visible = frame_images(plain, None)  # type: ignore[arg-type]
     np.testing.assert_array_equal(images, examples.images.numpy())
     np.testing.assert_array_equal(visible, examples.visible.numpy() > 127)
 
