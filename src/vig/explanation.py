@@ -1,4 +1,4 @@
-"""What the library answers for a photo."""
+"""The library's answer for a photo."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Alternative:
 
     Attributes:
         latents: All numbers (B = 1).
-        camera: Of the whole photo.
+        camera: Camera of the whole photo.
         probability: That it is the right view; NaN for a class without calibration.
     """
 
@@ -65,17 +65,17 @@ class Alternative:
 @with_default_settings
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """What explains the object in one photo of H x W pixels.
+    """An explanation of the object in one photo of H x W pixels.
 
     Attributes:
         picture: (H, W, 3) uint8 sRGB or float32 linear RGB; `photo` is linear in any case.
         window: The square of the photo that was fitted.
         fit: The fit in that window: latents, deviations, masks of the window, evidence.
-        object_class: What the photo was explained as.
-        camera_distance_ratio: Distance of the eye and focal length of the fit, of the standard camera's.
+        object_class: Class as which the photo was explained.
+        camera_distance_ratio: Distance of the camera and focal length of the fit, of the standard camera's.
         focal_from: Where the focal length is from: "given", the photo's "exif" data, or "assumed".
-        hints: What was known of the object beforehand.
-        others: (H, W) bool, pixels in which other objects are seen, where these were explained, too.
+        hints: Prior knowledge of the object.
+        others: (H, W) bool, pixels in which other objects are visible, where these were explained, too.
     """
 
     picture: np.ndarray
@@ -121,7 +121,7 @@ class Explanation:
 
     @property
     def trusted(self) -> tuple[str, ...]:
-        """Return the trusted parts of the answer: "view" where the verdict says so, "mask" where its
+        """Return the trusted parts of the answer: "view" where the verdict is "trusted", "mask" where its
         confidence does.
 
         One does not follow from the other: from a view that is right textured things before the object may
@@ -148,15 +148,15 @@ class Explanation:
 
     @property
     def azimuth_deg(self) -> float:
-        """Return the eye's azimuth about the object's vertical axis, degrees in [0, 360).
+        """Return the camera's azimuth about the object's vertical axis, degrees in [0, 360).
 
-        Of views that look the same the first: in [0, 180) where half a turn shows the same, 0 where any does.
+        Views that look the same have the first: in [0, 180) if half a turn looks the same, 0 if any does.
         """
         return math.degrees(float(self.latents.azimuth[0])) % 360
 
     @property
     def elevation_deg(self) -> float:
-        """Return the eye's elevation above the object's horizon, degrees."""
+        """Return the camera's elevation above the object's horizon, degrees."""
         return math.degrees(float(self.latents.elevation[0]))
 
     @property
@@ -168,9 +168,9 @@ class Explanation:
     def camera(self) -> Camera:
         """Return the camera of the whole photo; `camera.K` is its intrinsic matrix.
 
-        Of a photo whose camera was given to `Explainer.explain` it is that one. Else it looks straight at the
+        A camera given to `Explainer.explain` is returned as it is. Else it looks straight at the
         object, as if the photo had been cut from a larger one about it (see `pinhole_pose`), and a focal
-        length that the photo does not tell is a guess; distance follows from it, as an object's size and
+        length that the photo does not state is a guess; distance follows from it, as an object's size and
         distance are only known as their ratio.
         """
         return self._camera(self.latents, self.fit.framing)
@@ -231,9 +231,9 @@ class Explanation:
 
     @cached_property
     def outlines(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return distances to the outlines of what the object covers and of what of it is seen.
+        """Return distances to the outlines of the object's covered pixels and of its visible ones.
 
-        See `outline_distance`; as far as pictures of `SMALLEST_PICTURE` pixels or more show them.
+        See `outline_distance`; as precise as pictures of `SMALLEST_PICTURE` pixels or more show them.
         """
         height, width = self.picture.shape[:2]
         scale = min(1.0, SMALLEST_PICTURE / max(height, width))
@@ -248,7 +248,7 @@ class Explanation:
 
     @cached_property
     def box(self) -> tuple[int, int, int, int] | None:
-        """Return x, y, width, height in pixels round what the object covers of the photo; None for
+        """Return x, y, width, height in pixels of the object's covered pixels in the photo; None for
         nothing.
         """
         return box_of(self.amodal)
@@ -279,7 +279,7 @@ class Explanation:
         azimuth_deg: float | None = None,
         elevation_deg: float | None = None,
     ) -> np.ndarray:
-        """Draw the explained object in front of nothing: as it was seen, or relit, repainted, turned.
+        """Draw the explained object in front of nothing: as in the photo, or relit, repainted, turned.
 
         Args:
             light: (9,) SH coefficients of incident radiance in the world frame.
@@ -318,7 +318,7 @@ class Explanation:
         return picture.copy()
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what `explanation.json` holds, see `vig.record`."""
+        """Return the content of `explanation.json`, see `vig.record`."""
         described = record(
             self.fit,
             self.object_class,
@@ -348,7 +348,7 @@ class Explanation:
 
         Args:
             folder: Is made when it is missing.
-            photo: What the photo is called in the report.
+            photo: Name of the photo in the report.
             files: Which of them beside explanation.json, such as ["mask.png"]; by default all.
             full_size: Whether overlay.png is as large as the photo; else it has 2,048 pixels a side at most.
 
@@ -362,7 +362,7 @@ class Explanation:
         """Return a page of HTML that shows the explanation in any browser, in one file, without the network.
 
         Args:
-            photo: What the photo is called there.
+            photo: Name of the photo in the page.
         """
         return str(output("report")(self, photo))
 
@@ -372,7 +372,7 @@ class Explanation:
         Args:
             folder: That of `save`, as some formats name its mask.
             formats: Any of "bop", "coco", "nerfstudio", "ros" and "usd".
-            photo: What the photo is called in them.
+            photo: Name of the photo in the files.
 
         Raises:
             UserError: There is no such format, its library is not installed, or the folder cannot be written.
@@ -381,7 +381,7 @@ class Explanation:
         return exported
 
     def pinhole_pose(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the pose before the camera that took the photo, which a robot wants.
+        """Return the pose in the frame of the camera that took the photo, as robots need it.
 
         Its intrinsics are those given to `Explainer.explain`; else its principal point is in the photo's
         middle and its focal length the one given, that of EXIF data, or a guess. The object is seen by it
@@ -406,7 +406,7 @@ class Explanation:
         return covariance
 
     def position_covariance(self, pose: np.ndarray, distance_known: bool) -> np.ndarray:
-        """Return what `Fit.position_deviation` says of the position in a pose (4, 4), metres: (3, 3).
+        """Return the covariance (3, 3) of the position in a pose (4, 4), metres, by `Fit.position_deviation`.
 
         Where the distance is a guess its standard deviation is as large as the distance.
         """

@@ -1,4 +1,4 @@
-"""What a user says of the object in a photo."""
+"""A user's hints on the object in a photo."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Stroke:
     Attributes:
         x: Where a brush was set down, and y.
         y: Down.
-        radius: Of the brush.
+        radius: Radius of the brush.
         said: The label.
         path: Further places that it was moved along.
     """
@@ -64,8 +64,8 @@ class PlainHints:
             ones, too. Their standard deviation is `POINT_NOISE` of the window's side.
         strokes: Painted one after the other, over marks.
         visible: Nothing hides any of the object.
-        azimuth_deg: Of the eye, to some 8 degrees; one of `Explanation.alternatives`, say.
-        elevation_deg: Of the eye; it is held.
+        azimuth_deg: Azimuth of the camera, to some 8 degrees; one of `Explanation.alternatives`, say.
+        elevation_deg: Elevation of the camera; it is held.
         roll_deg: By how far the photo is turned clockwise; it is held.
     """
 
@@ -84,12 +84,12 @@ class PlainHints:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Hints(PlainHints):
-    """What a user knows of the object in a photo of H x W pixels; whatever is not known is left out.
+    """A user's knowledge of the object in a photo of H x W pixels; whatever is not known is left out.
 
     Attributes:
         mask: (H, W) bool, all pixels in which the object is seen.
         marks: (H, W) uint8, `PixelLabel` of each pixel, such as scribbles.
-        pose: (4, 4) camera_from_object of another tool, with which the search begins; for what it says of
+        pose: (4, 4) camera_from_object of another tool, with which the search begins, in place of
             azimuth, elevation and roll.
     """
 
@@ -175,7 +175,7 @@ class Hints(PlainHints):
         return marks
 
     def clues(self) -> LocationHints | None:
-        """Return the hints that tell where the object is; None where none does."""
+        """Return the hints that locate the object; None where none does."""
         seen = self.mask if self.marks is None else self.marks == PixelLabel.SEEN
         if self.mask is not None and self.marks is not None:
             seen = self.mask | (self.marks == PixelLabel.SEEN)
@@ -243,8 +243,8 @@ class Hints(PlainHints):
 
 
 def checked_pose(value: Any, usual_distance: float) -> np.ndarray:
-    """Return a pose (4, 4) camera_from_object of an object in front of the camera; UserError names what it
-    may be.
+    """Return a pose (4, 4) camera_from_object of an object in front of the camera; UserError lists the
+    accepted forms.
 
     usual_distance: Metres at which a photo is taken of such an object.
     """

@@ -1,4 +1,4 @@
-"""What is known of the object in a window beforehand, and how a fit takes it."""
+"""Prior knowledge of the object in a window, and its use in a fit."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ BOX_NOISE = 0.02
 COARSE_NOISE = 0.08
 """The same deviation where views are compared before the shape is fitted."""
 LEAST_VIEW = 0.002
-"""Probability added to each bin of azimuth: the network may rule out what a user sees."""
+"""Probability added to each bin of azimuth: the network may rule out the user's view."""
 VIEW_SPREAD = math.radians(8.0)
 """Standard deviation about an azimuth that a user gives."""
 ELEVATION_SPREAD = math.radians(4.0)
 """And about an elevation, radians."""
 
 SURE = 8.0
-"""Nats against what a user excludes of a pixel: hands slip."""
+"""Nats against labels that a user excludes for a pixel: hands slip."""
 
 
 COMPLEX_STEP = 1e-30
@@ -38,7 +38,7 @@ COMPLEX_STEP = 1e-30
 
 
 class PixelLabel(IntEnum):
-    """What a user says of a pixel."""
+    """A user's label of a pixel."""
 
     UNKNOWN = 0
     SEEN = 1
@@ -86,7 +86,7 @@ class WindowHints:
     def corrected(self, prediction: Prediction, object_class: ObjectClass, camera: Camera) -> Prediction:
         """Return the prediction (N = 1) of a network that knew the hints.
 
-        Pixels of which something is said have that class; elevation and azimuth are about those given; each
+        Labelled pixels have that class; elevation and azimuth are about those given; each
         bin of azimuth is weighted by how well it puts the points where they are, framed by the mask's box.
         """
         numbers, deviation = prediction.numbers.copy(), prediction.deviation.copy()
@@ -119,7 +119,7 @@ class WindowHints:
         return changed
 
     def exclude(self, log_prior: np.ndarray) -> None:
-        """Take `SURE` nats from what is excluded: log prior (S, S, 3) of visible, hidden, background."""
+        """Take `SURE` nats from excluded labels: log prior (S, S, 3) of visible, hidden, background."""
         log_prior[self.labels == PixelLabel.SEEN, 1:] -= SURE
         log_prior[self.labels == PixelLabel.IN_FRONT, 0] -= SURE
         log_prior[self.labels == PixelLabel.NOTHING, :2] -= SURE
@@ -172,7 +172,7 @@ class Projection:
 
         def places(points: np.ndarray) -> np.ndarray:
             vertices = mean + np.einsum("bk,kjc->bjc", points[:, at["shape"]], basis)
-            # As `eye_of` and `project` in vig_native/likelihood.cc.
+            # See `eye_of` and `project` in vig_native/likelihood.cc.
             rotation, translation = camera.pose(points[:, at.at("azimuth")], points[:, at.at("elevation")])
             x, y, z = np.moveaxis(vertices @ rotation.swapaxes(1, 2) + translation[:, None], 2, 0)
             framing = points[:, at["framing"]] if "framing" in at else np.zeros((len(points), 4))
@@ -219,7 +219,7 @@ class PlaceTerm(ABC):
 
 
 class PointTerm(PlaceTerm):
-    """Of named points: vertices (J,) are at places (J, 2)."""
+    """Place term of named points: vertices (J,) are at places (J, 2)."""
 
     def __init__(self, vertices: np.ndarray, places: np.ndarray, projection: Projection):
         self.given, self.places = places.astype(np.float64), projection.of(vertices)

@@ -26,9 +26,9 @@ class RecognitionPrior:
 
     Attributes:
         mean: (P,), the light's in the heading frame, which turns along as a point's azimuth changes.
-        precision: (P,), one over the variance; 0 for what the network has no Gaussian of.
+        precision: (P,), one over the variance; 0 for latents without a Gaussian of the network.
         azimuths: (J,) radians, the views that the network thinks likely; an azimuth is drawn to the nearest.
-        azimuth_precision: Of each of these, its power included.
+        azimuth_precision: Precision of each of these, its power included.
     """
 
     mean: np.ndarray

@@ -28,20 +28,20 @@ class Selection:
     Attributes:
         point: (1, P') of the objective.
         path: (T, P') how it was reached, from its start on.
-        reverted: Whether it is the recognition model's guess, as no end had `LEAST_GAIN_NATS` more evidence.
+        reverted: Whether the network's guess was kept because no end had `LEAST_GAIN_NATS` more evidence.
         start_evidence: Log posterior at that guess, nats.
-        evaluations: Of the objective, by all starts together.
+        evaluations: Evaluations of the objective, by all starts together.
         gap: Nats by which the best end of another view lies behind; infinite when there is none.
         close: Whether that is less than `AMBIGUOUS_NATS`.
         turned_deg: By how far that end (when it is not close, the recognition model's guess) is turned about
             the vertical, 0 to where it looks the same.
         others: Points (n, P') of other views, the one of `turned_deg` first; at most `OTHER_VIEWS`, or
             `UNINFORMED_VIEWS` where no network made a guess.
-        behind: Of each of these the nats by which its score lies behind; NaN where it was not fitted to
+        behind: For each of these, nats by which its score lies behind; NaN where it was not fitted to
             the end.
         evidence: Log posterior at the point, that of a gain of the shading included, nats; None where it is
-            yet to be valued.
-        normal: (P', P') negative Gauss-Newton Hessian there; None likewise.
+            yet to be evaluated.
+        normal: (P', P') negative Gauss-Newton Hessian there; None where it is yet to be evaluated.
     """
 
     point: np.ndarray
@@ -59,7 +59,7 @@ class Selection:
 
     @property
     def rival_is_other_view(self) -> bool:
-        """Return whether it is another view that `turned_deg` tells."""
+        """Return whether `turned_deg` refers to another view."""
         return self.turned_deg > math.degrees(DISTINCT_AZIMUTH)
 
 
@@ -140,7 +140,7 @@ class RefinedStarts:
         points: (S, P') of the objective.
         evidence: (S,) float64, log posterior in nats.
         scores: (S,) float64, evidence and weighted view log-probability, by which ends are compared.
-        evaluations: Of the objective, in all stages.
+        evaluations: Evaluations of the objective, in all stages.
         given_up: (M, P') points that did not enter a later stage, the last ones and the best first.
         paths: (T, S, P') how the points were reached, from their starts on.
         normal: (S, P', P') negative Gauss-Newton Hessians at the points; None where the optimiser has none.
