@@ -20,7 +20,7 @@ from safetensors.numpy import save_file
 
 from vig.io.errors import UserError
 
-# What the operating system may answer for reasons that lie with the user's disk or path, not with vig.
+# Errors of the operating system for reasons that lie with the user's disk or path, not with vig.
 _REMEDIES = {
     errno.ENOSPC: "the disk is full; free some space or choose another folder",
     errno.EDQUOT: "the disk quota is used up; free some space or choose another folder",

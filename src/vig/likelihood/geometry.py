@@ -80,7 +80,7 @@ def edges_of(faces: np.ndarray) -> np.ndarray:
     face, across = beyond // 3, opposite[beyond]
     face[count == 0] = across[count == 0] = -1
     rows = np.stack([a, b, np.arange(len(a)) // 3, face, across], axis=1)
-    # Of twins the one with a < b is listed; an edge at a border has no twin.
+    # The one of two twins with a < b is listed; an edge at a border has no twin.
     listed = np.lexsort((here.rank, here.first))
     listed = listed[((count == 0) | (a < b))[listed]]
     edges: np.ndarray = rows[listed].astype(np.int32)

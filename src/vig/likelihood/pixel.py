@@ -41,7 +41,7 @@ class PixelModel:
     Attributes:
         sigma: Standard deviation of the noise, linear RGB.
         alpha: Prior of an object's pixel being visible, in (0, 1]; 1 is the Gaussian model.
-        density: Of the noise of a visible pixel, see `vig.likelihood.densities`.
+        density: Noise density of a visible pixel, see `vig.likelihood.densities`.
         mask: How the mask of a finished fit couples neighbouring pixels; None: each is on its own.
     """
 

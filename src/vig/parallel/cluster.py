@@ -36,9 +36,9 @@ def map_on_cluster(
 
     Args:
         prepare: A function of a module.
-        shared: What it gets.
+        shared: Its argument.
         items: Taken as they are needed.
-        address: Of the cluster, `auto` for the one that this machine belongs to.
+        address: Address of the cluster, `auto` for the one that this machine belongs to.
         chunk: Items of a task.
 
     Raises:

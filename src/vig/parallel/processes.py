@@ -1,6 +1,6 @@
 """Work shared out to processes of this machine: where Python's lock would keep threads waiting.
 
-Processes that die are replaced, and what they had to do is done by others.
+Processes that die are replaced, and their items are done by others.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 AHEAD = 2
-"""Items handed out at once to each process: enough that none waits, and few copies of what they hold."""
+"""Items handed out at once to each process: enough that none waits, and few copies of their arrays."""
 WINDOW = 16
 """Items of each process by which one may be ahead of the oldest that is not done."""
 ATTEMPTS = 3
@@ -53,7 +53,7 @@ def map_in_processes(
 
     Raises:
         UserError: `ATTEMPTS` processes were killed at the same item, or none can start.
-        Exception: What `prepare` or work raised.
+        Exception: The exception of `prepare` or work.
     """
     done: dict[int, Result] = {}
     expected = 0
@@ -80,13 +80,13 @@ def map_as_done(
 
     Args:
         prepare: A function of a module, no closure: processes are spawned and import it.
-        shared: What it gets.
+        shared: Its argument.
         items: They and their results hold arrays: tensors would go through shared memory.
         processes: How many.
 
     Raises:
         UserError: Processes end while they import the program's main module.
-        Exception: What `prepare` or work raised.
+        Exception: The exception of `prepare` or work.
     """
     check_main_module()
     pool = _Pool(prepare, shared, items, processes)
@@ -117,7 +117,7 @@ class _WorkerProcess:
         self.done = 0
 
     def submit(self, task: _Submitted[Any]) -> Future[tuple[bool, Any]]:
-        """Return queue a task. BrokenProcessPool when the process has died."""
+        """Queue a task. BrokenProcessPool when the process has died."""
         self.tasks.append(task)
         return self.executor.submit(_do, bytes(ForkingPickler.dumps(task.item)))
 
@@ -151,9 +151,9 @@ class _Pool:
             if not self.pending:
                 return
             wait(self.pending, return_when=FIRST_COMPLETED)
-            for future in [future for future in self.pending if future.done()]:  # as they were submitted
+            for future in [future for future in self.pending if future.done()]:  # in the order of submission
                 if (worker := self.pending.pop(future, None)) is None:
-                    continue  # of a process that has died
+                    continue  # from a process that has died
                 try:
                     succeeded, answer = future.result()
                 except BrokenProcessPool:

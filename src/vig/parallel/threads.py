@@ -1,8 +1,8 @@
 """Work shared out to threads: native code and matrix products release Python's lock, and run side by side.
 
 How many is one setting: `set_thread_count`, or OMP_NUM_THREADS in the environment, by default the processors.
-Once a program has loaded torch, torch's number and ours are the same: what was set here is given to it, and
-what is set there counts. Each thread computes on one core: a fit's matrices are small, and on more cores a
+Once a program has loaded torch, torch's number and ours are the same: the number set here is passed to it,
+and the one set there counts. Each thread computes on one core: a fit's matrices are small; on more cores a
 product waits for threads far longer than it computes. While something is explained numpy's linear algebra is
 therefore held to one thread, in the whole process.
 """
@@ -33,7 +33,7 @@ _here = threading.local()
 _starting = threading.Lock()
 _chosen: int | None = None
 _told = False
-"""Whether torch has been told what was chosen before it was loaded."""
+"""Whether the number chosen before torch was loaded has been passed to it."""
 
 
 def thread_count() -> int:

@@ -41,7 +41,7 @@ PRIMARIES = 319
 SDR_WHITE = 203.0
 """cd/m2 of diffuse white in HDR pictures (ITU-R BT.2408), which becomes 1."""
 PEAK_QUANTILE = 0.999
-"""Of a picture's pixels, those above are clipped: a few highlights must not darken the rest."""
+"""Quantile of a picture's pixels above which they are clipped: few highlights must not darken the rest."""
 _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 Profile = ImageCms.ImageCmsProfile
 Curve = Callable[[np.ndarray], np.ndarray]
@@ -55,7 +55,7 @@ class Encoding:
         transfer: From samples in [0, 1] to linear light, 1 being white.
         chromaticities: x and y of red, green, blue and white.
         hdr: Whether light may be above 1, and is then mapped into [0, 1].
-        system_gamma: Of HLG, whose samples are light of the scene, not of the display.
+        system_gamma: Exponent of HLG, whose samples are light of the scene, not of the display.
         narrow: Whether black and white are 16 and 235 of 255.
     """
 
@@ -151,7 +151,7 @@ _TRANSFERS: dict[int, Curve] = {
     PQ: _pq,
     17: lambda samples: 52.37 / 48 * samples**2.6,
     HLG: _hlg,
-} | dict.fromkeys((1, 2, 6, 7, 13, 14, 15), linear_from_srgb)  # what is made for a display of sRGB's kind
+} | dict.fromkeys((1, 2, 6, 7, 13, 14, 15), linear_from_srgb)  # made for a display of sRGB's kind
 
 
 def coded_encoding(primaries: int, transfer: int) -> Encoding | None:
@@ -188,7 +188,7 @@ def encoding_of(image: Image.Image, stated: Codes | bytes | None) -> Encoding | 
     """Return how a loaded picture's samples stand for light.
 
     Args:
-        image: Of any mode.
+        image: A picture of any mode.
         stated: The codes of H.273 or the colour profile that its file states and pillow does not read.
 
     Returns:

@@ -18,7 +18,7 @@ from vig.photo.packed import packed_picture
 from vig.scene.light import linear_from_srgb
 
 MID_GREY = 0.18
-"""Linear reflectance of a photographer's grey card: what shows through transparent pixels."""
+"""Linear reflectance of a photographer's grey card, which shows through transparent pixels."""
 LINEAR: np.ndarray = linear_from_srgb(np.arange(256) / 255).astype(np.float32)
 """Linear light of each byte of sRGB."""
 PHOTO = "a photo (JPEG, PNG, WebP, TIFF, ...)"

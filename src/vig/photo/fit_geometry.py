@@ -16,9 +16,9 @@ class FitGeometry:
     """A fit's camera and the photo's.
 
     Attributes:
-        object_class: Of the object.
-        window: What of the photo was fitted.
-        camera_distance_ratio: Of the fit, see `ExplainSettings`.
+        object_class: Class of the object.
+        window: Part of the photo that was fitted.
+        camera_distance_ratio: Ratio of the fit, see `ExplainSettings`.
         size: Width and height of the photo, pixels.
     """
 

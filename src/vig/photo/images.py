@@ -1,6 +1,6 @@
 """Pictures read as linear RGB arrays, and written.
 
-A photo is decoded once, here, and is linear from then on. What cannot be used is refused with one line
+A photo is decoded once, here, and is linear from then on. Unusable files are refused with one line
 (UserError) before anything is computed.
 """
 
@@ -45,8 +45,8 @@ def read_picture(path: str | Path, what: str, decode: Callable[[Path, Image.Imag
     """Open a picture's file and decode it.
 
     Args:
-        path: Of the file.
-        what: It should be, such as "photo".
+        path: Path of the file.
+        what: Expected kind of picture, such as "photo".
         decode: Takes the path, which errors name, and the opened picture.
 
     Raises:
@@ -55,7 +55,7 @@ def read_picture(path: str | Path, what: str, decode: Callable[[Path, Image.Imag
     """
     path = existing_file(path)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of damaged parts that a decoder passes over
+        warnings.simplefilter("ignore")  # about damaged parts that a decoder passes over
         try:
             with opened(path) as image:
                 return decode(path, image)

@@ -36,11 +36,11 @@ def read_mask(path: str | Path) -> np.ndarray:
     """Return a mask (H, W) bool from a picture.
 
     Two values mean nothing and the object, whatever they are, the lower one nothing if it is 0; further ones
-    are shades, of which those above half are the object. Of colours and of a palette black is nothing. A
-    picture that is transparent in places is a cut-out: what is opaque is the object.
+    are shades, of which those above half are the object. In colours and palettes black is nothing. A
+    picture that is transparent in places is a cut-out: its opaque pixels are the object.
 
     Raises:
-        UserError: It cannot be read, marks several objects, or says two things at once.
+        UserError: It cannot be read, marks several objects, or is ambiguous.
     """
     return read_picture(path, "mask", mask_of_picture)
 
@@ -142,7 +142,7 @@ def mask_files(folder: Path, photos: Iterable[Path]) -> list[Path]:
 
 
 def _listing(folder: Path) -> dict[str, Path]:
-    """Return paths of what is in a folder by `_key` of their names."""
+    """Return the paths in a folder by `_key` of their names."""
     with reading(folder, "a folder of masks", "Name another."):
         return {_key(path.name): path for path in folder.iterdir()}
 

@@ -1,4 +1,4 @@
-"""The outline of what a window shows: distances to it, which can be drawn at any size."""
+"""The outline of a window's object: distances to it, which can be drawn at any size."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FINER = 4
 SMOOTH = 0.5
 """Pixels of the map within which staircases are smoothed."""
 REACH = 12
-"""Pixels of the map up to which distances are told; farther away they stay at that."""
+"""Pixels of the map up to which distances are measured; farther away they stay at that."""
 BESIDE = 5
 """Points from which distances are smoothed."""
 SMALLEST_PICTURE = 320

@@ -14,7 +14,7 @@ import numpy as np
 from vig.scene import Camera
 
 STEPS = 10
-"""Of Gauss-Newton, at most; three are enough for most poses."""
+"""Gauss-Newton steps, at most; three are enough for most poses."""
 DIFFERENCE = 1e-4
 """Step of differences in radians, widths and logs."""
 
@@ -26,9 +26,9 @@ def turned_pose(camera: Camera, pose: np.ndarray, matrix: np.ndarray) -> np.ndar
     Seen by it, the object is turned with the ray that leads to it, and as far away as makes it as large.
 
     Args:
-        camera: Of the fit; its principal point is where it sees the object's axis.
+        camera: Camera of the fit; its principal point is where it sees the object's axis.
         pose: (4, 4) camera_from_object before that.
-        matrix: Of a camera that sees the same picture.
+        matrix: Intrinsics of a camera that sees the same picture.
     """
     focal_x, focal_y = matrix[0, 0], matrix[1, 1]
     ray = np.array([(camera.cx - matrix[0, 2]) / focal_x, (camera.cy - matrix[1, 2]) / focal_y, 1.0])
@@ -81,7 +81,7 @@ def pose_covariance(
 
 
 def outline_weights(vertices: np.ndarray, faces: np.ndarray, eye: np.ndarray) -> np.ndarray:
-    """Return (V,) 1 for vertices between faces that look towards the eye (3,) and faces that look away."""
+    """Return (V,) 1 for vertices between faces that look towards the camera at `eye` (3,) and others."""
     a, b, c = (vertices[corner] for corner in faces.T)
     (x, y, z), (u, v, w), (i, j, k) = (b - a).T, (c - a).T, (eye - a).T
     towards = (y * w - z * v) * i + (z * u - x * w) * j + (x * v - y * u) * k > 0

@@ -18,7 +18,7 @@ from vig.recognition.recognizer import Recognizer
 from vig.scene.functions import log_odds, sigmoid
 
 MOVED_WINDOWS = 2
-"""Places that are looked at where one object is sought, and windows moved onto what is there."""
+"""Places that are looked at where one object is sought, and windows moved onto the objects there."""
 LEAST_OF_BEST = 0.1
 """Probability of a place, over that of the likeliest, from which it is looked at."""
 CLUE_PROBABILITY = 0.5
@@ -31,7 +31,7 @@ PLACES_PER_OBJECT = 3
 LEAST_ROLL = math.radians(5.0)
 """A window is turned only where the network sees the object turned by more."""
 TURNS = 3
-"""So often at most: of a large roll the network sees a part. Real pots rolled by 30 degrees are 8 off in the
+"""Turns, at most: the network sees a part of a large roll. Real pots rolled by 30 degrees are 8 off in the
 median after one turn, 2 after two."""
 UNTRAINED = (
     "expected a box or a mask of the object, as its class has no network to find it; got neither. Give --box"
@@ -42,9 +42,9 @@ UNPLACED = (
     " x,y,w,h in pixels, such as 120,80,300,240, or --mask FILE, or train it by `vig train --map-alone`."
 )
 WINDOW_SIZE_DEVIATION, WINDOW_PLACE_DEVIATION = 0.35, 0.2
-"""Of the logarithm of an object's size in a window over what it should be, and of its middle, in sides."""
+"""Deviations of the log of an object's size in a window over its usual one, and of its middle, in sides."""
 PRESENCE_WEIGHTS = -0.8, 1.2, 0.4, 0.7
-"""Of 1, of the log odds of the map and of the presence head, and of the logarithm of how well the window is
+"""Weights of 1, of the log odds of the map and of the presence head, and of the log of how well the window is
 filled, in the log odds that it shows an object: a logistic regression on 604 images of the studio that
 training did not see, of teapots, mugs, and things that are neither, rounded, and taken for all classes."""
 SHOWN = 0.5
@@ -102,7 +102,7 @@ def _tried(
     clues: LocationHints | None = None,
     sides: Sequence[int] = PHOTO_SIDES,
 ) -> list[Candidate]:
-    """Return windows round the likeliest places, `most` of them, and about clues, moved onto what they show.
+    """Return windows round the likeliest places, `most` of them, and about clues, moved onto their objects.
 
     UserError for a recognizer that cannot find objects.
     """
@@ -138,7 +138,7 @@ def _tried(
 
 @dataclass(frozen=True, eq=False)
 class LocationHints:
-    """What is known of where the object is in a photo.
+    """Knowledge of where the object is in a photo.
 
     Attributes:
         mask: (H, W) bool, where it is seen, or None.
@@ -159,13 +159,13 @@ class LocationHints:
         return float(left), float(top), float(right - left), float(bottom - top)
 
     def windows(self) -> list[Window]:
-        """Return windows about what is known, as if it were all of the object, and larger ones for hidden
+        """Return windows about the known places, as if these were all of it, and larger ones for hidden
         parts.
         """
         x, y, w, h = self.box
         side = max(w, h, float(SMALLEST_BOX))
         x, y = x + w / 2, y + h / 2
-        # (1.0, 1.25, 1.6, 2.2): boxes of the object over those of what is known of it
+        # (1.0, 1.25, 1.6, 2.2): boxes of the object over those of its known parts
         sides = [side * grown for grown in (1.0, 1.25, 1.6, 2.2)]
         return [Window.round_box((x - s / 2, y - s / 2, s, s)) for s in sides]
 
@@ -176,7 +176,7 @@ class LocationHints:
         return max(max(map(abs, corner)) for corner in corners) <= window.side / 2
 
     def placed(self, photo: np.ndarray | ImagePyramid, window: Window, recognizer: Recognizer) -> Window:
-        """Return the window of the object's box: that of what is known, or with what the network sees hidden.
+        """Return the window of the object's box: that of the known parts, with those the network sees hidden.
 
         window: One that shows the object.
         """

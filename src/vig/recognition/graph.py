@@ -1,7 +1,7 @@
 """The recognition network as a model in ONNX's format, put together from its settings and weights.
 
 It does what `vig_train.network.network.RecognitionNetwork` does; weights have the names that they have there.
-ONNX Runtime is given what is written here alone: no file in ONNX's format is ever read.
+ONNX Runtime gets only models that are written here: no file in ONNX's format is ever read.
 """
 
 from __future__ import annotations

@@ -28,14 +28,14 @@ def bin_centres(bins: int, fold: int = 1) -> np.ndarray:
 
 
 def round_to_grid(numbers: np.ndarray, step: float) -> np.ndarray:
-    """Return round to multiples of `step`, a power of two, so that results are exact."""
+    """Return the numbers rounded to multiples of `step`, a power of two, so that results are exact."""
     rounded: np.ndarray = np.round(numbers / step) * step
     return rounded
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """What the network predicts for N photos, before any fit.
+    """The network's predictions for N photos, before any fit.
 
     Attributes:
         azimuth: (N, bins) probabilities of equal bins, the first centred at half a bin, of the circle, or of
@@ -45,7 +45,7 @@ class Prediction:
         mask: (N, H, W, 3) probabilities of each pixel's `MASK_CLASSES`.
         roll: (N,) clockwise turn of the photo, radians.
         presence: (N,) probability that the photo shows the object.
-        symmetry: Of the class.
+        symmetry: Symmetry of the class.
     """
 
     azimuth: np.ndarray
@@ -116,7 +116,7 @@ class Prediction:
             high = np.take_along_axis(smooth, near, 1)
             high = high >= 0.5 * high[:, reach : reach + 1]
             high[:, reach - 2 : reach + 3] = True
-            # Of each side all bins up to the first that is lower.
+            # From each side all bins up to the first that is lower.
             before, after = (
                 high[:, reach::-1].cumprod(1)[:, ::-1],
                 high[:, reach:].cumprod(1),

@@ -50,9 +50,9 @@ def _session(model: bytes) -> onnxruntime.InferenceSession:
         if (session := _sessions.get(digest)) is None:
             options = onnxruntime.SessionOptions()
             options.intra_op_num_threads = options.inter_op_num_threads = 1
-            options.log_severity_level = 4  # what fails is raised
-            options.enable_cpu_mem_arena = False  # as fast, and what is not needed is given back
-            # As fast for windows, at once in half the time, and the weights are held but once.
+            options.log_severity_level = 4  # failures are raised
+            options.enable_cpu_mem_arena = False  # as fast, and frees unneeded memory
+            # It is as fast for windows, at once in half the time, and the weights are held but once.
             options.add_session_config_entry("session.disable_prepacking", "1")
             session = onnxruntime.InferenceSession(model, options, ["CPUExecutionProvider"])
             _sessions[digest] = session
@@ -63,7 +63,7 @@ class Recognizer:
     """A trained recognition network, from `recognition.safetensors` of a class pack or a training run."""
 
     informed = True
-    """Whether it says something of a photo."""
+    """Whether its predictions depend on the photo."""
 
     @property
     def has_map(self) -> bool:
@@ -74,14 +74,14 @@ class Recognizer:
     """Which networks this reads, as a weights file's metadata names them."""
     settings: Any
     weights: dict[str, np.ndarray]
-    """Of the network, by name, float32."""
+    """Weights of the network, by name, float32."""
     mean: np.ndarray
     """(M,) of the regressed numbers, in whose `deviation` they are predicted."""
     deviation: np.ndarray
     _latest: tuple[np.ndarray, Any, NetworkCalibration, Prediction] | None = None
     """The last photo that was asked for alone, how, by which calibration, and the answer."""
     symmetry, mirror = Symmetry.NONE, True
-    """Of the class; without mirror symmetry photos are not flipped."""
+    """Symmetry of the class; without mirror symmetry photos are not flipped."""
 
     def __init__(self, path: Path):
         pack = path.parent
@@ -168,7 +168,7 @@ class Recognizer:
         """Predict from linear RGB photos (N, S, S, 3) in [0, 1], S = 150, as many batches at once as cores.
 
         Each batch is computed on one core, so that predictions do not depend on how many there are. `sides`:
-        what the network sees of each photo, mirror images (True) or not; the mean of both is better and takes
+        which of a photo and its mirror image (True) the network sees; the mean of both is better and takes
         twice as long. A class that is not its own mirror image is seen as it is. A single photo asked for
         twice in a row is answered from memory: windows are seen to turn them, then to fit.
         """
@@ -227,7 +227,7 @@ class Recognizer:
             got = [each.shape for each in found]
             if got != list(shapes.values()) or not all(np.isfinite(each).all() for each in found):
                 raise ValueError(f"outputs of shapes {got}, or some that are not finite")
-        except Exception as error:  # ONNX Runtime raises what it likes, without memory for one
+        except Exception as error:  # ONNX Runtime raises any type, without memory for one
             told = " ".join(str(error).split())[:200]
             if not np.isfinite(image).all():
                 raise UserError(

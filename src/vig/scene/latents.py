@@ -19,7 +19,7 @@ class Block:
     """A named run of neighbouring numbers.
 
     Attributes:
-        name: What other code asks for it by, such as `azimuth`.
+        name: Name by which other code asks for it, such as `azimuth`.
         size: How many numbers it has; 0 for one that this class or fit does without.
         lower: Least value of each number; one for all, or `size` of them.
         upper: Greatest value of each; a number whose bounds are equal is held.
@@ -230,7 +230,7 @@ def point_layout(modes: int) -> LatentLayout:
 
 @dataclass(frozen=True)
 class Latents:
-    """What is inferred, batched over B images.
+    """Inferred quantities, batched over B images.
 
     Attributes:
         shape: (B, K) standard deviations along the shape model's components.

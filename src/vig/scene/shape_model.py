@@ -10,7 +10,7 @@ from vig.io.checks import check_arrays, check_indices
 from vig_renderer.arrays import Array, floating, like
 
 MOST_MODES = 64
-"""Components of a shape model, so that a damaged file cannot ask for any memory; likewise the next two."""
+"""Components of a shape model, so that a damaged file cannot ask for any memory; the next two also."""
 MOST_VERTICES = 200_000
 MOST_FACES = 400_000
 LARGEST = 100.0

@@ -1,4 +1,4 @@
-"""What every optimiser is given and returns."""
+"""The arguments and results of every optimiser."""
 
 from __future__ import annotations
 
@@ -70,8 +70,8 @@ class Descent:
         evaluations: (B,) int, of the objective by each search.
         converged: (B,) bool, it stopped because nothing was gained, not because its budget ended.
         path: (T, B, P') the starts, then the best points after each step; None where these were not kept.
-        normal: (B, P', P') the negative Gauss-Newton Hessian at the points; None likewise, without
-            iterations, when starts are only compared, and where it is not wanted.
+        normal: (B, P', P') the negative Gauss-Newton Hessian at the points; None if not kept, without
+            iterations, when starts are only compared, and where it is not needed.
     """
 
     points: np.ndarray

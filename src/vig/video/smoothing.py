@@ -8,7 +8,7 @@ from collections import deque
 import numpy as np
 
 BINS = 180
-"""Of the circle, in which views are chosen; speeds are whole bins a frame."""
+"""Bins of the circle, in which views are chosen; speeds are whole bins a frame."""
 FASTEST = 15
 """Bins that an object turns by from one frame to the next, at most: 30 degrees."""
 SPEED_SPREAD = 1.0
@@ -39,7 +39,7 @@ class LikeliestPath:
         self._steps: deque[np.ndarray] = deque(maxlen=memory)
 
     def add(self, log_evidence: np.ndarray) -> None:
-        """Go on by a frame of log likelihood (A,) by bins of the circle, constant where it says nothing."""
+        """Update by a frame's log likelihood (A,) by bins of the circle, constant where it is no evidence."""
         bins = len(log_evidence)
         best = np.zeros((bins, len(SPEEDS)), np.int8)
         if not len(self._score):
@@ -85,7 +85,7 @@ def smoothed(
     Single measurements may be far off: their noise is Student's, by iterated reweighting.
 
     Args:
-        values: (..., T) what is measured.
+        values: (..., T) measurements.
         deviation: (..., T) its standard deviations; inf where nothing was.
         acceleration: (...) standard deviation of the change of speed from a frame to the next.
         speed: (...) standard deviation of the speed in the first frame, at most 100 times that.

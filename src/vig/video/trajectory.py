@@ -37,17 +37,17 @@ intervals held on videos of the validation split."""
 TURN = math.radians(0.7)
 """Standard deviation of the change of the speed of azimuth from frame to frame, radians."""
 TILT = math.radians(0.05)
-"""Likewise of elevation and roll."""
+"""Standard deviation of the change of the speed of elevation and roll, radians."""
 SHIFT = 0.003
-"""Likewise of place, in sides of the box, and log size."""
+"""Standard deviation of that of place, in sides of the box, and log size."""
 TILT_SPEED = math.radians(0.1)
 """Standard deviation of the speed of elevation and roll in the first frame: cameras are held still."""
 PLACES = [2, 3, 4, 6, 7, 8]
 """Columns of `Trajectory.numbers` that are neither angles nor roll."""
 PLACE_NOISE = (0.02, 0.3)
-"""Deviations of one frame's place and log size when all is seen, and what is added when all is hidden."""
+"""Deviations of one frame's place and log size when all is seen, and their increase when all is hidden."""
 ANGLE_NOISE = (math.radians(3.0), math.radians(30.0))
-"""Likewise of elevation and roll, radians."""
+"""Deviations of elevation and roll, radians, and their increase when all is hidden."""
 
 
 @dataclass(frozen=True)
@@ -55,14 +55,14 @@ class FramePose:
     """The object's pose in one frame; angles in degrees.
 
     Attributes:
-        number: Of the frame, from 0.
+        number: Number of the frame, from 0.
         azimuth_deg: In [0, 360).
         azimuth_deviation_deg: Its standard deviation.
-        elevation_deg: Of the eye above the object's horizon.
+        elevation_deg: Elevation of the camera above the object's horizon.
         elevation_deviation_deg: Its standard deviation.
-        camera: Of the whole frame.
-        hidden_fraction: Of the frame's fit; None where it shows nothing of the object.
-        lost: Whether the frame does not tell where the object is: place and view are those of other frames.
+        camera: Camera of the whole frame.
+        hidden_fraction: Share hidden in the frame's fit; None where it shows nothing of the object.
+        lost: Whether the frame does not locate the object: place and view are those of other frames.
     """
 
     number: int
@@ -82,12 +82,12 @@ class FramePose:
 
 @dataclass(frozen=True)
 class TrackedFrame(FramePose):
-    """What the whole video says of one frame: smoothed numbers; the focal length is the same in all frames.
+    """A frame's pose by the whole video: smoothed numbers; the focal length is the same in all frames.
 
     Attributes:
-        alone_azimuth_deg: Of the frame's own fit.
-        alone_elevation_deg: Likewise.
-        refitted: Whether its neighbours told another view or place, so that it was fitted again.
+        alone_azimuth_deg: Azimuth of the frame's own fit.
+        alone_elevation_deg: Elevation of the frame's own fit.
+        refitted: Whether its neighbours gave another view or place, so that it was fitted again.
     """
 
     alone_azimuth_deg: float
@@ -97,12 +97,12 @@ class TrackedFrame(FramePose):
 
 @dataclass(frozen=True)
 class Track:
-    """What a video says of its object.
+    """A video's explanation of its object.
 
     Attributes:
-        frames: Of each frame.
-        shape: (K,) coefficients, the mean of the frames' by what each shows and how sure it is.
-        albedo: (3,) linear RGB, likewise.
+        frames: Poses of all frames.
+        shape: (K,) coefficients, the mean of the frames', weighted by visible share and sureness.
+        albedo: (3,) linear RGB, the same mean.
     """
 
     frames: tuple[TrackedFrame, ...]
@@ -128,7 +128,7 @@ class Trajectory:
 
     @property
     def elevation(self) -> np.ndarray:
-        """Return (2, T) likewise."""
+        """Return (2, T) means and deviations."""
         return self.numbers[:, 1]
 
     @property
@@ -212,17 +212,17 @@ def track(
 ) -> Track:
     """Explain the frames of a video as one object that moves and turns smoothly.
 
-    Each frame is explained where the object is expected; what is elsewhere, of another size or colour is not
+    Each frame is explained where the object is expected; things elsewhere, of another size or colour are not
     the object. Its view and the others that fit are then chosen together for all frames, frames that had
     chosen otherwise are fitted again, and angles and place are smoothed.
 
     Args:
         frames: Two or more of one size, in order. Those of a list are read one at a time, some of them twice;
             an iterator is exhausted first, and an array (T, H, W, 3) is T frames.
-        explainer: Of the object's class, or the class, as `Explainer` takes it.
+        explainer: Explainer of the object's class, or the class, as `Explainer` takes it.
         box: x, y, width, height in pixels round the whole object in the first frame; else it is sought.
         focal: Focal length in pixels of all frames; see `Explainer.explain`.
-        hints: What is known in all frames.
+        hints: Prior knowledge in all frames.
         on_frame: Is called with the number and the explanation of each frame, and of those fitted again.
         camera: Intrinsics of all frames in place of a focal length, see `Explainer.explain`; poses are then
             in the frame of this camera.

@@ -20,7 +20,7 @@ from vig_native import engine
 
 DEFAULT_DENSITY = "gaussian"
 NAMES = tuple(engine.DENSITIES)
-"""Of all densities: `PixelModel.density`."""
+"""Names of all densities: `PixelModel.density`."""
 
 
 def density_of(name: str) -> ModuleType:
