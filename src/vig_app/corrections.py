@@ -57,7 +57,7 @@ class Found:
 class State(PlainHints):
     """All that a user knows of a photo; places are in its pixels, angles in degrees.
 
-    `camera` is fx, fy, cx, cy of its lens; `found` says that the box is not the user's.
+    `camera` is fx, fy, cx, cy of its lens; `found` means that the box is not the user's.
     """
 
     box: Box | None = None
@@ -94,7 +94,7 @@ class State(PlainHints):
         """Explain the photo (H, W, 3) of a file with these hints; `others` as of `hints`.
 
         Raises:
-            UserError: As `Explainer.explain`.
+            UserError: See `Explainer.explain`.
         """
         height, width = photo.shape[:2]
         given = self.focal is not None or self.camera is not None
@@ -121,11 +121,11 @@ class State(PlainHints):
         """Write what `read` reads into a folder of results, from which the photo is named.
 
         Args:
-            folder: Of the results.
+            folder: Folder of the results.
             photo: Its file.
-            object_class: What it was explained as.
+            object_class: Class as which it was explained.
             corrected: By hand, so that `vig fit` takes it in place of its own hints.
-            object_box: Of one of several objects, as it was without corrections; by default that of the file
+            object_box: Box of one of several objects, as it was uncorrected; by default that of the file
                 that is there.
 
         Raises:
@@ -161,10 +161,10 @@ class State(PlainHints):
 
 @dataclass(frozen=True)
 class Correction:
-    """What was corrected by hand of one object.
+    """A correction by hand of one object.
 
     Attributes:
-        name: Of the object's folder among those of several; "" for a photo's one object.
+        name: Name of the object's folder among those of several; "" for a photo's one object.
         state: The hints; None where they cannot be taken.
         box: Round the object as it was without corrections; None where that is unknown.
         problem: Why the hints cannot be taken, a line; "" where they can.
@@ -177,8 +177,8 @@ class Correction:
 
 
 def corrected_in(folder: Path, object_class: str | Path | None = None) -> tuple[Correction, ...]:
-    """Return the corrections by hand in the folder of a photo's results: of its one object, which is to
-    be of a class, or of several. Files that do not say whether they were corrected, as older ones, are
+    """Return the corrections by hand in the folder of a photo's results: those of its one object, which must
+    be of a class, or of several. Files that do not state whether they were corrected, as older ones, are
     passed over.
     """
     names = {str(object_class), str(Path(object_class or "").resolve())}

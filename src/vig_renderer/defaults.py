@@ -76,7 +76,7 @@ def _leave_torch(torch: Any) -> None:
 def with_default_settings(public: Public) -> Public:
     """Run a function, or the public methods and properties of a class, within `default_settings`.
 
-    Generators run as they are: what they call must do so itself. Tensors that outlive a call are ordinary
+    Generators run as they are: functions that they call must do so. Tensors that outlive a call are ordinary
     ones, also of a caller in inference mode.
     """
     if isinstance(public, type):

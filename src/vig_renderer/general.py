@@ -1,6 +1,6 @@
 """Pictures in plain torch on the native library's visibility: forward mode and second derivatives, too.
 
-Each function does what that of the same name in `native.py` does; `packed` says which objects there are.
+Each function matches that of the same name in `native.py`; `packed` lists the objects.
 """
 
 from __future__ import annotations
@@ -138,8 +138,8 @@ def draw(
 ) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
     """Draw all scenes: colours (B, H, W, 3), coverage (B, H, W), visible masks (B, O, H, W); see `Rendering`.
 
-    Then `place`'s points and attributes. inputs: of each object those of INPUTS, one after the other.
-    columns: of the attributes, 9 with light at the vertices.
+    Then `place`'s points and attributes. inputs: those of INPUTS for each object, one after the other.
+    columns: number of attributes, 9 with light at the vertices.
     """
     objects = [
         dict(zip(INPUTS, inputs[start : start + len(INPUTS)], strict=True))

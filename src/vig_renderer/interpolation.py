@@ -36,7 +36,7 @@ def antialias(image: torch.Tensor, screen: torch.Tensor, crossings: Crossings) -
     """Blend an image at its occlusion edges.
 
     image (B, H, W, C): sampled at the pixels' centres, any channels (colours, masks). screen (V, 2): the
-    vertices in pixels. crossings: of the same scene. Result (B, H, W, C). Differentiable in image and screen.
+    vertices, pixels. crossings: from the same scene. Result (B, H, W, C). Differentiable in image and screen.
     """
     if len(crossings.edge) == 0:
         return image

@@ -27,8 +27,8 @@ INPUTS = (
 class PackedScenes:
     """All objects of B scenes, numbered through: O of them with V vertices and F faces.
 
-    inputs (O): of each object those of INPUTS, None where there is none. meshes (O): see `Topology.mesh`.
-    image, place (O): an object's scene and its place in that scene's list. vertex_counts (O). levels (O): of
+    inputs (O): those of INPUTS for each object, None where there is none. meshes (O): see `Topology.mesh`.
+    image, place (O): an object's scene and its place in that scene's list. vertex_counts (O). levels (O): for
     the object's texture, see `Pyramid`. background (B, H, W, 3), or (B, 3). size: (B, H, W).
     """
 

@@ -1,4 +1,4 @@
-"""What stays the same while a mesh moves: its faces, and the edges between them."""
+"""The constant part of a moving mesh: its faces, and the edges between them."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from vig.recognition.prediction import bin_centres
 from vig.scene import Camera, LatentLayout, ObjectClass, ShapeModel
 
 POINT_NOISE = 0.02
-"""Standard deviation of a named point, in sides of the window: of clicks, and of the class's own points."""
+"""Standard deviation of a named point, in sides of the window, both of clicks and of the class's points."""
 POINT_WEIGHT = 100.0
 """Power of the points' Gaussian: evidence counts pixels as independent, which they are not."""
 BOX_NOISE = 0.02

@@ -165,7 +165,7 @@ def check_arrays(
 
     Args:
         arrays: By name.
-        expected: By name, the dtypes that an array may have, separated by blanks, and its shape. A letter in a
+        expected: By name, the dtypes that an array may have, separated by blanks; its shape. A letter in a
             shape stands for the same number everywhere.
 
     Returns:

@@ -36,8 +36,8 @@ MOST_LOG_SIZE = 4.0
 SAME_OBJECT = 0.4
 """Intersection over union of boxes from which they are of one object."""
 NUMBERS = 5
-"""Numbers of a cell: the centre's logit; how far right and down of the cell's middle it is, in cells; logs
-of the box's width and height, in cells."""
+"""Numbers of a cell: the centre's logit; how far right and down of the cell's middle it is, in cells; log
+width and height of the box, in cells."""
 
 
 @dataclass(frozen=True)

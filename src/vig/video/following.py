@@ -161,7 +161,7 @@ class Follower:
         albedo: Albedo of the object so far; None before it was seen.
         missed: Number of frames since it was last seen.
         view: Azimuth and elevation, radians, that are expected in the next frame: it is then fitted from
-            these and from the network's prediction, in less time. None: as a photo.
+            these and from the network's prediction, in less time. If None, it is fitted as a photo.
         latest: The last explanation that showed the object.
     """
 

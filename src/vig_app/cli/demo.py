@@ -82,7 +82,7 @@ def demo(settings: Demo) -> int:
     )
     hard = photos[HARD_PHOTO]
     commands = [line.format(photo=hard.photo, elevation=hard.elevation_deg) for line in COMMANDS_TO_TRY]
-    if which("vig") is None:  # of an environment that is not active
+    if which("vig") is None:  # in an environment that is not active
         vig = shlex.join([sys.executable, "-m", "vig"])
         commands = [line.replace("vig ", f"{vig} ", 1) for line in commands]
     lines = [f"The page: {page}", "Try next:", *(f"    {line}" for line in commands)]
@@ -174,7 +174,7 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def _compared(photo: DemoPhoto, explanation: Explanation, described: Mapping[str, Any]) -> dict[str, Any]:
-    """Return truth and estimate of a photo as plain numbers; null where it does not show what it is asked
+    """Return truth and estimate of a photo as plain numbers; null where it does not show the class asked
     for.
     """
     row = {

@@ -18,9 +18,9 @@ from vig.photo.masks import mask_files
 from vig_app.cli.options import HintOptions, given
 
 MARK_CHANNELS = ((0, PixelLabel.IN_FRONT), (1, PixelLabel.SEEN), (2, PixelLabel.NOTHING))
-"""What a pixel of marks means whose red, green or blue stands out."""
+"""Labels of a pixel of marks whose red, green or blue stands out."""
 OF_ONE_PHOTO = ("marks", "points", "azimuth", "pose")
-"""Options that say something of a single photo."""
+"""Options for a single photo."""
 
 
 def hints_of(options: HintOptions, photos: Sequence[Path]) -> Hints | None:

@@ -56,7 +56,7 @@ def by_photo(
         entries: By those names.
         photos: All of them.
         what: The entries are, such as "boxes".
-        path: Of the file.
+        path: Path of the file.
 
     Raises:
         UserError: A name is that of several photos, or no entry is of any photo.

@@ -25,9 +25,9 @@ AXES = np.repeat(np.eye(3), 2, 0) * np.array([[1], [-1]] * 3)
 SMOOTHINGS = 3
 """Times that a face takes its neighbours' mean direction, so that charts have few, smooth borders."""
 LEAST_COSINE = 0.25
-"""Of a face's normal and its chart's direction, at least: else it takes the one that it looks along most."""
+"""Cosine of a face's normal and its chart's direction, at least: else it takes the one nearest its normal."""
 SPLITS = 4
-"""Times that what lies below another part of its chart is made a chart of its own."""
+"""Times that faces below another part of their chart are made a chart of their own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +111,7 @@ def _joined(place: np.ndarray, faces: np.ndarray, chart: np.ndarray, seen: np.nd
 
 
 def _widened(number: np.ndarray) -> np.ndarray:
-    """Return numbers (SIDE, SIDE), -1 for none, taken over by what is up to `WIDENED` texels beside; 0
+    """Return numbers (SIDE, SIDE), -1 for none, spread by up to `WIDENED` texels; 0
     elsewhere.
     """
     number = number.copy()
@@ -152,7 +152,7 @@ def _charts(faces: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Return (F,) the number of each face's chart."""
     pairs = _neighbours(faces)
     one, other = pairs[direction[pairs[:, 0]] == direction[pairs[:, 1]]].T
-    first = np.arange(len(faces))  # of each face the first face that it is known to be connected to
+    first = np.arange(len(faces))  # first face that each face is known to be connected to
     while (apart := first[one] != first[other]).any():
         low, high = np.sort([first[one[apart]], first[other[apart]]], axis=0)
         np.minimum.at(first, high, low)

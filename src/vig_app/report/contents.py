@@ -31,9 +31,9 @@ def page_of(explanation: Explanation, photo: str, described: dict[str, Any], red
     """Return HTML of an explanation's page.
 
     Args:
-        explanation: What it shows.
-        photo: What the photo is called there.
-        described: What explanation.json holds.
+        explanation: Explanation to show.
+        photo: Name of the photo in the page.
+        described: Content of explanation.json.
         reduced: Its `page_photo`.
     """
     part_names = explanation.object_class.shape_model.part_names
@@ -89,10 +89,10 @@ def page_photo(photo: np.ndarray) -> np.ndarray:
 
 
 def _outline_maps(explanation: Explanation) -> np.ndarray:
-    """Return distances to the outlines of what is covered and of what is seen, one above the other, (2 S, S)
+    """Return distances to the outlines of covered and of visible pixels, one above the other, (2 S, S)
     uint8.
 
-    128 is on the outline and 1 to 255 are within `REACH` pixels of what was fitted, inside and outside.
+    128 is on the outline and 1 to 255 are within `REACH` pixels of the fitted window, inside and outside.
     """
     size = len(explanation.outlines[0]) // COARSER
     maps = np.stack([(each[::2, ::2] + each[1::2, 1::2]) / 2 for each in explanation.outlines])

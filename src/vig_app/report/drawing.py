@@ -1,4 +1,4 @@
-"""What report.html draws by WebGL: the object's mesh, and how each view and step of the fit differs from it.
+"""Data that report.html draws by WebGL: the object's mesh, and each view's and step's difference from it.
 
 Numbers are quantised to far less than a pixel and travel as base64; templates/page.html reads them.
 """
@@ -26,7 +26,7 @@ NEAREST = 0.5
 
 @dataclass(frozen=True)
 class Pose:
-    """What a picture shows: `words` say which, latents (B = 1) and framing (4,) place the object."""
+    """Pose of a picture: `words` describe it, latents (B = 1) and framing (4,) place the object."""
 
     words: str
     latents: Latents
@@ -108,7 +108,7 @@ def clip_matrix(camera: Camera, pose: np.ndarray, vertices: np.ndarray) -> list[
     Args:
         camera: Whose picture fills the canvas.
         pose: (4, 4) camera_from_object.
-        vertices: (V, 3) between which and the eye, and beyond which, there is room.
+        vertices: (V, 3) between which and the camera, and beyond which, there is room.
     """
     depth = vertices @ pose[2, :3] + pose[2, 3]
     near, far = NEAREST * max(float(depth.min()), 1e-3), (2 - NEAREST) * float(depth.max())

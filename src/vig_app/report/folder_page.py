@@ -31,7 +31,7 @@ COLUMNS = {
     "verdict": "verdict", "azimuth": "azimuth_deg", "elevation": "elevation_deg", "hidden": "hidden_fraction",
     "view right": "confidence", "mask right": "mask_confidence",
 }  # fmt: skip
-"""Of the table after the photo's name: heading, and what it shows of `Entry.described`."""
+"""Columns of the table after the photo's name: heading, and its entry of `Entry.described`."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,9 @@ class Entry:
     """A photo, or an object, of the page.
 
     Attributes:
-        name: What it is called.
-        folder: Of its results, beside the page.
-        described: What explanation.json or results.csv holds.
+        name: Name of the photo or object.
+        folder: Folder of its results, beside the page.
+        described: Content of explanation.json or results.csv.
         picture: (H, W, 3) uint8.
         has_page: Whether report.html is among its files.
     """
@@ -107,7 +107,7 @@ def write_run_page(out: Path, rows: Iterable[Mapping[str, Any]]) -> None:
             errors.append(row["error"])
     entries = []
     for row in heapq.nsmallest(MOST_ENTRIES, (row for row in rows if row["error"] is None), review_order):
-        folder = row["folder"].split("/")[0]  # of several objects the page of all
+        folder = row["folder"].split("/")[0]  # the page of all for several objects
         picture = np.full((24, 32, 3), 128, np.uint8)  # where no thumbnail was asked for
         with suppress(Exception), Image.open(out / row["folder"] / THUMBNAIL_FILE) as thumbnail:
             picture = np.asarray(thumbnail)

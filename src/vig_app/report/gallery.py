@@ -1,4 +1,4 @@
-"""A gallery: of each photo what vig explains, to slide over it, and the object to turn; one page, offline."""
+"""A gallery: each photo with its explanation, to slide over it, and the object to turn; one page, offline."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ class Card:
     """A photo of the gallery.
 
     Attributes:
-        name: What it is called.
-        described: What explanation.json holds.
-        badge: What of it is trusted, in words.
-        probabilities: What they are of, and what they are.
+        name: Name of the photo.
+        described: Content of explanation.json.
+        badge: Trusted parts, in words.
+        probabilities: Names and values of its probabilities.
         pictures: `photo` and `outlines-of` of its report.html, as addresses of images.
         data: How its object is drawn: `mesh`, `view`, `clip`, `outline`.
-        note: One line under what was found.
+        note: One line under the result.
         link: Address of its report.html beside the page, or nothing.
     """
 
@@ -95,7 +95,7 @@ def _link(folder: Path, out: Path) -> str:
 
 
 def gallery_html(cards: Sequence[Card], title: str, note: str = "") -> str:
-    """Return the page; what is not in a photo is shown as its photo alone."""
+    """Return the page; photos without the object are shown alone."""
     shown = [card for card in cards if card.described["verdict"] != "absent"]
     return filled(
         "gallery.html",

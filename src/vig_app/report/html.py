@@ -15,7 +15,7 @@ from vig.io.files import atomic_write
 from vig.photo.images import png_bytes
 
 QUALITY = 88
-"""Of JPEG files, of at most 100."""
+"""Quality of JPEG files, of at most 100."""
 
 
 def filled(template: str, **content: Any) -> str:

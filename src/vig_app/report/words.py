@@ -1,4 +1,4 @@
-"""What an explanation's page says in words."""
+"""The words of an explanation's page."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def badge(described: dict[str, Any]) -> str:
 
 
 def summary(described: dict[str, Any]) -> str:
-    """Return class, what is trusted with which probability, and the share hidden."""
+    """Return class, trusted parts with their probabilities, and the share hidden."""
     confidence, hidden = described["confidence"], described["hidden_fraction"]
     if described["verdict"] == "absent":
         return (

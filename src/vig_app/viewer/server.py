@@ -40,7 +40,7 @@ HOST = "127.0.0.1"
 SENT_SIDE = 1600
 """Pixels of the longer side of the photo that is sent."""
 MOST_BYTES = 1 << 22
-"""Of what a page posts."""
+"""Bytes of a page's post, at most."""
 COMMANDS = ("save", "find", "step", "open")
 """Actions that are no corrections."""
 FAULT = "That went wrong; the terminal says more."
@@ -48,7 +48,7 @@ FAULT = "That went wrong; the terminal says more."
 
 @dataclass(frozen=True)
 class Action:
-    """What a user does: `at` are pixels of the photo, x, y or x, y, width, height; `value` is an angle in
+    """A user's action: `at` are pixels of the photo, x, y or x, y, width, height; `value` is an angle in
     degrees, whether nothing hides the object, a step through a run, or the number of an item.
     """
 
@@ -98,7 +98,7 @@ class Viewer:
         """Open the first photo and serve the page at the port of a host, or at the next free one.
 
         Args:
-            walk: What is shown and corrected.
+            walk: Photos or results to show and correct.
             port: 1 to 65535.
             host: The address that is listened at.
 
@@ -121,7 +121,7 @@ class Viewer:
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
 
     def stop(self) -> None:
-        """End serving, after what is being done."""
+        """End serving, after the current action."""
         self._server.shutdown()
         self._server.server_close()
         self._thread.shutdown()
@@ -338,7 +338,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(200, work(), kind)
         except ConnectionError:
             raise
-        except ValueError as error:  # of an action that our page does not send
+        except ValueError as error:  # an action that our page does not send
             self._send(400, _json({"error": str(error)}), "application/json")
         except Exception:  # a fault of ours must not leave the page without its server
             traceback.print_exc()

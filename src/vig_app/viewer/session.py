@@ -1,4 +1,4 @@
-"""What a user does with one photo: every correction is a state, fitted anew, and can be taken back."""
+"""A user's corrections of one photo: each is a state, fitted anew, and can be taken back."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from vig_app.corrections import State, box_of
 from vig_app.report.folder import save_explanation
 
 Change = Callable[[State], State]
-"""What one correction makes of a state."""
+"""A correction's change of a state."""
 Places = Sequence[tuple[float, float]]
 
 
@@ -43,13 +43,13 @@ class Session:
         """Open a photo and explain it with the hints of a state.
 
         Args:
-            explainer: Of the object's class.
+            explainer: Explainer of the object's class.
             photo: A file.
-            state: What is known already.
+            state: Prior knowledge.
             others: (H, W) bool, pixels in which other objects are seen, where these were explained.
 
         Raises:
-            UserError: As `Explainer.explain` does.
+            UserError: See `Explainer.explain`.
         """
         self.explainer = explainer
         self.path = Path(photo)
@@ -76,7 +76,7 @@ class Session:
         """Make corrections in their order and fit once; None takes the last one back, where there is one.
 
         Raises:
-            UserError: As `Explainer.explain` does; then none of them was made.
+            UserError: See `Explainer.explain`; then none of them was made.
         """
         states = [*self.states]
         for change in changes:

@@ -1,4 +1,4 @@
-"""What the page of `vig view` goes through: one photo, a result, or a run's photos in review order."""
+"""The items of `vig view`: one photo, a result, or a run's photos in review order."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ class Item:
     """A photo's object.
 
     Attributes:
-        name: What it is called.
-        folder: Of its results.
+        name: Name of the item.
+        folder: Folder of its results.
         found: `verdict` and `confidence`, and what else a row of the run's table has; empty for a new photo.
-        photo: Its file, class and what is known of it, where no file in the folder says so.
+        photo: Its file, class and prior knowledge, where no file in the folder has them.
         corrected: By hand, and saved.
         box: In place of the one that is known.
     """
@@ -86,7 +86,7 @@ class Walk:
 
     @staticmethod
     def of_folder(folder: Path) -> Walk:
-        """Walk results: of a photo or an object, of several objects in a photo, or of a run.
+        """Walk results: those of a photo or an object, of several objects in a photo, or of a run.
 
         Raises:
             UserError: It holds none, or they cannot be read.
@@ -147,15 +147,15 @@ class Walk:
                     failures.append("It was fitted with a mask, marks or a pose, which are left out here.")
                 return " ".join(failures)
             except UserError as error:
-                if self.place < 0 and place == len(self.items) - 1:  # of several the last one's is enough
+                if self.place < 0 and place == len(self.items) - 1:  # the last one of several is enough
                     raise
                 failures.append(f"{self.items[place].name} is left out: {error}")
                 place += by
         raise UserError(" ".join([*failures, f"That was the {'last' if by > 0 else 'first'} one."]))
 
     def save(self) -> Path:
-        """Write what is open into its folder, the files and exports that are there, and into the table of the
-        run, whose exports are written anew, too.
+        """Write the open result into its folder, the files and exports that are there, and into the table of
+        its run, whose exports are written anew, too.
 
         Raises:
             UserError: Something cannot be written; exports are written last.
