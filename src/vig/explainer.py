@@ -154,8 +154,8 @@ class Explainer:
         turned: bool = True,
         expected: ExpectedStart | None = None,
     ) -> Explanation:
-        """`framed`: whether a window that is given is the standard camera's picture; `turned`: whether a
-        known lens is turned towards the object.
+        """Explain one photo. `framed`: whether a given window is the standard camera's picture;
+        `turned`: whether a known lens is turned towards the object.
         """
         if hints is not None and not isinstance(hints, Hints):
             raise UserError(f"expected vig.Hints; got a {type(hints).__name__}. Name what you know in one.")
@@ -302,7 +302,7 @@ def _lowered_by_presence(fit: Fit, present: float, name: str) -> Fit:
 
 
 def lower_confidence(fit: Fit, factor: float, name: str) -> Fit:
-    """Return a fit of what may be no object of the class, its probabilities times a factor."""
+    """Return a fit that may show no object of the class, its probabilities times a factor."""
     confidence, mask_confidence = factor * fit.confidence, factor * fit.mask_confidence
     views = tuple(replace(view, probability=factor * view.probability) for view in fit.alternatives)
     sure = fit.mask_trusted and mask_confidence >= fit.mask_threshold

@@ -137,7 +137,7 @@ class Explanation:
 
     @cached_property
     def alternatives(self) -> tuple[Alternative, ...]:
-        """Return other views that the search tried, two at most.
+        """Return the other views that the search tried, two at most.
 
         Where one makes the verdict `AMBIGUOUS` it comes first.
         """
@@ -206,7 +206,7 @@ class Explanation:
 
     @cached_property
     def camera_from_object(self) -> np.ndarray:
-        """Pose (4, 4) float64, metres: OpenCV camera axes from the object's frame (Z up, +X `front`)."""
+        """Return the pose (4, 4) float64, metres: OpenCV camera axes from the object's (Z up, +X `front`)."""
         return self.camera.camera_from_object(self.latents)
 
     @property

@@ -78,7 +78,7 @@ class PlainHints:
 
     @property
     def plain(self) -> dict[str, Any]:
-        """Return their values by name."""
+        """Return the hints' values by name."""
         return {each.name: getattr(self, each.name) for each in fields(PlainHints)}
 
 
@@ -102,7 +102,7 @@ class Hints(PlainHints):
         return self.plain != PlainHints().plain or any(array is not None for array in arrays)
 
     def checked(self, width: int, height: int, object_class: ObjectClass) -> Hints:
-        """Return the same with arrays of their types; UserError where something does not suit the photo or
+        """Return the hints with arrays of their types; UserError where something does not suit the photo or
         class.
         """
         changed: dict[str, Any] = {}
@@ -296,7 +296,7 @@ def view_of(pose: np.ndarray) -> tuple[float, float, float]:
 
 
 def _share(mask: np.ndarray, window: Window) -> np.ndarray:
-    """Share (S, S) of each of the window's pixels that a mask (H, W) bool covers; 0 beyond the photo."""
+    """Return the share (S, S) of the window's pixels that a mask (H, W) bool covers; 0 beyond the photo."""
     grey = np.repeat(mask[:, :, None].astype(np.float32), 3, axis=2)
     cut, inside = window.crop(grey)
     share: np.ndarray = cut[..., 0] * inside

@@ -302,7 +302,7 @@ def _pose(camera: PhotoCamera, latents: Latents) -> list[list[float]]:
 
 
 def _known(value: float) -> float | None:
-    """Return a number that is NaN where it is not known."""
+    """Return a number, None where it is NaN, hence unknown."""
     return None if math.isnan(value) else _rounded(value)
 
 

@@ -39,12 +39,12 @@ class Found:
 
     @staticmethod
     def of(explanation: Explanation) -> Found:
-        """Return that of an explanation whose outline the box is round."""
+        """Return the probabilities of an explanation whose outline the box is round."""
         numbers = explanation.present, explanation.confidence
         return Found(*(None if math.isnan(number) else number for number in numbers))
 
     def lower(self, explanation: Explanation) -> Explanation:
-        """Return the explanation of the same once more, which is no more certain for its box."""
+        """Return a new explanation of the object with no more confidence than before: its box is the same."""
         fit = explanation.fit
         if self.confidence is not None and fit.confidence > self.confidence:
             fit = lower_confidence(fit, self.confidence / fit.confidence, explanation.object_class.name)
@@ -66,7 +66,7 @@ class State(PlainHints):
     found: Found | None = None
 
     def hints(self, width: int, height: int, others: np.ndarray | None = None) -> Hints:
-        """Return the same as the library takes it; in pixels `others` (H, W) bool other objects are seen."""
+        """Return the library's hints; in pixels `others` (H, W) bool other objects are visible."""
         marks = None
         if others is not None:
             marks = np.where(others, np.uint8(PixelLabel.IN_FRONT), np.uint8(0))
@@ -83,7 +83,7 @@ class State(PlainHints):
         self.hints(width, height).checked(width, height, object_class)
 
     def to_json(self) -> dict[str, Any]:
-        """Return what corrections.json and the page of `vig view` hold."""
+        """Return the content of corrections.json and of the page of `vig view`."""
         content = asdict(self)
         first = {"box": content.pop("box"), "points": content.pop("points"), "marks": content.pop("strokes")}
         return first | content
@@ -118,7 +118,7 @@ class State(PlainHints):
         corrected: bool = False,
         object_box: Box | None = None,
     ) -> None:
-        """Write what `read` reads into a folder of results, from which the photo is named.
+        """Write the file that `read` reads into a folder of results; it names the photo from there.
 
         Args:
             folder: Folder of the results.
@@ -145,7 +145,7 @@ class State(PlainHints):
 
     @staticmethod
     def read(folder: Path, remedy: str = "Name the photo itself.") -> tuple[Path, str, State]:
-        """Return the photo, class and state that `write` wrote; UserError with a remedy where they cannot
+        """Return the photo, class and state from a file of `write`; UserError with a remedy where they cannot
         be read.
         """
         path = folder / CORRECTIONS

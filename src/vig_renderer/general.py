@@ -60,7 +60,7 @@ class Visible:
 
     @staticmethod
     def find(packed: PackedScenes, samples: int, near: float, points: Tensor, alone: bool = False) -> Visible:
-        """Return which faces and edges are seen, of homogeneous points (V, 3). Nothing of it has a
+        """Return the visible faces and edges of homogeneous points (V, 3). Nothing of it has a
         derivative.
         """
         layers = len(packed.image) if alone else packed.size[0]
@@ -120,7 +120,7 @@ class Tables:
 
     @staticmethod
     def of(packed: PackedScenes) -> Tables:
-        """Return those of all objects."""
+        """Return the tables of all objects."""
         tables = [torch.from_numpy(mesh.tables()[0]).long() for mesh in packed.meshes]
         counts, first_vertex = [len(each) for each in tables], [0, *accumulate(packed.vertex_counts)]
         faces = [each + first for each, first in zip(tables, first_vertex, strict=False)]
@@ -283,7 +283,7 @@ def _to_grid(points: Tensor, samples: int) -> Tensor:
 
 
 def _screen(points: Tensor, near: float) -> Tensor:
-    """Return pixel coordinates (V, 2); of no meaning nearer than `near`, where no edge is blended."""
+    """Return pixel coordinates (V, 2); meaningless nearer than `near`, where no edge is blended."""
     depth = points[:, 2:]
     return points[:, :2] / torch.where(depth >= near, depth, 1.0)
 

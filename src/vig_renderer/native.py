@@ -54,7 +54,7 @@ class _Native(torch.autograd.Function):
 
 
 def _differentiable(stage: Stage, inputs: Tensors, needed: Sequence[bool], cotangents: Tensors) -> Tensors:
-    """Return the way back as torch's own operations, of which there are second derivatives and batches."""
+    """Return the backward pass as torch's own operations, which have second derivatives and batches."""
     twice = torch.is_grad_enabled()
     with torch.enable_grad():
         results = stage.general(*inputs)

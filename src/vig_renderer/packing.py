@@ -44,7 +44,7 @@ class PackedScenes:
 
     @property
     def most_objects(self) -> int:
-        """Return objects of the scene that has most."""
+        """Return the greatest number of objects in a scene."""
         return max(self.place, default=-1) + 1
 
     @property

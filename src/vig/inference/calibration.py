@@ -67,7 +67,7 @@ def residual(features: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class FitCalibration:
-    """Turns confidence features (C,) and curvature into a confidence and deviations of P latents.
+    """Map from confidence features (C,) and curvature to a confidence and deviations of P latents.
 
     Attributes:
         view_weights: (C,) of the logistic regression for the view being right.
@@ -141,7 +141,7 @@ class FitCalibration:
 
     @staticmethod
     def load(path: Path) -> FitCalibration:
-        """Read what `save` wrote. Raises UserError when there is none or it is invalid."""
+        """Read a file of `save`. Raises UserError when there is none or it is invalid."""
         with reading(path, "a calibration", "Make it again with `vig calibrate`."):
             values = decode(dict[str, Any], read_json(path))
             if values["format"] != FORMAT:

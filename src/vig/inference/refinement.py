@@ -332,7 +332,7 @@ def framing_of_box(
 
 
 def _allot(probability: np.ndarray, least: float, count: int) -> list[int]:
-    """Return hypotheses of `count` starts: each that is likely once, then whichever has most too few."""
+    """Return hypotheses of `count` starts: each likely one once, then the one with the largest deficit."""
     likely = np.flatnonzero(probability / probability.sum() > least)
     # A network that knows nothing spreads its probability over more hypotheses than pass the bound.
     if not len(likely):

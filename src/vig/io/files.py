@@ -56,7 +56,7 @@ def as_stored(path: Path) -> Path:
 
 @contextmanager
 def atomic_write(path: str | Path) -> Iterator[Path]:
-    """Give a temporary path beside `path`; when the block ends well, rename it to `path`.
+    """Yield a temporary path beside `path`; when the block ends well, rename it to `path`.
 
     The block writes one file at the temporary path, which has the same suffix. If the block raises, or
     Ctrl-C arrives, the temporary file is removed and what `path` held before stays. Missing parent folders
@@ -107,7 +107,7 @@ def write_arrays(
 
 @contextmanager
 def atomic_folder(path: str | Path) -> Iterator[Path]:
-    """Give an empty temporary folder beside `path`; when the block ends well, rename it to `path`.
+    """Yield an empty temporary folder beside `path`; when the block ends well, rename it to `path`.
 
     If the block raises, or Ctrl-C arrives, the temporary folder is removed. Where `path` is there by then,
     made by another process, that one stays. A killed process leaves a folder with a hidden name.

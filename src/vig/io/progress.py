@@ -82,7 +82,7 @@ class Meter:
                 self._report()
 
     def pace(self) -> str:
-        """Return rate in the later half of this run so far, and the time left at that rate."""
+        """Return the rate in the later half of this run so far, and the time left at that rate."""
         now = time.monotonic()
         start, done_then = self.started, self.done_at_start
         for marked_at, done in self.marks:

@@ -148,7 +148,7 @@ class Likelihood:
         images: bool = True,
         curvature: bool = True,
     ) -> Evaluation:
-        """Evaluate B guesses; photo (B,) int is the photo that each explains, sigma (B,) its noise.
+        """Evaluate B guesses; photo (B,) int is the photo of each, sigma (B,) its noise.
 
         Numbers of further blocks of the layout are 0.
         """

@@ -61,7 +61,7 @@ class Geometry:
 
     @property
     def vertex_count(self) -> int:
-        """Return v."""
+        """Return V, the number of vertices."""
         return len(self.model.mean)
 
 
@@ -130,6 +130,6 @@ class _Grouped:
         self.first = self.order[place]
 
     def find(self, keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return where in `order` those like each of `keys` begin, and how many they are."""
+        """Return the start in `order` of the keys equal to each of `keys`, and their number."""
         begin = np.searchsorted(self._sorted, keys, "left")
         return begin, np.searchsorted(self._sorted, keys, "right") - begin

@@ -58,7 +58,7 @@ class PixelModel:
         density_of(self.density)
 
     def log_prior(self, height: int, width: int) -> np.ndarray:
-        """Return the same log prior (visible, hidden, background) at each pixel: (H, W, 3) float64."""
+        """Return one log prior (visible, hidden, background) for all pixels: (H, W, 3) float64."""
         hidden = math.log1p(-self.alpha) if self.alpha < 1 else NEVER
         return np.broadcast_to(np.array([math.log(self.alpha), hidden, 0.0]), (height, width, 3))
 

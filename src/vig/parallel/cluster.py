@@ -30,7 +30,7 @@ def map_on_cluster(
     address: str,
     chunk: int = 1,
 ) -> Iterator[tuple[int, Result | Lost]]:
-    """Number and work(item) of each item as they are done, work being `prepare(shared)` in each process.
+    """Yield number and work(item) of items as they are done, work being `prepare(shared)` in each process.
 
     The nodes need vig installed, but no shared disk. A task whose worker or node dies is done elsewhere.
 

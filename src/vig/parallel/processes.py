@@ -72,7 +72,7 @@ def map_in_processes(
 def map_as_done(
     prepare: Callable[[Any], Callable[[Item], Result]], shared: Any, items: Iterable[Item], processes: int
 ) -> Iterator[tuple[int, Result | Lost]]:
-    """Number and work(item) of each item as they are done, work being each process's `prepare(shared)`.
+    """Yield number and work(item) of items as they are done, work being each process's `prepare(shared)`.
 
     Each process has one thread for linear algebra, ignores SIGINT, and ends when this process dies. One that
     is killed is replaced; another does its items. When the consumer stops early, each process finishes its
@@ -179,7 +179,7 @@ class _Pool:
         return self.next
 
     def hand_out(self) -> Iterator[tuple[int, Any]]:
-        """Keep every process busy, with a new one where there are too few; end those that have nothing."""
+        """Keep every process busy, with a new one where there are too few; end idle ones."""
         for worker in [*self.workers]:
             full = RENEWED_AFTER - worker.done
             while worker in self.workers and len(worker.tasks) < min(AHEAD, full) and self.upcoming():
@@ -192,7 +192,7 @@ class _Pool:
             yield from self.give(self.workers[-1])
 
     def give(self, worker: _WorkerProcess) -> Iterator[tuple[int, Any]]:
-        """Yield hand the upcoming task out."""
+        """Hand out the upcoming task; yield tasks that are lost meanwhile."""
         task = self.upcoming()
         assert task is not None
         if self.again:
@@ -205,7 +205,7 @@ class _Pool:
             yield from self.bury(worker)
 
     def bury(self, worker: _WorkerProcess) -> Iterator[tuple[int, Any]]:
-        """Take back the tasks of a process that died; the first one it may have died of."""
+        """Take back the tasks of a process that died, perhaps of the first; yield that if it is lost."""
         self.workers.remove(worker)
         self.pending = {future: other for future, other in self.pending.items() if other is not worker}
         worker.executor.shutdown()
@@ -240,7 +240,7 @@ def _initialise(stopping: Any) -> None:
 
 
 def _begin(start: bytes) -> None:
-    """Make the work of a new process from (prepare, shared); each task raises what that raises."""
+    """Make the work of a new process from (prepare, shared); each task raises its exception."""
     global _work
     try:
         prepare, shared = ForkingPickler.loads(start)

@@ -129,7 +129,7 @@ def gamma(exponent: float) -> Curve:
 
 
 def _pq(samples: np.ndarray) -> np.ndarray:
-    """Return SMPTE ST 2084, in units of `SDR_WHITE`."""
+    """Return the light of samples by SMPTE ST 2084, in units of `SDR_WHITE`."""
     root = samples ** (32 / 2523)
     ratio = np.maximum(root - 3424 / 4096, 0) / (2413 / 128 - 2392 / 128 * root)
     light: np.ndarray = 10_000 / SDR_WHITE * ratio ** (16384 / 2610)
@@ -137,7 +137,7 @@ def _pq(samples: np.ndarray) -> np.ndarray:
 
 
 def _hlg(samples: np.ndarray) -> np.ndarray:
-    """Return ARIB STD-B67, scaled so that its system gamma of 1.2 gives a display of 1000 cd/m2."""
+    """Return light by ARIB STD-B67, scaled so that its system gamma of 1.2 gives 1000 cd/m2 on a display."""
     a, b, c = 0.17883277, 0.28466892, 0.55991073
     scene = np.where(samples <= 0.5, samples**2 / 3, (np.exp((samples - c) / a) + b) / 12)
     scaled: np.ndarray = scene * (1000 / SDR_WHITE) ** (1 / 1.2)
@@ -185,7 +185,7 @@ def tone_mapped(light: np.ndarray, peak: float) -> np.ndarray:
 
 
 def encoding_of(image: Image.Image, stated: Codes | bytes | None) -> Encoding | Profile | None:
-    """Return how a loaded picture's samples stand for light.
+    """Return the encoding of a loaded picture's samples.
 
     Args:
         image: A picture of any mode.

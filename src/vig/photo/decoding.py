@@ -81,7 +81,7 @@ def _largest(path: Path, image: ImageFile.ImageFile) -> Image.Image:
 
 
 def decoded(path: Path, image: Image.Image) -> np.ndarray:
-    """Decode an opened picture, as `vig.photo.images.coded_photo` describes; `path` is what errors name."""
+    """Decode an opened picture, as `vig.photo.images.coded_photo` describes; errors name `path`."""
     _check_square(path, image)
     source, tags = getattr(image, "filename", ""), getattr(image, "tag_v2", {})
     stated = _stated_colour(image)

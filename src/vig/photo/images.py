@@ -71,7 +71,7 @@ def read_picture(path: str | Path, what: str, decode: Callable[[Path, Image.Imag
 
 
 def as_photo(photo: Photo) -> np.ndarray:
-    """Return a photo as linear RGB, (H, W, 3) float32 in [0, 1], from whatever a caller has it in."""
+    """Return a photo in any form as linear RGB, (H, W, 3) float32 in [0, 1]."""
     return linear_photo(coded_photo(photo))
 
 
@@ -94,7 +94,7 @@ def linear_planes(coded: np.ndarray) -> list[Image.Image]:
 
 
 def coded_photo(photo: Photo) -> np.ndarray:
-    """Return a photo (H, W, 3) as it is kept: uint8 sRGB where that is all it has, else float32 linear RGB.
+    """Return a photo (H, W, 3) as it is kept: uint8 sRGB where it has no more, else float32 linear RGB.
 
     Samples count by their true range (`vig.photo.formats.white_level`) and by the colour encoding that the
     file states: H.273's codes (PNG, AVIF, HEIC), else its colour profile, else a PNG's sRGB, gamma and

@@ -180,7 +180,7 @@ def _stated_seconds(stream: Any) -> float:
 
 
 def _encoding(video: str | Path, codec: Any, frame: Any) -> Encoding | None:
-    """Return how samples stand for light where a video is HDR or has other primaries than sRGB's like;
+    """Return the encoding of samples where a video is HDR or has other primaries than sRGB's like;
     else None.
     """
     primaries, transfer, matrix = int(codec.color_primaries), int(codec.color_trc), int(frame.colorspace)

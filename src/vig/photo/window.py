@@ -233,7 +233,7 @@ class Window:
         return Window(self.left * factor, self.top * factor, self.side * factor, self.roll, lens)
 
     def camera_distance_ratio(self, focal: float) -> float:
-        """Return how much longer a photo's focal length in pixels is than that of the window's standard
+        """Return by how much a photo's focal length in pixels is than that of the window's standard
         camera, within `DISTANCE_RATIO_BOUNDS`.
         """
         return min(max(self.ratio(focal), DISTANCE_RATIO_BOUNDS[0]), DISTANCE_RATIO_BOUNDS[1])
@@ -244,18 +244,18 @@ class Window:
 
     @property
     def centre(self) -> tuple[float, float]:
-        """Return its middle in the photo's pixels."""
+        """Return the window's middle in the photo's pixels."""
         return self.left + self.side / 2, self.top + self.side / 2
 
     def to_photo(self, x: Place, y: Place) -> tuple[Place, Place]:
-        """Return a point of the photo from where it is in the window: pixels of the photo from its middle."""
+        """Return a point of the photo from its place in the window: pixels of the photo from the middle."""
         if self.lens is not None:
             return _mapped(self.photo_from_window, x, y)
         cos, sin = math.cos(self.roll), math.sin(self.roll)
         return self.centre[0] + cos * x - sin * y, self.centre[1] + sin * x + cos * y
 
     def to_window(self, x: Place, y: Place) -> tuple[Place, Place]:
-        """Return where a point of the photo is in the window: pixels of the photo from its middle."""
+        """Return the place in the window of a point of the photo: pixels of the photo from the middle."""
         if self.lens is not None:
             return _mapped(np.linalg.inv(self.photo_from_window), x, y)
         cos, sin, x, y = math.cos(self.roll), math.sin(self.roll), x - self.centre[0], y - self.centre[1]

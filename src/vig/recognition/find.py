@@ -150,7 +150,7 @@ class LocationHints:
 
     @property
     def box(self) -> tuple[float, float, float, float]:
-        """Return x, y, w, h round all that is known."""
+        """Return x, y, w, h round all known places."""
         corners = [self.points]
         if self.mask is not None and (box := box_of(self.mask)) is not None:
             corners.append(np.array([box[:2], np.add(box[:2], box[2:])], float))
@@ -170,7 +170,7 @@ class LocationHints:
         return [Window.round_box((x - s / 2, y - s / 2, s, s)) for s in sides]
 
     def within(self, window: Window) -> bool:
-        """Return whether a window shows all that is known."""
+        """Return whether a window shows all known places."""
         x, y, w, h = self.box
         corners = [window.to_window(x + right * w, y + down * h) for right in (0, 1) for down in (0, 1)]
         return max(max(map(abs, corner)) for corner in corners) <= window.side / 2
@@ -198,7 +198,7 @@ class LocationHints:
         return upright(photo, Window.round_box((x, y, w, h)), recognizer)
 
     def agreement(self, window: Window, prediction: Prediction) -> float:
-        """Return from 0 to 1 how well the prediction for a window agrees with the marks."""
+        """Return the degree, 0 to 1, to which the prediction for a window agrees with the marks."""
         if not self.within(window):
             return 0.0
         if self.mask is None:
@@ -256,7 +256,7 @@ def box_in_window(prediction: Prediction) -> tuple[float, float, float, float] |
 
 
 def _moved(window: Window, prediction: Prediction) -> Window:
-    """Return the window of what one window's prediction (N = 1) shows of the object."""
+    """Return the window of the object in one window's prediction (N = 1)."""
     box = box_in_window(prediction)
     if box is None or max(box[2:]) < 0.05:
         return window
@@ -269,8 +269,8 @@ def _moved(window: Window, prediction: Prediction) -> Window:
 
 
 def _present(at_place: float, prediction: Prediction) -> float:
-    """Return the probability that a window shows an object, from that of its place and from what one (N =
-    1) shows.
+    """Return the probability that a window shows an object, from that of its place and from its
+    prediction (N = 1).
     """
     box = box_in_window(prediction)
     if box is None:

@@ -55,7 +55,7 @@ def weight_shapes(settings: NetworkSettings) -> dict[str, tuple[int, ...]]:
 
 
 def window_model(settings: NetworkSettings, weights: Mapping[str, np.ndarray]) -> bytes:
-    """Write the model from windows (N, 3, 150, 150) to what `window_outputs` names."""
+    """Write the model from windows (N, 3, 150, 150) to the outputs of `window_outputs`."""
     outputs: dict[str, Shape] = {name: ("N", *shape) for name, shape in window_outputs(settings).items()}
     return _window(settings).model(("N", 3, IMAGE_SIZE, IMAGE_SIZE), outputs, weights)
 
@@ -181,7 +181,7 @@ class _Writer:
         return _Array(self.op("Flatten", x.name, axis=1), size * x.channels)
 
     def reshape(self, x: str, *shape: int) -> str:
-        """Reshape; 0 keeps a size, one -1 takes the rest."""
+        """Reshape a tensor; 0 keeps a size, one -1 takes the rest."""
         return self.op("Reshape", x, self.constant(shape))
 
     def cells(self, x: _Array) -> _Array:

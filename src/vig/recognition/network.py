@@ -184,7 +184,7 @@ class Heads:
         )
 
     def mean_with(self, other: Heads) -> Heads:
-        """Return the mean of two that speak of the same photos."""
+        """Return the mean of two outputs for the same photos."""
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)
         return Heads(*((mine + others) / 2 for mine, others in pairs))
 

@@ -21,7 +21,7 @@ START_STEP = 1 / 4096
 
 
 def bin_centres(bins: int, fold: int = 1) -> np.ndarray:
-    """Return azimuths (bins,) float32 in the middle of equal bins of the circle, or of a part of it."""
+    """Return the azimuths (bins,) float32 in the middle of equal bins of the circle, or of a part of it."""
     return (np.arange(bins, dtype=np.float32) + np.float32(0.5)) * np.float32(
         2 * math.pi / bins / max(fold, 1)
     )
@@ -61,12 +61,12 @@ class Prediction:
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
-        """Return all but the symmetry."""
+        """Return the arrays, without the symmetry."""
         return self.azimuth, self.numbers, self.deviation, self.mask, self.roll, self.presence
 
     def folded(self, symmetry: Symmetry) -> Prediction:
-        """Return the same for a class with a symmetry: bins of the whole circle that look the same are
-        added.
+        """Return the prediction for a class with a symmetry: the sums of bins of the circle that look the
+        same.
         """
         if symmetry is Symmetry.NONE:
             return self
@@ -189,11 +189,11 @@ class Prediction:
         return Prediction(*(array[index] for array in self.arrays), symmetry=self.symmetry)
 
     def clone(self) -> Prediction:
-        """Return the same in arrays of its own."""
+        """Return a copy with arrays of its own."""
         return Prediction(*(array.copy() for array in self.arrays), symmetry=self.symmetry)
 
     @staticmethod
     def joined(parts: Sequence[Prediction]) -> Prediction:
-        """Concatenate."""
+        """Concatenate the predictions of several batches."""
         columns = zip(*(part.arrays for part in parts), strict=True)
         return Prediction(*map(np.concatenate, columns), symmetry=parts[0].symmetry)

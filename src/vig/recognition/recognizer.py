@@ -67,7 +67,7 @@ class Recognizer:
 
     @property
     def has_map(self) -> bool:
-        """Return whether it finds objects in whole photos."""
+        """Return whether the network finds objects in whole photos."""
         return bool(self.settings.object_map)
 
     kind = "vig"
@@ -119,7 +119,7 @@ class Recognizer:
 
     @functools.cached_property
     def _held(self) -> dict[str, onnxruntime.InferenceSession]:
-        """Return sessions of the models that were needed: `window`, of the whole photo `map`."""
+        """Return the sessions of the models used so far: `window`, of the whole photo `map`."""
         return {}
 
     def _session_of(self, which: str) -> onnxruntime.InferenceSession:
@@ -221,7 +221,7 @@ class Recognizer:
         return self._run("map", image, {"numbers": (1, NUMBERS, height, width)})[0]
 
     def _run(self, which: str, image: np.ndarray, shapes: Mapping[str, tuple[int, ...]]) -> list[np.ndarray]:
-        """Compute outputs of these names and shapes from an image; UserError where they are no numbers."""
+        """Compute outputs of these names and shapes from an image; UserError where they are not numbers."""
         try:
             found: list[np.ndarray] = self._session_of(which).run(list(shapes), {INPUT: image})
             got = [each.shape for each in found]

@@ -115,7 +115,7 @@ class Camera:
         return np.array([[self.focal, 0.0, self.cx], [0.0, vertical, self.cy], [0.0, 0.0, 1.0]])
 
     def camera_from_world(self, azimuth: float, elevation: float) -> np.ndarray:
-        """Pose (4, 4) at an azimuth and elevation in radians, metres; float64."""
+        """Return the pose (4, 4) at an azimuth and elevation in radians, metres; float64."""
         sa, ca, se, ce = math.sin(azimuth), math.cos(azimuth), math.sin(elevation), math.cos(elevation)
         pose, (sin, cos) = np.eye(4), (math.sin(self.roll), math.cos(self.roll))
         pose[:3, :3] = [[ca, sa, 0.0], [se * sa, -se * ca, -ce], [-ce * sa, ce * ca, -se]]  # camera_rotation

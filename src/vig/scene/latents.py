@@ -78,7 +78,7 @@ class LatentLayout:
 
     @cached_property
     def size(self) -> int:
-        """Return p, how many numbers a vector has."""
+        """Return P, the number of numbers in a vector."""
         return sum(block.size for block in self.blocks)
 
     @cached_property

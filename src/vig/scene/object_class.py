@@ -197,7 +197,7 @@ class ObjectClass:
 
     @cached_property
     def reflectance(self) -> np.ndarray:
-        """Return (V,) float32, that of each vertex's part."""
+        """Return (V,) float32, the reflectance of each vertex's part."""
         return np.asarray(self.reflectance_of_parts[self.shape_model.parts])
 
     def camera(self, size: int = IMAGE_SIZE, camera_distance_ratio: float = 1.0) -> Camera:
@@ -206,12 +206,12 @@ class ObjectClass:
 
     @property
     def scale(self) -> float:
-        """Return how large such things are, over things that suit the paper's camera."""
+        """Return the size of the class's things, over that of things that suit the paper's camera."""
         return self.viewing_distance / DISTANCE
 
     @cached_property
     def at_unit_scale(self) -> ObjectClass:
-        """Return the same class as small or large as suits the paper's camera: its `scale` is 1."""
+        """Return the class in the size that suits the paper's camera: its `scale` is 1."""
         if self.scale == 1:
             return self
         model, size, height = self.shape_model, np.float32(self.scale), self.target_height / self.scale

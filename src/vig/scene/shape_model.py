@@ -62,7 +62,7 @@ class ShapeModel:
 
     @property
     def modes(self) -> int:
-        """Return k, how many components there are."""
+        """Return K, the number of components."""
         return len(self.basis)
 
     @property

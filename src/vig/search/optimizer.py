@@ -13,15 +13,15 @@ class Valued(Protocol):
 
     @property
     def value(self) -> np.ndarray:
-        """Return (B,) float64, NaN or -inf where there is none."""
+        """Return the values (B,) float64, NaN or -inf where there is none."""
 
     @property
     def gradient(self) -> np.ndarray | None:
-        """Return (B, P')."""
+        """Return the gradient (B, P')."""
 
     @property
     def normal(self) -> np.ndarray | None:
-        """Return (B, P', P'), the negative Gauss-Newton Hessian."""
+        """Return the negative Gauss-Newton Hessian (B, P', P')."""
 
 
 class Problem(Protocol):
@@ -37,7 +37,7 @@ class Problem(Protocol):
     def __call__(
         self, points: np.ndarray, photo: np.ndarray, sigma: np.ndarray, derivatives: bool = True
     ) -> Valued:
-        """Value points (B, P') within the bounds, of photos (B,) int, under noise sigma (B,)."""
+        """Evaluate points (B, P') within the bounds, of photos (B,) int, under noise sigma (B,)."""
         ...
 
 
@@ -88,7 +88,7 @@ class Optimizer(Protocol):
     def __call__(
         self, problem: Problem, starts: np.ndarray, photo: np.ndarray, sigma: float, budget: Budget, /
     ) -> Descent:
-        """Return starts (B, P') within the bounds, left alone; photo (B,) int; sigma: the noise's deviation.
+        """Maximise from starts (B, P') within the bounds; photo (B,) int; sigma: the noise's deviation.
 
         A search that begins where the problem has no finite value ends there, not converged.
         """

@@ -117,8 +117,8 @@ def _explainers(value: Any) -> list[Explainer]:
 def find_together(
     picture: np.ndarray, explainers: Sequence[Explainer], most: int
 ) -> list[tuple[Explainer, Window, float]]:
-    """Return where objects of one or more classes are in a photo, as `coded_photo` gives it, and the
-    probability of each that it is there; the surest first.
+    """Return the windows of objects of one or more classes in a photo, as `coded_photo` gives it, and
+    the probability that each is there; the surest first.
     """
     pyramid = ImagePyramid(picture)
     candidates = [

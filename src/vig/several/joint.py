@@ -113,7 +113,7 @@ def _without_cycles(gains: Mapping[tuple[int, int], float], count: int) -> np.nd
 
 
 def _focal_of(alone: Sequence[Explanation]) -> float:
-    """Return focal length in pixels of the photo, the vertical one of a lens."""
+    """Return the focal length in pixels of the photo, the vertical one of a lens."""
     if (lens := alone[0].window.lens) is not None:
         return lens.fy
     standard = [FOCAL_OVER_WIDTH * each.window.side for each in alone]
@@ -164,8 +164,8 @@ class _Refit:
         return replace(alone, fit=fit, camera_distance_ratio=distance_ratio)
 
     def _others(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return pixels (S, S) bool of the window that objects before this one cover; where others are
-        seen.
+        """Return the window's pixels (S, S) bool that objects before this one cover; those of visible
+        others.
         """
         here = self.alone[self.index].window
         covered = self.alone[self.index].fit.coverage > 0.5

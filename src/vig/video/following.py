@@ -279,7 +279,7 @@ class Follower:
         return float(self.place[2])
 
     def _update(self, sighting: Sighting) -> None:
-        """Go on from a frame, the more the more of the object it shows."""
+        """Update the track by a sighting, weighted by the square of its visible share."""
         assert self.place is not None
         sure, off = sighting.visible_share**2, sighting.place - self.place
         self.place = self.place + sure * np.array([PLACE_GAIN, PLACE_GAIN, SIZE_GAIN]) * off
@@ -292,7 +292,7 @@ class Follower:
 
 
 def _box_of(explanation: Explanation) -> tuple[np.ndarray, np.ndarray]:
-    """Centre and size (2,) of the box of an explanation's vertices in the frame, and beyond it."""
+    """Return centre and size (2,) of the box of an explanation's vertices in the frame, or beyond it."""
     pose = explanation.camera_from_object
     points = (explanation.vertices @ pose[:3, :3].T + pose[:3, 3]) @ explanation.camera.K.T
     pixels = points[:, :2] / points[:, 2:]

@@ -80,7 +80,7 @@ def smoothed(
     acceleration: float | np.ndarray,
     speed: float | np.ndarray = math.inf,
 ) -> np.ndarray:
-    """Smooth what frames measure: Rauch, Tung and Striebel's smoother of a place with its speed.
+    """Smooth measurements of frames: Rauch, Tung and Striebel's smoother of a place with its speed.
 
     Single measurements may be far off: their noise is Student's, by iterated reweighting.
 

@@ -74,7 +74,7 @@ class Tracker:
     """
 
     def __init__(self, object_class: str | Path | ObjectClass | Explainer = "teapot", K: Any = None):
-        """Load a class, or take an explainer that is.
+        """Load a class, or take an explainer.
 
         Args:
             object_class: A class as `Explainer` takes it, or an explainer, which has settings.
@@ -96,7 +96,7 @@ class Tracker:
     def start(
         self, frame: Photo, mask: np.ndarray | None = None, box: Box | None = None, K: Any = None
     ) -> TrackedPose | None:
-        """Begin, or begin anew: the object is explained as in a photo.
+        """Begin, or begin anew, by explaining the object as in a photo.
 
         Args:
             frame: A photo as `Explainer.explain` takes it; those that follow have its size.

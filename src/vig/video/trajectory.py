@@ -76,7 +76,7 @@ class FramePose:
 
     @property
     def camera_from_object(self) -> np.ndarray:
-        """Pose (4, 4) float64, metres, as that of `Explanation`."""
+        """Return the pose (4, 4) float64, metres, as that of `Explanation`."""
         return self.camera.camera_from_world(math.radians(self.azimuth_deg), math.radians(self.elevation_deg))
 
 
@@ -179,7 +179,7 @@ class Trajectory:
         return sighting.lost or turned > FAR or away > OFF
 
     def expected(self, number: int, hints: Hints | None = None) -> tuple[Window, Hints]:
-        """Return where and from which side a frame shows the object, and what else is known of it."""
+        """Return the window that a frame is expected to show the object in, and hints on its view."""
         azimuth, elevation = np.degrees(self.numbers[0, :2, number]).tolist()
         window = window_at(self.place[number], float(self.numbers[0, 5, number]))
         return window, replace(hints or Hints(), azimuth_deg=azimuth % 360, elevation_deg=elevation)
@@ -282,8 +282,8 @@ def _check_seen(sightings: Sequence[Sighting], explainer: Explainer, box: Box | 
 
 
 def _slowed(numbers: np.ndarray) -> np.ndarray:
-    """Return slow down numbers (2, N, 1 + G), seen in the first frame and extrapolated in the others; (2, N,
-    G).
+    """Return numbers (2, N, G), slowed down, from (2, N, 1 + G): seen in the first frame and extrapolated in
+    the others.
 
     The object may go on as fast as before, or stand: the way that it would go is added to the deviations.
     """

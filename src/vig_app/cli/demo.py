@@ -113,7 +113,7 @@ def demo_card(photo: DemoPhoto, out: Path, link: str = "") -> Card:
 
 
 def has_screen() -> bool:
-    """Return whether somebody sits before it: a terminal, and a display where the system has such."""
+    """Return whether the session is interactive: a terminal, and a display where the system has such."""
     displays = sys.platform in ("win32", "darwin") or any(
         os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
     )
@@ -154,7 +154,7 @@ def _enlarged(entry: Entry, explanation: Explanation) -> Entry:
 
 
 def _table(rows: Sequence[Mapping[str, Any]]) -> Table:
-    """Return truth beside estimate; of a photo of another thing there is no truth."""
+    """Return a table of truth and estimate; photos of other things have no truth."""
     table = Table(title="truth | estimate", title_justify="left")
     for name in ("photo", "asked", *NUMBERS, "verdict"):
         table.add_column(name, justify="right" if name in NUMBERS else "left")

@@ -41,7 +41,7 @@ def hints_of(options: HintOptions, photos: Sequence[Path]) -> Hints | None:
 
 
 def mask_of(path: Path | None, photos: Sequence[Path]) -> Callable[[Path], Path | None]:
-    """Return what gives a photo's mask file, read with the photo; UserError for one mask of several."""
+    """Return the function from a photo to its mask file; UserError for one mask of several photos."""
     if path is None or not path.is_dir():
         if path is not None and len(photos) > 1:
             raise UserError(f"expected --mask FOLDER for {len(photos)} photos; got '{path}'. Name one.")

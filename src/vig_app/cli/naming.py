@@ -102,7 +102,7 @@ class PhotoNames:
         self._by_end: dict[int, dict[Parts, list[Parts]]] = {}
 
     def __call__(self, name: str) -> list[Parts]:
-        """Return the paths of which a name is the end, in any composition unless they differ in that
+        """Return the paths that end with a name, in any composition unless they differ in that
         alone.
         """
         end = _parts(name)

@@ -56,7 +56,7 @@ def photos_of(images: tuple[Path, ...], out: Path) -> list[Path]:
 
 
 def _photos_in(folder: Path) -> list[Path]:
-    """Return the photos in a folder; what else is there is named in a line, UserError where that is all.
+    """Return the photos in a folder; other files are named in a line, UserError where there are only such.
 
     Hidden files are passed over, such as those that macOS puts beside others (._photo.jpg).
     """

@@ -84,7 +84,7 @@ def plan_of(command: FitCommand) -> Plan:
 
 
 def explain_settings(model: ModelOptions) -> ExplainSettings:
-    """Return how to fit."""
+    """Return the settings of a fit."""
     return ExplainSettings(
         LIKELIHOODS[model.likelihood],
         self_shadow=not model.no_self_shadow,

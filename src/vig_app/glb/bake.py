@@ -116,7 +116,7 @@ class _Shown:
 
     @staticmethod
     def of(explanation: Explanation) -> _Shown | None:
-        """Return none where the window shows nothing of it."""
+        """Return the surface in an explanation's window; None where it shows nothing of the object."""
         shown, latents = close_up(explanation), explanation.latents
         camera = shown.camera
         box = box_of(shown.visible & (shown.part >= 0))
@@ -144,7 +144,7 @@ class _Shown:
         )
 
     def placed(self, vertices: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """Return where vertices with normals are, (V, 4) float32: x, y and 1, times their depth; above 0
+        """Return the places of vertices with normals, (V, 4) float32: x, y and 1, times their depth; above 0
         where they face the camera. All are linear in the place on a face.
         """
         places = vertices @ self.place_from_object[:, :3].T + self.place_from_object[:, 3]
@@ -152,7 +152,7 @@ class _Shown:
         return np.column_stack([places, facing]).astype(np.float32)
 
     def paint(self, colours: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """Give texels (T, 3) at `placed` (T, 4) the colours that are shown there; returns which have them."""
+        """Give texels (T, 3) at `placed` (T, 4) the colours of the photo there; returns which have one."""
         texels = np.flatnonzero(at[:, 3] > 0)
         x, y, depth, _ = at[texels].T
         where = np.stack([x / depth, y / depth], axis=1)
@@ -196,7 +196,7 @@ def _light(explanation: Explanation) -> np.ndarray:
 
 @functools.lru_cache(maxsize=8)
 def _uniform(object_class: ObjectClass) -> ObjectClass:
-    """Return the class with parts that all reflect alike."""
+    """Return the class with parts of the same reflectance."""
     return replace(object_class, part_reflectance=None)
 
 
@@ -211,7 +211,7 @@ def _facing(normals: np.ndarray, camera: Camera, part: tuple[slice, slice]) -> n
 
 
 def _visible(explanation: Explanation, part: tuple[slice, slice]) -> np.ndarray:
-    """Return where nothing hides the object, (h, w) bool of a part of the window."""
+    """Return the pixels where nothing hides the object, (h, w) bool of a part of the window."""
     visible = close_up(explanation).visible[part]
     if explanation.others is not None:
         others = np.repeat(explanation.others[..., None].astype(np.float32), 3, axis=2)
@@ -220,7 +220,7 @@ def _visible(explanation: Explanation, part: tuple[slice, slice]) -> np.ndarray:
 
 
 def _inside(visible: np.ndarray, depth: np.ndarray, jump: float) -> np.ndarray:
-    """Return how far pixels (h, w) are from outlines, of visible pixels and of nearer things: 0 to 1 at
+    """Return distances (h, w) to the outlines of visible pixels and of nearer things: 0 to 1 at
     `BORDER`.
     """
     inside = np.zeros(np.add(visible.shape, 2 * BORDER), np.uint8)

@@ -156,7 +156,7 @@ class _File:
         return self.add("materials", {"name": name, "pbrMetallicRoughness": matte, "extras": extras})
 
     def _add_texture(self, texture: Texture) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return how materials name the texture, and the mesh's `extras` on it."""
+        """Return the materials' reference to the texture, and the mesh's `extras` on it."""
         photo = io.BytesIO()
         Image.fromarray(texture.picture).save(photo, "JPEG", quality=JPEG_QUALITY, subsampling=0)
         files = (

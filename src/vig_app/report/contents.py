@@ -105,7 +105,7 @@ def _outline_maps(explanation: Explanation) -> np.ndarray:
 
 
 def _outline_data(explanation: Explanation, scale: tuple[float, float], line: float) -> dict[str, Any]:
-    """Return how the page draws outlines as overlay.png has them, on a photo reduced by a scale across
+    """Return the data for drawing outlines as in overlay.png, on a photo reduced by a scale across
     and down.
     """
     window, size = explanation.window, len(explanation.outlines[0]) // COARSER

@@ -127,7 +127,7 @@ def clip_matrix(camera: Camera, pose: np.ndarray, vertices: np.ndarray) -> list[
 def _differences(
     explanation: Explanation, latents: Latents
 ) -> tuple[list[dict[str, Any] | None], list[dict[str, Any] | None]]:
-    """Return for B poses the vertices (V, 3) less the fit's, and what self-shadowing adds to irradiance (V,).
+    """Return for B poses the vertices (V, 3) less the fit's, and self-shadowing's irradiance (V,).
 
     Each is rounded to 8 bits of its own largest number; None where all are 0.
     """

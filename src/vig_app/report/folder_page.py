@@ -54,7 +54,7 @@ class Entry:
 
     @property
     def link(self) -> str:
-        """Return address of its own page, or of its folder where it has none."""
+        """Return the address of its own page, or of its folder where it has none."""
         return quote(os.fsencode(self.folder)) + ("/report.html" if self.has_page else "/")
 
 
@@ -119,7 +119,7 @@ def write_run_page(out: Path, rows: Iterable[Mapping[str, Any]]) -> None:
 
 
 def review_order(row: Mapping[str, Any]) -> tuple[int, float]:
-    """Sort key of photos: errors, then `VERDICTS`; within each the least confidence first."""
+    """Return the sort key of photos: errors, then `VERDICTS`; within each the least confidence first."""
     if row.get("error") is not None:
         return -1, 0.0
     return VERDICTS.index(row["verdict"]), row["confidence"] or 0.0

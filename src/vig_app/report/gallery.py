@@ -86,7 +86,7 @@ def cards_of(results: Path, out: Path) -> tuple[list[Card], int]:
 
 
 def _link(folder: Path, out: Path) -> str:
-    """Return address of a result's report.html from a page in `out`."""
+    """Return the address of a result's report.html from a page in `out`."""
     page = folder.resolve() / "report.html"
     try:
         return quote(os.fsencode(Path(os.path.relpath(page, out.resolve())).as_posix()))

@@ -59,7 +59,7 @@ def ledger_of(out: Path) -> Iterator[Any]:
 
 def rows_done(ledger: Any) -> dict[str, tuple[str, Rows]]:
     """Return key and rows of photos that were explained, by their folders, the last of each; half a line,
-    as a kill leaves it, is ended.
+    as after a kill, is completed.
     """
     ledger.seek(0)
     done: dict[str, tuple[str, Rows]] = {}

@@ -128,7 +128,7 @@ class Viewer:
         self.walk.close()
 
     def on_thread(self, work: Callable[[], Any]) -> Any:
-        """Do some work after that before it; return or raise its outcome."""
+        """Do some work after the previous work; return or raise its outcome."""
         return self._thread.submit(work).result()
 
     def page(self) -> str:
@@ -275,8 +275,8 @@ class Viewer:
             self._say(str(error) if len(changes) == 1 else self._one_by_one(changes), refused=True)
 
     def _one_by_one(self, changes: list[Change | None]) -> str:
-        """Return each by itself; the messages of those that are refused. Taking one of these back does
-        nothing.
+        """Make each correction by itself; return the messages of refused ones. Taking one of these back
+        does nothing.
         """
         messages: list[str] = []
         refused = 0

@@ -71,7 +71,7 @@ class Walk:
     """Some items, of which one is open."""
 
     def __init__(self, items: list[Item], run: Path | None = None):
-        """Begin before the first; `run` is the folder of the run that the items are of, if any."""
+        """Begin before the first item; `run` is the folder of the items' run, if any."""
         self.items, self.run = items, run
         self.place = -1
         self.session: Session
@@ -111,12 +111,12 @@ class Walk:
         return Walk(sorted(map(_of_result, sorted(paths)), key=lambda item: review_order(item.found)))
 
     def open(self, place: int) -> None:
-        """Open one; UserError where it cannot be, and the one before stays open."""
+        """Open an item; UserError where it cannot be, and the one before stays open."""
         self.session = self._session(place)
         self.place = place
 
     def prepare(self) -> None:
-        """Fit the next one already."""
+        """Fit the next item in advance."""
         following = self.place + 1
         if following < len(self.items):
             with suppress(UserError):  # which is reported when it is opened
@@ -132,8 +132,8 @@ class Walk:
         return Session(self._explainers[object_class], photo, state, item.others())
 
     def step(self, by: int) -> str:
-        """Open the next one in a direction, +1 or -1, that can be; returns why others could not be, and what
-        is not as it was fitted.
+        """Open the next item in a direction, +1 or -1, that can be; returns why others could not be, and
+        which of its hints are left out.
 
         Raises:
             UserError: There is none.
