@@ -177,7 +177,7 @@ class Explainer:
         if window is None:
             clues = None if hints is None else hints.clues()
             best = find(pyramid, self.recognizer, clues)
-            # Where the user gives its place, it is there.
+            # A place given by the user is certain.
             window, present = best.window, best.present if clues is None else 1.0
             window = window if roll is None else replace(window, roll=roll)
         focal_from, too_wide = "assumed", False
@@ -222,7 +222,7 @@ class Explainer:
             photos: Any number of them; they are taken as they are needed.
             boxes: One for each photo, None where the object is to be found.
             workers: Processes that share the photos out; 1 stays in this one.
-            skip: Is called with the number of a photo that cannot be used, and why; the others go on. Without
+            skip: Is called with the number of an unusable photo and the reason; the others continue. Without
                 it the first such photo raises.
             focal: Focal length of all photos, pixels; see `explain`.
             hints: One for each photo, None where nothing is known.
@@ -317,7 +317,7 @@ def lower_confidence(fit: Fit, factor: float, name: str) -> Fit:
 
 
 def checked_box(box: Any) -> Box:
-    """Return four finite numbers from whatever was given as a box; UserError when it is something else."""
+    """Return a given box as four finite numbers; UserError when it is something else."""
     try:
         numbers = [float(number) if isinstance(number, str) else number_of(number) for number in box]
         x, y, w, h = (math.nan if number is None else number for number in numbers)

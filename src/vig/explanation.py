@@ -39,7 +39,7 @@ class Alternative:
     Attributes:
         latents: All numbers (B = 1).
         camera: Camera of the whole photo.
-        probability: That it is the right view; NaN for a class without calibration.
+        probability: Probability that it is the right view; NaN for a class without calibration.
     """
 
     latents: Latents
@@ -370,7 +370,7 @@ class Explanation:
         """Write the explanation in the formats of other tools, docs/explanation.md; returns the folder.
 
         Args:
-            folder: That of `save`, as some formats name its mask.
+            folder: Folder of `save`, as some formats name its mask.
             formats: Any of "bop", "coco", "nerfstudio", "ros" and "usd".
             photo: Name of the photo in the files.
 

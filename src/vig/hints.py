@@ -29,7 +29,7 @@ class Stroke:
         x: Where a brush was set down, and y.
         y: Down.
         radius: Radius of the brush.
-        said: The label.
+        said: Label of its pixels.
         path: Further places that it was moved along.
     """
 
@@ -84,7 +84,7 @@ class PlainHints:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Hints(PlainHints):
-    """A user's knowledge of the object in a photo of H x W pixels; whatever is not known is left out.
+    """A user's knowledge of the object in a photo of H x W pixels; unknown parts are left out.
 
     Attributes:
         mask: (H, W) bool, all pixels in which the object is seen.

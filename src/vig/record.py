@@ -79,7 +79,7 @@ class Window(msgspec.Struct):
 
 
 class Framing(msgspec.Struct):
-    """How the object lies in the window."""
+    """Place, size and roll of the object in the window."""
 
     shift: Two
     magnification: float
@@ -171,7 +171,7 @@ def record(
     """Return an explanation in plain numbers, degrees and linear RGB.
 
     Args:
-        fit: In the window.
+        fit: Fit in the window.
         object_class: Class as which the photo was explained. Azimuth is 0 without deviation where any turn
             looks the same.
         window: The part of the photo that was fitted.

@@ -166,7 +166,7 @@ class Correction:
     Attributes:
         name: Name of the object's folder among those of several; "" for a photo's one object.
         state: The hints; None where they cannot be taken.
-        box: Round the object as it was without corrections; None where that is unknown.
+        box: Box of the object as it was without corrections; None where that is unknown.
         problem: Why the hints cannot be taken, a line; "" where they can.
     """
 

@@ -39,7 +39,7 @@ LEAST_PIXELS = 30
 WHITE, BRIGHT, DARK = np.float32(255), np.float32(217), np.float32(38)
 """8-bit levels of `draw_panels`, those of visible pixels in the mask, and of grounds."""
 RESIDUAL_COLOURS = np.array([[0.80, 0.10, 0.10], [0.10, 0.25, 0.80]], np.float32)
-"""Where the photo is brighter, and where it is darker."""
+"""Colours where the photo is brighter, and where it is darker."""
 TINT = 0.2
 """Share of an object's colour in its tint."""
 COLOURS = np.array([(255, 220, 0), (0, 220, 255), (255, 90, 220), (120, 255, 90)], np.float32)
@@ -127,7 +127,7 @@ class CloseUp:
         part: (S, S) int, the object's part, -1 where nothing is.
         depth: (S, S) metres along the optical axis, inf where nothing is.
         visible: (S, S) bool, where nothing hides it.
-        camera: That of the rendering.
+        camera: Camera of the rendering.
     """
 
     photo: np.ndarray

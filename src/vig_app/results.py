@@ -80,7 +80,7 @@ TRACK_COLUMNS: dict[str, str | type] = {
 """Columns of the table of a track, the same way."""
 
 VERDICTS = ("failed", "absent", "reverted", "ambiguous", "trusted")
-"""In the order in which photos are to be looked at."""
+"""Verdicts in the order in which photos are to be reviewed."""
 FORMULA = re.compile("'*[=+\\-@\t\r\n\uff1d\uff0b\uff0d\uff20]")
 """Beginning of texts that spreadsheets would compute; a quote before it makes them texts."""
 GROUP = 4096
@@ -219,7 +219,7 @@ def read_results(folder: str | Path) -> list[dict[str, Any]]:
     """Return the rows of results.csv with numbers, truth values and None, as `pandas.DataFrame` takes them.
 
     Args:
-        folder: That of `vig fit` of several photos.
+        folder: Folder of `vig fit` for several photos.
 
     Raises:
         UserError: There is no such table, or it is damaged.

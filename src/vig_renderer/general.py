@@ -23,7 +23,7 @@ MARGIN = 1
 """Pixels drawn around the image and cut off again, so that its own border is blended like its middle."""
 
 NORMAL, ALBEDO, LIT = slice(0, 3), slice(3, 6), slice(6, 9)
-"""Columns of a vertex's attributes; the last are what light it reflects, where that is found at vertices."""
+"""Columns of a vertex's attributes; the last are its reflected light, where that is computed at vertices."""
 
 
 class _Opaque(torch.autograd.Function):

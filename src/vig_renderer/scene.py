@@ -97,13 +97,13 @@ class Rendering:
 
     rgb (B, H, W, 3): linear. coverage (B, H, W): the share of a pixel that objects cover. visible_masks
     (B, O, H, W): the share that each object is seen in. full_masks (B, O, H, W): the share that it covers,
-    seen or hidden by others. These four are blended at occlusion edges.
+    visible or hidden by others. These four are blended at occlusion edges.
 
-    Of the surface at the pixel's centre: depth (B, H, W) in metres along the optical axis, inf where nothing
+    The surface at the pixel's centre: depth (B, H, W) in metres along the optical axis, inf where nothing
     is; normals (B, H, W, 3) unit, world frame, 0 where nothing is; object_id (B, H, W) int32, the place in
     the scene's list, -1 where nothing is; triangle_id (B, H, W) int32, the row of that object's faces, or -1.
 
-    What nobody asks for, of the full masks and of the surface, is not computed.
+    Full masks and the surface are computed on first use.
     """
 
     rgb: torch.Tensor

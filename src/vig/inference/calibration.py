@@ -1,7 +1,7 @@
 """The calibration of fits, learned on validation photos: how likely a fit is right, and how far it is off.
 
 One logistic regression on a fit's confidence features gives the probability that its view is right, one that
-its mask is; a third, learned with rolled photos beside others, that the photo is in distribution, without
+its mask is; a third, learned with rolled photos among others, that the photo is in distribution, without
 which these mean nothing. The curvature at the fit gives deviations as if the model were exact and pixels
 independent; each is widened to `r sqrt((scale d)^2 + floor^2)`, r the residual's root mean square, scale and
 floor being apart for trusted fits and for others, so that 90 % intervals hold.

@@ -81,7 +81,7 @@ def assess(
         deviations = np.minimum(UNCALIBRATED_WIDENING * deviations, within_bounds)
     deviation = objective.latents(deviations).to_vector()[0]
     if rough:
-        # How probable other views are was not learned: unless it is trusted or told, any is possible.
+        # Probabilities of other views were not learned: unless trusted or given, any view is possible.
         told = hints is not None and hints.azimuth is not None
         unsure_view = verdict is not Verdict.TRUSTED and symmetry.fold > 0 and not told
         deviation[place] = uniform if unsure_view else min(float(deviation[place]), uniform)

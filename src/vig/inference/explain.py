@@ -1,4 +1,4 @@
-"""From photos to fits: starts, refinement, selection, confidence."""
+"""Fits of photos: starts, refinement, selection, confidence."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ LEAST_VIEW = 0.002
 VIEW_SPREAD = math.radians(8.0)
 """Standard deviation about an azimuth that a user gives."""
 ELEVATION_SPREAD = math.radians(4.0)
-"""And about an elevation, radians."""
+"""Standard deviation about an elevation that a user gives, radians."""
 
 SURE = 8.0
 """Nats against labels that a user excludes for a pixel: hands slip."""
@@ -94,7 +94,7 @@ class WindowHints:
         visible, hidden, beside = np.moveaxis(prediction.mask[0], -1, 0)
         if self.visible:
             visible, hidden = visible + hidden, np.zeros_like(hidden)
-        # A pixel that does not show the object is hidden or beside it, in the ratio that was predicted.
+        # A pixel that does not show the object is hidden or background, in the ratio that was predicted.
         behind = hidden / np.maximum(hidden + beside, 1e-6)
         away = np.stack([np.zeros_like(visible), behind, 1 - behind], axis=-1)
         classes = np.stack([visible, hidden, beside], axis=-1)
@@ -155,7 +155,7 @@ class WindowHints:
 
 @dataclass(frozen=True)
 class Projection:
-    """Where a shape model's vertices are in a window, as the objective's points place them."""
+    """Places of a shape model's vertices in a window, as the objective's points place them."""
 
     model: ShapeModel
     camera: Camera
@@ -240,7 +240,7 @@ def outermost_vertices(vertices: np.ndarray, directions: int = 2000) -> np.ndarr
 
 
 class BoxTerm(PlaceTerm):
-    """Box (x, y, w, h) of the whole object, told by the mean shape's outermost vertices."""
+    """Term of the whole object's box (x, y, w, h), by the mean shape's outermost vertices."""
 
     def __init__(self, box: tuple[float, float, float, float], projection: Projection):
         x, y, w, h = box

@@ -131,8 +131,8 @@ def pixel_prior(
     valid: np.ndarray | None = None,
     hints: WindowHints | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pixel model's prior, made the photo's own, and how much of the second component is
-    decoration.
+    """Return the pixel model's prior, adapted to the photo, and the decorated share of the second
+    component.
 
     mask (H, W, 3): predicted probabilities of visible, hidden, background, each at least 2 % so that no pixel
     is decided beforehand. With `surroundings` the uniform density of the background becomes that of

@@ -129,12 +129,12 @@ RELATIVE_SPREAD = 0.7
 DISTINCT_AZIMUTH = math.radians(25.0)
 """Azimuths farther apart are different views."""
 OTHER_VIEWS, UNINFORMED_VIEWS = 2, 5
-"""So many views beside the chosen one are kept, with and without a network that saw the photo."""
+"""Views kept in addition to the chosen one, with and without a network that saw the photo."""
 
 
 @dataclass(frozen=True)
 class RefinedStarts:
-    """Where the descents of the last stage ended.
+    """End points of the last stage's descents.
 
     Attributes:
         points: (S, P') of the objective.
@@ -157,12 +157,12 @@ class RefinedStarts:
 
 @dataclass(frozen=True)
 class ExpectedStart:
-    """A start beside the network's: where an object is expected from frames before.
+    """A start besides the network's: the expected pose of an object from earlier frames.
 
     Attributes:
         latents: One (B = 1).
         box: x, y, width, height of the object in the window, in its sides.
-        predict: In place of the recognizer.
+        predict: Function in place of the recognizer.
     """
 
     latents: Latents

@@ -21,7 +21,7 @@ MASK_RIGHT = 0.8
 
 
 class Verdict(Enum):
-    """How far an explanation can be believed; the value is a sentence for the user."""
+    """Reliability of an explanation; the value is a sentence for the user."""
 
     TRUSTED = "the fit explains the photo better than the recognition model's guess"
     REVERTED = "the fit went astray; this is the recognition model's guess"
@@ -44,7 +44,7 @@ class OtherView:
     Attributes:
         latents: One (B = 1).
         framing: (4,), as in `Fit`.
-        probability: That it is the right view; NaN without a calibration.
+        probability: Probability that it is the right view; NaN without a calibration.
         behind: Nats by which its score lies behind the fit's; NaN where it was not fitted to the end.
     """
 
@@ -71,7 +71,7 @@ class Fit:
         mask_by_pixel: (H, W) bool, the same by the paper's robust model, each pixel by itself.
         coverage: (H, W) probability that the object covers a pixel, hidden or not: the share that the model
             covers joined with the network's probability.
-        verdict: How far to believe it.
+        verdict: Reliability of the fit.
         reason: One sentence why.
         confidence: Probability that the view is right; NaN without a calibration.
         mask_confidence: Probability that the mask's IoU with the truth is `MASK_RIGHT` or more, or NaN.
@@ -191,7 +191,7 @@ OPEN = tuple(name for name in PICTURE if name != "stages")
 
 
 BY_KIND: Any = None
-"""In place of a setting's value: that of the class, else that of the kind of photo, see `resolve`."""
+"""Default of a setting: the value of the class, else of the kind of photo, see `resolve`."""
 
 
 @dataclass(frozen=True)
@@ -210,7 +210,7 @@ class ExplainSettings:
             the rendered one: painted decoration, a highlight.
         recognition_weight: Power of the predicted Gaussians of all latents but azimuth in the prior; 0 leaves
             these and azimuth's out.
-        appearance_weight: Power of those of albedo and light beside that.
+        appearance_weight: Additional power of those of albedo and light.
         prior_weight: Power of the prior of all latents, those Gaussians included: evidence counts pixels as
             independent, which they are not.
         azimuth_weight: Power of a Gaussian of 8 degrees about the likely azimuth that is nearest.
@@ -229,7 +229,7 @@ class ExplainSettings:
         calibrated: Whether verdict and deviations follow from a calibration, see `calibration_for`.
         widened: Whether deviations without one are the evidence's times `UNCALIBRATED_WIDENING`, within the
             bounds; a calibration is learned from the evidence's own, which it widens itself.
-        calibration: In place of the class's own.
+        calibration: Calibration in place of the class's own.
     """
 
     likelihood: PixelModel = SPATIAL

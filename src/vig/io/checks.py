@@ -1,6 +1,6 @@
 """Checks of data that others wrote: files are read whole, bounded and of the right types, or refused.
 
-The functions raise ValueError or OSError with a few plain words; `reading` turns whatever a parser raises
+The functions raise ValueError or OSError with a few plain words; `reading` turns any error of a parser
 into the one line (UserError) that a user sees.
 """
 
@@ -164,7 +164,7 @@ def check_arrays(
     """Check dtypes and shapes of arrays against each other; ValueError where they do not fit.
 
     Args:
-        arrays: By name.
+        arrays: Arrays by name.
         expected: By name, the dtypes that an array may have, separated by blanks; its shape. A letter in a
             shape stands for the same number everywhere.
 

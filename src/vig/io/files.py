@@ -59,7 +59,7 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
     """Yield a temporary path beside `path`; when the block ends well, rename it to `path`.
 
     The block writes one file at the temporary path, which has the same suffix. If the block raises, or
-    Ctrl-C arrives, the temporary file is removed and what `path` held before stays. Missing parent folders
+    Ctrl-C arrives, the temporary file is removed and the content of `path` stays. Missing parent folders
     are made. Readers never see half a file, even when the process is killed (a loss of power may lose the
     newest files: nothing waits for the disk).
 

@@ -19,7 +19,7 @@ class Geometry:
         positions: (K + 1, V, 3) mean and components; (1, coefficients) times these are the vertices.
         faces, edges: (F, 3), (E, 5) int32, see `edges_of`.
         rings: (V + 1,), (R, 3) int32, see `rings_of`.
-        transfer: (K + 1, V, 9) what self-shadowing and interreflection add to the lobes A_l Y_lm of each
+        transfer: (K + 1, V, 9) increments of self-shadowing and interreflection to the lobes A_l Y_lm of each
             vertex, of the mean shape and per component, see `ObjectClass.transfer`; None for none.
         reflectance: (V,) by which irradiance is multiplied, see `ObjectClass.reflectance`.
     """

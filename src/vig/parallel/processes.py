@@ -41,7 +41,7 @@ UNGUARDED = 78
 
 @dataclass(frozen=True)
 class Lost:
-    """In place of an item's result: so many processes died of it."""
+    """Stands for an item's result: `attempts` processes died of it."""
 
     attempts: int
 

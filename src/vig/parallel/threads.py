@@ -1,6 +1,6 @@
 """Work shared out to threads: native code and matrix products release Python's lock, and run side by side.
 
-How many is one setting: `set_thread_count`, or OMP_NUM_THREADS in the environment, by default the processors.
+Their number is one setting: `set_thread_count`, or OMP_NUM_THREADS in the environment, else the processors.
 Once a program has loaded torch, torch's number and ours are the same: the number set here is passed to it,
 and the one set there counts. Each thread computes on one core: a fit's matrices are small; on more cores a
 product waits for threads far longer than it computes. While something is explained numpy's linear algebra is
@@ -27,7 +27,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 MOST_CALLERS = 64
-"""How many of a user's threads may be within `on_one_core` at once; others wait."""
+"""Number of a user's threads that may be within `on_one_core` at once; others wait."""
 
 _here = threading.local()
 _starting = threading.Lock()

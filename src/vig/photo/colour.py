@@ -33,7 +33,7 @@ ADOBE_RGB = (0.64, 0.33, 0.21, 0.71, 0.15, 0.06, *D65)
 PQ = 16
 """Number of the perceptual quantiser among transfer characteristics (ITU-T H.273)."""
 HLG = 18
-"""And of hybrid log-gamma."""
+"""Number of hybrid log-gamma among them."""
 # Tags of TIFF.
 TRANSFER_FUNCTION = 301
 WHITE_POINT = 318
@@ -49,10 +49,10 @@ Curve = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Encoding:
-    """How a picture's samples stand for light.
+    """The encoding of light by a picture's samples.
 
     Attributes:
-        transfer: From samples in [0, 1] to linear light, 1 being white.
+        transfer: Function from samples in [0, 1] to linear light, 1 being white.
         chromaticities: x and y of red, green, blue and white.
         hdr: Whether light may be above 1, and is then mapped into [0, 1].
         system_gamma: Exponent of HLG, whose samples are light of the scene, not of the display.
@@ -234,7 +234,7 @@ def encoding_of(image: Image.Image, stated: Codes | bytes | None) -> Encoding | 
     except ValueError:  # no colour space: left aside, as readers of PNG do
         like_srgb = True
     if like_srgb and (curve is None or (exponent and abs(exponent * 2.2 - 1) < 0.01)):
-        return None  # 1 / 2.2 is what PNG wants to stand beside sRGB's chunk
+        return None  # PNG requires 1 / 2.2 with sRGB's chunk
     return Encoding(curve or linear_from_srgb, REC709 if like_srgb else chromaticities)
 
 

@@ -225,7 +225,7 @@ def _stated_colour(image: Image.Image) -> formats.Codes | bytes | None:
             return formats.stated_colour(file)
         finally:
             file.seek(place)
-    except Exception:  # a damaged file, or a closed one: who decodes it says so
+    except Exception:  # a damaged file, or a closed one: its decoder reports so
         return None
 
 

@@ -1,4 +1,4 @@
-"""Where a fit, which sees a window of a photo, puts the object before the camera that took the photo."""
+"""The object's pose before the camera that took a photo, from a fit in a window of it."""
 
 from __future__ import annotations
 

@@ -165,7 +165,7 @@ def tiff_pages(file: IO[bytes]) -> list[tuple[int | None, Any]]:
                 offsets[:0] = [(place, False) for place in (below if isinstance(below, tuple) else (below,))]
                 pages.append((number if in_chain else None, tags))
                 number += in_chain
-        except Exception:  # a damaged file: who decodes it says so
+        except Exception:  # a damaged file: its decoder reports so
             pass
     return pages
 
@@ -225,7 +225,7 @@ def white_level(tags: Any) -> int:
 
 
 class Codes(NamedTuple):
-    """How colours are coded, by ITU-T H.273."""
+    """Codes of colours by ITU-T H.273."""
 
     primaries: int
     transfer: int

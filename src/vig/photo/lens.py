@@ -42,7 +42,7 @@ MODEL = re.compile("model|type|projection")
 NOT_PINHOLE = re.compile(
     r"fish|equi|omni|kannala|ucm|double|fov|spher|cylind|ortho|theta|scaramuzza|\b(ds|mei|kb\d?)\b", re.I
 )
-"""Names of lenses that are not drawn by a K, whatever their coefficients are."""
+"""Names of lenses that a K does not describe, with any coefficients."""
 SIZES = (
     ("width", "w", "imagewidth", "imgwidth"), ("height", "h", "imageheight", "imgheight"),
     ("resolution", "imagesize", "imgsize", "size", "imageresolution"),
@@ -239,7 +239,7 @@ def _check_pinhole(camera: Mapping[Any, Any]) -> None:
 
 
 def _numbers_in(value: Any) -> Iterator[Any]:
-    """Yield all numbers in what may be nested, and of text in which there are any but 0 the text."""
+    """Yield all numbers in a nested value, and texts that hold any but 0."""
     values = [value]
     while values:
         item = values.pop()
@@ -254,7 +254,7 @@ def _numbers_in(value: Any) -> Iterator[Any]:
 
 
 def _four_numbers(camera: Any) -> tuple[float, float, float, float]:
-    """Return fx, fy, cx, cy from whatever states them."""
+    """Return fx, fy, cx, cy from any form of them."""
     given = camera
     if isinstance(camera, Mapping):
         camera = _flat(camera)
@@ -296,7 +296,7 @@ def focal_of(photo: object) -> float | None:
     """Return the focal length in pixels that EXIF data of a photo's file, or of a PIL image, state.
 
     None where they state none, and where the picture is not of the size at which they say it was stored: it
-    was cropped or resized since, and by how much of either they do not say.
+    was cropped or resized since, by an unknown amount.
     """
     try:
         if isinstance(photo, str | Path):

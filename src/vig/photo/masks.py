@@ -35,7 +35,7 @@ def box_of(mask: np.ndarray) -> tuple[int, int, int, int] | None:
 def read_mask(path: str | Path) -> np.ndarray:
     """Return a mask (H, W) bool from a picture.
 
-    Two values mean nothing and the object, whatever they are, the lower one nothing if it is 0; further ones
+    Any two values mean nothing and the object, the lower one nothing if it is 0; further ones
     are shades, of which those above half are the object. In colours and palettes black is nothing. A
     picture that is transparent in places is a cut-out: its opaque pixels are the object.
 
@@ -98,7 +98,7 @@ def _check_colours(path: Path, values: np.ndarray) -> None:
         return
     packed = red.astype(np.uint32) << 16 | green.astype(np.uint16) << 8 | blue
     colours = np.unique(packed[packed > 0])
-    # 64: colours beside black up to which they are those of objects, not the shades of an edge
+    # 64: colours besides black up to which they are those of objects, not the shades of an edge
     if 1 < len(colours) <= 64:
         refuse(path, "a mask of one object", f"{len(colours)} colours", REMEDY)
 

@@ -24,11 +24,11 @@ UNREAD_MATRICES = (8, 10, 12, 13, 14)
 ENDINGS = frozenset(".3gp .avi .flv .m2ts .m4v .mkv .mov .mp4 .mpeg .mpg .mts .ogv .ts .webm .wmv".split())
 """Endings of files that are taken for videos."""
 PICTURE_CODECS = frozenset("bmp gif jpeg2000 mjpeg png tiff webp".split())
-"""Codecs of covers that are not marked as such, beside a film of another codec."""
+"""Codecs of covers that are not marked as such, in a film of another codec."""
 FORMAT = 2
 """Version of frames: others, of an earlier vig, are written anew."""
 WHOLE = "frames.json"
-"""Written when all frames are: from what file, and how many."""
+"""Written after all frames: their file, and their number."""
 
 
 def is_video(path: Path) -> bool:
@@ -85,7 +85,7 @@ class Video:
 
     Attributes:
         file: PyAV's container.
-        stream: That of the pictures, no cover.
+        stream: Stream of the pictures, no cover.
     """
 
     def __init__(self, source: str, kind: str | None = None, timeout: float | None = None):

@@ -22,7 +22,7 @@ WINDOW_OVER_BOX = 1.4
 """Side of the window over the longer side of the object's box, as in training images (median)."""
 
 BOX_BELOW_CENTRE = 0.033
-"""How far the box's centre lies below the window's, in sides of the window (median of training images)."""
+"""Distance of the box's centre below the window's, in sides of the window (median of training images)."""
 
 SMALLEST_BOX = 8
 """Pixels of a box's shorter side, at least."""
@@ -333,7 +333,7 @@ class Window:
     ) -> Iterator[tuple[slice, slice]]:
         """Yield the part of a photo that the window touches, as rows and columns of a few lines at a time.
 
-        around: (S, S) bool, a map of the window; its box alone is wanted.
+        around: (S, S) bool, a map of the window; only its box is needed.
         """
         if around is None:
             bounds = self._bounds()

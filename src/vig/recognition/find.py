@@ -1,4 +1,4 @@
-"""Where the object is in a photo of any size: places of its map, looked at as windows."""
+"""Search of the object in a photo of any size: places of its map, tried as windows."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ MOVED_WINDOWS = 2
 LEAST_OF_BEST = 0.1
 """Probability of a place, over that of the likeliest, from which it is looked at."""
 CLUE_PROBABILITY = 0.5
-"""That an object's centre is in the middle of a window about clues, as if by the map."""
+"""Probability that an object's centre is in the middle of a window about clues, as if by the map."""
 MOVES = 2
-"""So often they are looked at, and moved each time. Windows of 60 real cars overlap the true ones by .79 as
+"""Looks at each window, which is moved after each. Windows of 60 real cars overlap the true ones by .79 as
 the map has them, by .95 after one move, by .97 after two."""
 PLACES_PER_OBJECT = 3
 """The same for each of several objects."""

@@ -153,7 +153,7 @@ class _Writer:
         return _Array(self.op("Clip", x.name, self.constant(0.0), self.constant(6.0)), outputs)
 
     def residual(self, x: _Array, name: str) -> _Array:
-        """Return two convolutions beside the identity."""
+        """Return two convolutions with a skip connection."""
         change = self.block(x, f"{name}.first", x.channels, 3)
         return self.sum(x, self.normalised(change, f"{name}.second", x.channels, 3), "Relu")
 

@@ -86,7 +86,7 @@ KERNELS = (3, 3, 5, 3, 5)
 
 @dataclass(frozen=True)
 class NetworkSettings:
-    """Sizes of the network; written beside the weights so that they can be read again.
+    """Sizes of the network; written with the weights so that they can be read again.
 
     The trunk is that of EfficientNet-Lite0 (Tan and Le 2019) up to its eleventh block.
 

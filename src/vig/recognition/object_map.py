@@ -1,4 +1,4 @@
-"""Where in a whole photo objects of a class are: a map of their centres and boxes, read at a few scales.
+"""Places of a class's objects in a whole photo: a map of centres and boxes, read at a few scales.
 
 Each cell of the trunk's coarsest maps states how sure it is that an object's centre lies in it, where in the
 cell, and how large its box is, hidden parts included (Zhou et al. 2019, "Objects as points").
@@ -42,7 +42,7 @@ width and height of the box, in cells."""
 
 @dataclass(frozen=True)
 class Place:
-    """Where an object seems to be.
+    """A likely place of an object.
 
     Attributes:
         box: x, y, w, h in the photo's pixels, round its hidden parts as well, also beyond the photo.

@@ -45,7 +45,7 @@ def vertex_irradiance(
     has a table.
 
     For one explanation (B = 1) and unit normals (V, 3) in the world frame: (V,), light that albedo 1
-    reflects, not below 0; less where the class's `reflectance` says so. The table is `ObjectClass.transfer`;
+    reflects, not below 0; less by the class's `reflectance`. The table is `ObjectClass.transfer`;
     without `self_shadow` it is left out. Arrays or tensors, of the normals' dtype.
     """
     lobes = sh_basis(normals) * like(normals, COSINE_LOBE)

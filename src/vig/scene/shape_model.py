@@ -14,7 +14,7 @@ MOST_MODES = 64
 MOST_VERTICES = 200_000
 MOST_FACES = 400_000
 LARGEST = 100.0
-"""Metres that a vertex may be from the origin, and move along one component."""
+"""Greatest distance of a vertex from the origin, and its greatest move along one component, metres."""
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,7 @@ class Budget:
     Attributes:
         iterations: Steps at most, tried or taken; line searches, where there are any.
         tolerance: Nats; a search has converged when a step that was taken gains less.
-        curvature: Whether the normal matrix at the end is wanted.
+        curvature: Whether the normal matrix at the end is needed.
     """
 
     iterations: int = 30
@@ -62,7 +62,7 @@ class Budget:
 
 @dataclass(frozen=True)
 class Descent:
-    """Where B searches ended.
+    """End points of B searches.
 
     Attributes:
         points: (B, P'), the best of all points that a search evaluated.

@@ -1,4 +1,4 @@
-"""From a photo of several objects to what explains them: by their boxes, or found."""
+"""Explanation of several objects in a photo: by their boxes, or found."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def explain_together(
     Args:
         photo: A photo in any form of `Explainer.explain`.
         explainers: One for each object, that of its class; the same one may stand for several.
-        boxes: Round each whole object, hidden parts included.
+        boxes: Boxes round each whole object, hidden parts included.
         focal: In pixels; see `Explainer.explain`.
         camera: Intrinsics in place of that, likewise.
 
@@ -73,7 +73,7 @@ def explain_found(
     Args:
         photo: A photo in any form of `Explainer.explain`.
         explainers: One for each class.
-        most: So many objects at most.
+        most: Number of objects, at most.
         focal: In pixels; see `Explainer.explain`.
         camera: Intrinsics in place of that, likewise.
 

@@ -120,7 +120,7 @@ class Sighting:
 class RunningPrediction:
     """The network's predictions of frame after frame, each seen once: every second frame as its mirror image.
 
-    What hardly changes from frame to frame, the numbers, is averaged over those that showed the object.
+    The regressed numbers, which hardly change, are averaged over the frames that showed the object.
     """
 
     recognizer: Any
@@ -190,7 +190,7 @@ class Follower:
             if not sighting.lost:
                 self.place, self.roll, self.albedo = sighting.place, sighting.camera.roll, sighting.albedo
                 self.latest = explanation
-            if box is not None:  # whatever is sighting there: the object may be hidden from the start
+            if box is not None:  # whatever is visible there: the object may be hidden from the start
                 x, y, w, h = box
                 self.place = np.array([x + w / 2, y + h / 2, math.log(max(w, h))])
                 # 0.5: probability of the view in the first frame from which the colour in its box is taken
@@ -259,7 +259,7 @@ class Follower:
         # 2.0: factor to which they are widened at most
         off, wider = sighting.place - self.place, min(1 + 0.2 * self.missed, 2.0)
         # 0.8: probability of a view from which an object in the place is the right one whatever its colour:
-        # the colour of the frames before may be that of what hid it
+        # the colour of the frames before may be that of an occluder
         return (
             not sighting.lost
             and math.hypot(*off[:2]) < wider * MOST_SHIFT * math.exp(self._side)

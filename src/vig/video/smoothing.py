@@ -16,10 +16,10 @@ SPEED_SPREAD = 1.0
 SPEED_OTHER = 0.02
 """Probability of any other change of the speed."""
 KEEPING = 4.0
-"""Nats by which a path must be likelier than those that go on from the last angle, to replace them.
+"""Nats by which a path must be likelier than those that continue from the last angle, to replace them.
 Chosen, as `vig.video.tracker`'s numbers, on videos of the validation split by benchmarks.tracking."""
 TAILS = 4.0
-"""Degrees of freedom of the Student distribution of what single frames measure."""
+"""Degrees of freedom of the Student distribution of single frames' measurements."""
 SPEEDS = np.arange(-FASTEST, FASTEST + 1)
 """(S,) bins a frame."""
 _USUAL = np.exp(-0.5 * ((SPEEDS[:, None] - SPEEDS) / SPEED_SPREAD) ** 2)

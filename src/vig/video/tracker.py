@@ -102,7 +102,7 @@ class Tracker:
             frame: A photo as `Explainer.explain` takes it; those that follow have its size.
             mask: (H, W) bool, where the object is seen, or
             box: x, y, width, height in pixels round the whole object; without either it is sought.
-            K: In place of the tracker's.
+            K: Intrinsics in place of the tracker's.
 
         Returns:
             The pose; None where neither is given and the frame does not show the object.

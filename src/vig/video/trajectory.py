@@ -26,11 +26,11 @@ from vig_renderer.defaults import with_default_settings
 LEAST_SPREAD = math.radians(3.0)
 """Standard deviation of azimuth about one view, at least."""
 MOST_SPREAD = math.radians(12.0)
-"""And at most."""
+"""Standard deviation of azimuth about one view, at most."""
 FAR = math.radians(25.0)
 """A frame whose own view is farther from the chosen one is fitted again near that."""
 OFF = 0.15
-"""So is one whose place, in sides, or log size is farther from the smoothed one."""
+"""A frame whose place, in sides, or log size is farther from the smoothed one is fitted again, too."""
 ALIKE = 2.0, 3.0
 """Factors of the smoothed deviations of azimuth and elevation, as neighbouring frames err alike: so that 90 %
 intervals held on videos of the validation split."""
@@ -335,7 +335,7 @@ def view_evidence(sighting: Sighting, fold: int = 1) -> np.ndarray:
     if (seen := sighting.network) is not None:
         bins = (np.arange(len(seen)) + 0.5) * (2 * math.pi / len(seen))
         elsewhere = np.interp(centres, bins, seen * len(seen) * uniform, period=2 * math.pi)
-    # 0.05: probability that a view is none of a frame's, beside what its confidence leaves
+    # 0.05: probability that a view is none of a frame's, in addition to its confidence's rest
     evidence: np.ndarray = np.log(sighting.probabilities @ density + rest * elsewhere + 0.05 * uniform)
     return evidence
 

@@ -41,9 +41,9 @@ class PackagedPhoto:
 
 @dataclass(frozen=True, kw_only=True)
 class Example(PackagedPhoto):
-    """A PNG of 150 x 150 pixels, taken with `Camera.standard` of the class, and all that is true of it.
+    """A PNG of 150 x 150 pixels, taken with `Camera.standard` of the class, and its truth.
 
-    truth: One set of latents (B = 1); the light is what arrives at the object's place with the object
+    truth: One set of latents (B = 1); the light is that at the object's place with the object
     removed, and the shape the model's nearest to the object's.
     """
 

@@ -13,7 +13,7 @@ from vig_app.results import read_results
 FILE_NUMBERS = (r"()(?:^|/)([0-9]+)", r"()(?:^|/|[^0-9])([0-9]{1,18})")
 """Ends of paths that number the image: files named by a number, or with one at the end."""
 SCENE_NUMBERS = (r"([0-9]+)/(?:rgb|gray)/([0-9]+)", *FILE_NUMBERS)
-"""And before these BOP's, which number the scene, too."""
+"""The same preceded by BOP's, which number the scene, too."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Where each face of a class lies in a texture: its mean shape cut into charts, seen along the axes.
+"""Texture coordinates of a class's faces: its mean shape cut into charts, seen along the axes.
 
 Made once for a class. A chart is a connected piece whose faces look along the same of the six directions of
 the axes; it is seen from there, so that lengths are shortened by 1.7 at most.
@@ -32,14 +32,14 @@ SPLITS = 4
 
 @dataclass(frozen=True, eq=False)
 class Atlas:
-    """The texture coordinates of a mesh of V vertices and F faces, and what its texels show.
+    """The texture coordinates of a mesh of V vertices and F faces, and the surface points of its texels.
 
     Attributes:
         source: (U,) the vertex of each of the atlas's own vertices, which are doubled along charts' borders.
         faces: (F, 3) of these, in the mesh's order.
         coordinates: (U, 2) float32 in [0, 1], right and down from the image's corner, as glTF has them.
         texels: (SIDE^2,) int, of each pixel of the image, row by row, the texel that it shows: its own,
-            beside a chart one of the nearest, far from all the first.
+            next to a chart one of the nearest, far from all the first.
         face: (T,) of each texel.
         weights: (T, 3) float32 of the corners of its face at the texel's middle.
     """

@@ -36,9 +36,9 @@ BORDER = 7
 JUMP = 0.03
 """Difference in depth of neighbouring pixels, over the object's length, that is an outline within it."""
 NEAR = 0.02
-"""How far from the surface that a pixel shows a texel may be to have its colour, over the object's length."""
+"""Distance of a texel from the surface in a pixel up to which it has its colour, over the object's length."""
 LEAST_ALBEDO = 0.01
-"""From which the light is taken from the rendering."""
+"""Albedo from which the light is taken from the rendering."""
 MIRROR = np.array([1.0, -1.0, 1.0], np.float32)
 LEVELS = srgb8_from_linear(np.linspace(0, 1, 1 << 12))
 """8-bit sRGB of linear values in steps."""
@@ -106,7 +106,7 @@ class _Shown:
             over the depth of the surface, 0 where nothing is.
         place_from_object: (3, 4), to where a point is in the layers, from -1 to 1 each way.
         eye: (3,) camera's position in the object's frame.
-        near: How far from the surface that a pixel shows a point may be to have its colour, over its depth.
+        near: Distance of a point from the surface in a pixel up to which it has its colour, over its depth.
     """
 
     layers: np.ndarray

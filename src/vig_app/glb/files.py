@@ -17,7 +17,7 @@ from vig_app.glb.write import GlbObject, write_glb
 from vig_app.pictures import part_albedo
 
 MOST_SCALED = 1.5
-"""By what an object of a scene is scaled at most, so that it stands on the ground of the others."""
+"""Greatest scale of an object of a scene, so that it stands on the ground of the others."""
 
 
 def write_object(path: Path, explanation: Explanation, texture: Texture | None) -> None:
@@ -72,7 +72,7 @@ def on_one_ground(poses: Sequence[np.ndarray]) -> tuple[list[float], np.ndarray]
         poses: (4, 4) camera_from_object of each, metres; the object stands on its z = 0.
 
     Returns:
-        By what each is scaled about the camera, about 1 in the mean, and world_from_camera (4, 4): Y up, the
+        Scale of each about the camera, about 1 in the mean, and world_from_camera (4, 4): Y up, the
         ground at y = 0, the camera above the origin and looking towards -Z.
     """
     up = np.mean([pose[:3, 2] for pose in poses], axis=0)

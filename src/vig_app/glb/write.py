@@ -40,7 +40,7 @@ class GlbObject:
         vertices: (V, 3) metres, in the object's frame, in which they are stored.
         colours: (parts, 3) linear RGB in [0, 1].
         node: (4, 4), from there to glTF's frame, Y up.
-        texture: In place of the parts' colours.
+        texture: Texture in place of the parts' colours.
         extras: Further entries of its node.
     """
 
@@ -61,7 +61,7 @@ def write_glb(
     Args:
         path: Path of the file.
         objects: Each becomes a node and a mesh.
-        camera: That of the photo.
+        camera: Camera of the photo.
         world_from_camera: (4, 4) its pose in glTF's frame; camera axes as in OpenCV.
     """
     file = _File()

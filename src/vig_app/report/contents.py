@@ -19,7 +19,7 @@ from vig_app.report.html import filled, png_url
 PAGE_SIDE = 768
 """Pixels of the longer side of a page's photo."""
 COARSER = 2
-"""How many times fewer points a side the distances to the outlines have on a page."""
+"""Factor by which the distances to the outlines have fewer points a side on a page."""
 
 
 def report(explanation: Explanation, photo: str) -> str:

@@ -21,7 +21,7 @@ from vig_app.report import words
 STEPS = 8
 """Steps of the fit that a page shows at most."""
 NEAREST = 0.5
-"""Where drawing begins, of the depth of the object's nearest vertex; it ends as much beyond the farthest."""
+"""Near plane, of the depth of the object's nearest vertex; it ends as much beyond the farthest."""
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ MOST_ENTRIES = 200
 MOST_ERRORS = 200
 """Photos that are listed as not explained."""
 WHOLE = 1200
-"""And of the picture of several objects."""
+"""Pixels of the longer side of the picture of several objects, at most."""
 THUMBNAIL_FILE = "thumbnail.jpg"
 COLUMNS = {
     "verdict": "verdict", "azimuth": "azimuth_deg", "elevation": "elevation_deg", "hidden": "hidden_fraction",
@@ -72,7 +72,7 @@ def folder_html(
         entries: The photos that are shown.
         total: How many were explained, if more than are shown.
         errors: Why others were not; the first `MOST_ERRORS` are shown.
-        title: In place of their number.
+        title: Title in place of their number.
         picture: (H, W, 3) uint8, of all of them.
         note: Under the title.
     """

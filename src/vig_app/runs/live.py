@@ -224,7 +224,7 @@ def run_live(
         source: A source as `LatestFrame` takes it.
         tracker: Not started.
         out: Folder of the files; made where it is missing.
-        box: Round the object in the first frame; else it is sought, frame after frame.
+        box: Box of the object in the first frame; else it is sought, frame after frame.
         say: Is called with a line about a frame, once a second.
         timeout: Seconds without a frame after which the source is given up.
 

@@ -49,15 +49,15 @@ class Task:
     Attributes:
         photo: Its file.
         folder: Within that of the run.
-        box: Round its one object; None where that is to be found.
-        focal: In pixels, where it is known.
-        hints: On its one object.
+        box: Box of its one object; None to find it.
+        focal: Focal length in pixels, where it is known.
+        hints: Hints on its one object.
         mask: A file, read with the photo.
         objects: Class and box of each of several objects, which are explained together.
-        most: So many objects, of any of the run's classes, are to be found and explained together.
+        most: Number of objects, of any of the run's classes, to find and explain together.
         camera: Its intrinsics in place of the focal length, as `vig.photo.Intrinsics.of` takes them.
-        corrected: By hand, see `vig_app.corrections.corrected_in`; in place of box, focal length, camera and
-            hints of the one object, or of that of several.
+        corrected: Corrections by hand, see `vig_app.corrections.corrected_in`; in place of box, focal
+            length, camera and hints of the one object, or of that of several.
         key: Key of all that the results depend on, written with them; see `vig_app.runs.ledger.key_of`.
     """
 
@@ -230,10 +230,10 @@ def _lens(task: Task, explanation: Explanation) -> tuple[float, float, float, fl
 
 @contextmanager
 def beside_folder(task: Task) -> Iterator[Path]:
-    """Give a folder to write into; when the block ends well it takes the place of the photo's, else it goes.
+    """Yield a folder to write into; when the block ends well it replaces the photo's, else it is removed.
 
     Where the photo's folder is there its files are replaced one by one, those of earlier results that are not
-    made anew go, and what else is there stays. Without `KEY`, which goes first and comes last, a folder is
+    made anew are removed, and other files stay. Without `KEY`, which goes first and comes last, a folder is
     not taken for done.
     """
     beside = task.folder.with_name(f".{task.folder.name}{PARTIAL}")

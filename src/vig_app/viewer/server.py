@@ -103,7 +103,7 @@ class Viewer:
             host: The address that is listened at.
 
         Raises:
-            UserError: No port can be had, or no photo be opened.
+            UserError: No port is free, or no photo can be opened.
         """
         self.walk = walk
         self._server = _bound(port, host, partial(_Handler, self))

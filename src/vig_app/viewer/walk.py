@@ -37,10 +37,10 @@ class Item:
     Attributes:
         name: Name of the item.
         folder: Folder of its results.
-        found: `verdict` and `confidence`, and what else a row of the run's table has; empty for a new photo.
+        found: `verdict` and `confidence`, and further columns of the run's table; empty for a new photo.
         photo: Its file, class and prior knowledge, where no file in the folder has them.
-        corrected: By hand, and saved.
-        box: In place of the one that is known.
+        corrected: Whether it was corrected by hand, and saved.
+        box: Box in place of the known one.
     """
 
     name: str
