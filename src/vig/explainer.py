@@ -52,7 +52,7 @@ TOO_WIDE = "; the lens is so near to it that a weaker perspective than the lens'
 
 @with_default_settings
 class Explainer:
-    """Explains photos of one class of objects.
+    """Explainer of photos of one class of objects.
 
     Example:
         ```python
@@ -135,7 +135,7 @@ class Explainer:
     ) -> Explanation:
         """Explain a photo in which the object is known to be in the middle of a window, as in a video.
 
-        As `explain` with a box of that window, which may reach beyond the photo and be turned; or with a box.
+        Like `explain` with a box of that window, which may exceed the photo and be turned; or with a box.
         With a focal length alone the answer's camera looks straight at the object all the same. With a start
         that is `expected` few others are tried: a third of the time.
         """
@@ -222,7 +222,7 @@ class Explainer:
             photos: Any number of them; they are taken as they are needed.
             boxes: One for each photo, None where the object is to be found.
             workers: Processes that share the photos out; 1 stays in this one.
-            skip: Is called with the number of an unusable photo and the reason; the others continue. Without
+            skip: Called with the number of an unusable photo and the reason; the others continue. Without
                 it the first such photo raises.
             focal: Focal length of all photos, pixels; see `explain`.
             hints: One for each photo, None where nothing is known.
@@ -355,9 +355,9 @@ def lens_of(photo: Photo, focal: float | None = None, camera: Any = None) -> Len
 
 
 def _matched(photos: Iterable[Photo], **others: Iterable[Any] | None) -> Iterator[tuple[Any, ...]]:
-    """Yield each photo with its own of the others, None of those that are not given.
+    """Yield each photo with its item of each of the others, None where these are not given.
 
-    UserError where photos and others are not as many.
+    UserError where their numbers differ.
     """
     by_name = {name: each for name, each in others.items() if each is not None}
     missing = object()

@@ -73,7 +73,7 @@ class Explanation:
         fit: The fit in that window: latents, deviations, masks of the window, evidence.
         object_class: Class as which the photo was explained.
         camera_distance_ratio: Distance of the camera and focal length of the fit, of the standard camera's.
-        focal_from: Where the focal length is from: "given", the photo's "exif" data, or "assumed".
+        focal_from: Source of the focal length: "given", the photo's "exif" data, or "assumed".
         hints: Prior knowledge of the object.
         others: (H, W) bool, pixels in which other objects are visible, where these were explained, too.
     """
@@ -94,7 +94,7 @@ class Explanation:
 
     @property
     def verdict(self) -> Verdict:
-        """Return how far the explanation can be believed."""
+        """Return the reliability of the explanation."""
         return self.fit.verdict
 
     @property
@@ -122,10 +122,10 @@ class Explanation:
     @property
     def trusted(self) -> tuple[str, ...]:
         """Return the trusted parts of the answer: "view" where the verdict is "trusted", "mask" where its
-        confidence does.
+        confidence reaches the threshold.
 
         One does not follow from the other: from a view that is right textured things before the object may
-        be taken for painted object, and a mask may be right whichever way the object is turned.
+        be taken for painted object, and a mask may be right with a wrong view.
         """
         view = ("view",) if self.verdict is Verdict.TRUSTED else ()
         return view + (("mask",) if self.fit.mask_trusted else ())
@@ -161,7 +161,7 @@ class Explanation:
 
     @property
     def roll_deg(self) -> float:
-        """Return by how far the photo is turned clockwise about the object, degrees."""
+        """Return the photo's clockwise roll about the object, degrees."""
         return math.degrees(self.camera.roll)
 
     @cached_property
@@ -216,7 +216,7 @@ class Explanation:
 
     @property
     def mask(self) -> np.ndarray:
-        """Return the pixels (H, W) bool in which the object is seen."""
+        """Return the pixels (H, W) bool in which the object is visible."""
         return self._masks[1]
 
     @cached_property
@@ -233,7 +233,7 @@ class Explanation:
     def outlines(self) -> tuple[np.ndarray, np.ndarray]:
         """Return distances to the outlines of the object's covered pixels and of its visible ones.
 
-        See `outline_distance`; as precise as pictures of `SMALLEST_PICTURE` pixels or more show them.
+        See `outline_distance`; up to the lines' reach in pictures of `SMALLEST_PICTURE` pixels or more.
         """
         height, width = self.picture.shape[:2]
         scale = min(1.0, SMALLEST_PICTURE / max(height, width))
@@ -255,7 +255,7 @@ class Explanation:
 
     @property
     def hidden_fraction(self) -> float | None:
-        """Return the share of the object's pixels within the photo that something hides; None when there
+        """Return the share of the object's pixels within the photo that are hidden; None when there
         are none.
         """
         covered = int(self.amodal.sum())
@@ -284,9 +284,9 @@ class Explanation:
         Args:
             light: (9,) SH coefficients of incident radiance in the world frame.
             albedo: (3,) linear RGB in [0, 1].
-            camera: In place of the photo's; its width and height are those of the picture.
-            azimuth_deg: In place of the explained azimuth.
-            elevation_deg: In place of the explained elevation.
+            camera: Camera in place of the photo's; its width and height are those of the picture.
+            azimuth_deg: Azimuth in place of the explained one, degrees.
+            elevation_deg: Elevation in place of the explained one, degrees.
 
         Returns:
             (H, W, 4) float32: linear RGB, and the share of each pixel that the object covers.
@@ -347,9 +347,9 @@ class Explanation:
         Exports of another result that are there, see `export`, are removed.
 
         Args:
-            folder: Is made when it is missing.
+            folder: Folder, made when it is missing.
             photo: Name of the photo in the report.
-            files: Which of them beside explanation.json, such as ["mask.png"]; by default all.
+            files: Files besides explanation.json, such as ["mask.png"]; by default all.
             full_size: Whether overlay.png is as large as the photo; else it has 2,048 pixels a side at most.
 
         Raises:

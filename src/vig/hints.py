@@ -26,8 +26,8 @@ class Stroke:
     """A stroke that a user painted with a `PixelLabel`, all in pixels of the photo.
 
     Attributes:
-        x: Where a brush was set down, and y.
-        y: Down.
+        x: Place where the brush was set down, to the right.
+        y: The same, downwards.
         radius: Radius of the brush.
         said: Label of its pixels.
         path: Further places that it was moved along.
@@ -66,7 +66,7 @@ class PlainHints:
         visible: Nothing hides any of the object.
         azimuth_deg: Azimuth of the camera, to some 8 degrees; one of `Explanation.alternatives`, say.
         elevation_deg: Elevation of the camera; it is held.
-        roll_deg: By how far the photo is turned clockwise; it is held.
+        roll_deg: Clockwise roll of the photo; it is held.
     """
 
     points: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -87,10 +87,10 @@ class Hints(PlainHints):
     """A user's knowledge of the object in a photo of H x W pixels; unknown parts are left out.
 
     Attributes:
-        mask: (H, W) bool, all pixels in which the object is seen.
+        mask: (H, W) bool, all pixels in which the object is visible.
         marks: (H, W) uint8, `PixelLabel` of each pixel, such as scribbles.
-        pose: (4, 4) camera_from_object of another tool, with which the search begins, in place of
-            azimuth, elevation and roll.
+        pose: (4, 4) camera_from_object of another tool, with which the search begins; gives azimuth,
+            elevation and roll that are not stated.
     """
 
     mask: np.ndarray | None = None

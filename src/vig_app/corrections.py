@@ -124,7 +124,7 @@ class State(PlainHints):
             folder: Folder of the results.
             photo: Its file.
             object_class: Class as which it was explained.
-            corrected: By hand, so that `vig fit` takes it in place of its own hints.
+            corrected: Whether by hand, so that `vig fit` takes it in place of its own hints.
             object_box: Box of one of several objects, as it was uncorrected; by default that of the file
                 that is there.
 

@@ -26,7 +26,7 @@ Made = TypeVar("Made")
 OUTLINE = np.array([255, 210, 0], np.float32)
 """Colour of outlines, 8-bit sRGB; `HIDDEN` is that of hidden pixels, mixed in by `HIDDEN_SHARE`."""
 BORDER = np.array([20, 20, 20], np.float32)
-"""Beside the outline, so that it shows on bright and yellow ground, too."""
+"""Colour next to the outline, so that it shows on bright and yellow ground, too."""
 HIDDEN = np.array([235, 40, 120], np.float32)
 HIDDEN_SHARE = 0.5
 PANEL = 300

@@ -96,7 +96,7 @@ def barycentrics(
         points: (V, 3) homogeneous screen points (x z, y z, z).
         corners: (N, 3) int64, the faces' vertices.
         pixels: (N, 2), column and row.
-        derivatives: Also give the weights' derivatives along the screen.
+        derivatives: Whether to return the weights' derivatives along the screen, too.
 
     Returns:
         (N, 3, 3): the weights, then their derivatives per pixel to the right, and per pixel downwards;

@@ -1,4 +1,4 @@
-"""The calibration of fits, learned on validation photos: how likely a fit is right, and how far it is off.
+"""The calibration of fits, learned on validation photos: probabilities that it is right, and deviations.
 
 One logistic regression on a fit's confidence features gives the probability that its view is right, one that
 its mask is; a third, learned with rolled photos among others, that the photo is in distribution, without

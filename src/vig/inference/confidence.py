@@ -149,7 +149,7 @@ def _views(
 ) -> tuple[OtherView, ...]:
     """Return the other views of a selection.
 
-    The rest of the fit's confidence is shared among them and all untried views, in proportion to the
+    1 minus the fit's confidence is shared among them and all untried views, in proportion to the
     recognition model's probabilities of azimuth.
     """
     if not len(selection.others):
@@ -157,7 +157,7 @@ def _views(
     canonical = objective.object_class.symmetry.canonical(objective.latents(selection.others))
     framings = objective.framing(selection.others)
     mass = np.exp(prediction.log_mass(np.concatenate([latents.azimuth, canonical.azimuth])))
-    # Where views overlap their masses may add up to more than the rest of the fit's.
+    # Where views overlap their masses may add up to more than 1 minus the fit's.
     rest = mass[1:] / max(1 - mass[0], mass[1:].sum())
     vectors = canonical.to_vector()
     return tuple(

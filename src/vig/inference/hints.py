@@ -19,9 +19,9 @@ POINT_NOISE = 0.02
 POINT_WEIGHT = 100.0
 """Power of the points' Gaussian: evidence counts pixels as independent, which they are not."""
 BOX_NOISE = 0.02
-"""The same of the sides of a box drawn by hand."""
+"""Standard deviation of the sides of a box drawn by hand, in sides of the window."""
 COARSE_NOISE = 0.08
-"""The same deviation where views are compared before the shape is fitted."""
+"""Standard deviation of a point where views are compared before the shape is fitted."""
 LEAST_VIEW = 0.002
 """Probability added to each bin of azimuth: the network may rule out the user's view."""
 VIEW_SPREAD = math.radians(8.0)
@@ -42,7 +42,7 @@ class PixelLabel(IntEnum):
 
     UNKNOWN = 0
     SEEN = 1
-    """The object is seen."""
+    """The object is visible."""
     IN_FRONT = 2
     """It is not: something is in front of it, or it is not there."""
     NOTHING = 3
@@ -87,7 +87,7 @@ class WindowHints:
         """Return the prediction (N = 1) of a network that knew the hints.
 
         Labelled pixels have that class; elevation and azimuth are about those given; each
-        bin of azimuth is weighted by how well it puts the points where they are, framed by the mask's box.
+        bin of azimuth is weighted by its agreement with the points, framed by the mask's box.
         """
         numbers, deviation = prediction.numbers.copy(), prediction.deviation.copy()
         azimuth = prediction.azimuth
@@ -129,7 +129,7 @@ class WindowHints:
     def _agreement(
         self, prediction: Prediction, azimuths: np.ndarray, object_class: ObjectClass, camera: Camera
     ) -> np.ndarray:
-        """Return how well each azimuth (A,) puts the points, as exp(-r^2 / 2): (A,) float64, at most 1."""
+        """Return each azimuth's agreement (A,) with the points, exp(-r^2 / 2): float64, at most 1."""
         best = prediction.best()
         count = len(azimuths)
         vertices = object_class.shape_model.vertices(best.shape)

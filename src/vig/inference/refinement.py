@@ -33,8 +33,8 @@ class Selection:
         evaluations: Evaluations of the objective, by all starts together.
         gap: Nats by which the best end of another view lies behind; infinite when there is none.
         close: Whether that is less than `AMBIGUOUS_NATS`.
-        turned_deg: By how far that end (when it is not close, the recognition model's guess) is turned about
-            the vertical, 0 to where it looks the same.
+        turned_deg: Turn of that end (when it is not close, of the recognition model's guess) about the
+            vertical, 0 to where it looks the same.
         others: Points (n, P') of other views, the one of `turned_deg` first; at most `OTHER_VIEWS`, or
             `UNINFORMED_VIEWS` where no network made a guess.
         behind: For each of these, nats by which its score lies behind; NaN where it was not fitted to
@@ -127,7 +127,7 @@ AZIMUTH_SPREAD = math.radians(8.0)
 RELATIVE_SPREAD = 0.7
 """Elevation and shape are perturbed by this share of the deviations that the network states."""
 DISTINCT_AZIMUTH = math.radians(25.0)
-"""Azimuths farther apart are different views."""
+"""Difference of azimuth from which views are different, radians."""
 OTHER_VIEWS, UNINFORMED_VIEWS = 2, 5
 """Views kept in addition to the chosen one, with and without a network that saw the photo."""
 
@@ -242,7 +242,7 @@ def survivors(
     Args:
         azimuth: (B,) radians.
         scores: (B,), higher is better.
-        count: At most B.
+        count: Number of points, at most B.
         symmetry: Views that look the same are one.
         one_per_view: Only the best of each view, fewer than `count` where there are no more.
     """

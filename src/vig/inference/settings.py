@@ -217,7 +217,7 @@ class ExplainSettings:
         view_weight: Weight of the network's view log-probability against evidence when ends are compared,
             for the same reason.
         self_shadow: Shade with self-shadowing and interreflection, where the class has a table of them.
-        free_framing: Also fit shift, magnification and roll: boxes are drawn by hand.
+        free_framing: Whether to fit shift, magnification and roll: boxes are drawn by hand.
         camera_distance_ratio: Distance of the camera and focal length, of the standard camera's.
         network_mask_share: Weight, 0 to 1, of the network's class probabilities in the outline and the mask
             that a fit of the `SPATIAL` model states; the rest is the model's silhouette and posterior.
@@ -301,15 +301,15 @@ class ExplainSettings:
 
 
 FitSettings = ExplainSettings
-"""Settings of which nothing is left open, as `resolve` returns them."""
+"""Settings without open values, as `resolve` returns them."""
 
 
 def resolve(settings: ExplainSettings, object_class: ObjectClass, photo: bool = False) -> FitSettings:
     """Return settings with nothing left open: the user's, else the class's, else those of the kind of photo.
 
     Args:
-        settings: The user's; those that have been resolved stay as they are.
-        object_class: Its `fit_settings` are those that class.json states.
+        settings: The user's settings; those that have been resolved stay as they are.
+        object_class: Class, whose `fit_settings` are those of class.json.
         photo: A photograph, or a picture by the standard camera.
 
     Raises:
@@ -357,7 +357,7 @@ alone decides."""
 
 
 def without_network(settings: FitSettings) -> FitSettings:
-    """Return the same settings for a photo without a network's prediction."""
+    """Return the settings for a photo without a network's prediction."""
     return replace(settings, **ALL_ROUND)
 
 
@@ -374,7 +374,7 @@ other views."""
 
 
 def for_tracking(settings: FitSettings) -> FitSettings:
-    """Return the same settings for a frame of a video; its mask is without a minimum cut."""
+    """Return the settings for a frame of a video; its mask is without a minimum cut."""
     model = settings.likelihood
     mask = model.mask and replace(model.mask, exact_start=False)
     return replace(settings, likelihood=replace(model, mask=mask), **TRACKING)

@@ -4,7 +4,7 @@ Light at infinity explains neither, and the residual would bend shape and view. 
 sum of `GRID` x `GRID` Gaussian bumps over the object. Their heights have the prior N(0, `gain_deviation`^2),
 to the power `prior_weight` as all latents. The rendered colour is linear in them, so that they are found by
 least squares, in turn with descents of the latents. Even then the residual is not independent from pixel
-to pixel: the noise of the descents is as large as it is seen to be, which may lower the evidence under the
+to pixel: the noise of the descents is estimated, which may lower the evidence under the
 pixel model's own.
 """
 
@@ -36,7 +36,7 @@ BRIGHTEST = 8.0
 COVERED = 0.99
 """Share from which a pixel is wholly the object's; edges are a mixture."""
 LEAST_PIXELS = 50
-"""With fewer visible pixels there is no gain to be seen."""
+"""Visible pixels from which a gain is estimated."""
 
 
 def with_shading_gain(
@@ -45,7 +45,7 @@ def with_shading_gain(
     """Return the selection refined with a gain, and the objective of the photo divided by that gain.
 
     Its evidence counts the gain's prior; its curvature is under the photo's own noise, where that is more
-    than the pixel model's. Other views and how far they lie behind stay those of the search. All stays as it
+    than the pixel model's. Other views and their distances in nats stay those of the search. All stays as it
     is where too little of the object is visible, or the recognition model's guess has more evidence.
     """
     pixel_sigma = settings.likelihood.sigma

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
 SECONDS = 30.0
-"""After which a log gets a line, where `SHARE` does not come first."""
+"""Seconds after which a log gets a line, where `SHARE` does not come first."""
 SHARE = 0.1
 """Share of the run after which a log gets a line."""
 BETWEEN_MARKS = 1.0

@@ -33,7 +33,7 @@ else:  # a tensor is one of numpy's where it is used
     Photo = str | Path | Image.Image | np.ndarray
 Picture = TypeVar("Picture")
 ROUNDING = 1e-6
-"""By which floats may lie beyond [0, 1]: resampling rounds."""
+"""Excess of floats beyond [0, 1] that is allowed: resampling rounds."""
 
 
 def read_photo(path: str | Path) -> np.ndarray:

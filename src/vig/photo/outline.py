@@ -37,9 +37,9 @@ def outline_distance(share: np.ndarray, outside: float = REACH, inside: float = 
     """Return signed distance (4 S, 4 S) float32, in pixels of a map (S, S), to where the map is a half.
 
     Args:
-        share: In [0, 1], such as the share of each pixel that an object covers. Distances are negative where
-            it is more than a half.
-        outside: Up to which distance they are needed there, at most `REACH`; farther away they stay at that.
+        share: Values in [0, 1], such as the share of a pixel that an object covers. Distances are negative
+            where it is more than a half.
+        outside: Distance up to which they are needed there, at most `REACH`; farther away they stay at that.
         inside: The same of the other side.
     """
     size, reach = len(share), math.ceil(max(outside, inside)) + 1

@@ -34,7 +34,7 @@ LINES = 256
 STRIP = 32
 """Lines of a half that are made at a time."""
 DISTANCE_RATIO_BOUNDS = (0.75, 25.0)
-"""From a camera just outside the object to one so far away that perspective does not show."""
+"""Bounds: a camera just outside the object, and one so far away that perspective does not show."""
 
 
 BESIDE = 4

@@ -27,9 +27,9 @@ MOVES = 2
 """Looks at each window, which is moved after each. Windows of 60 real cars overlap the true ones by .79 as
 the map has them, by .95 after one move, by .97 after two."""
 PLACES_PER_OBJECT = 3
-"""The same for each of several objects."""
+"""Places that are looked at for each of several objects."""
 LEAST_ROLL = math.radians(5.0)
-"""A window is turned only where the network sees the object turned by more."""
+"""Roll, as the network sees it, from which a window is turned, radians."""
 TURNS = 3
 """Turns, at most: the network sees a part of a large roll. Real pots rolled by 30 degrees are 8 off in the
 median after one turn, 2 after two."""

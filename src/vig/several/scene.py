@@ -93,7 +93,7 @@ class SceneExplanation:
         """Write each object's results into a folder of its `names`, and their common files.
 
         Args:
-            folder: Is made when it is missing; docs/photographs.md describes its files.
+            folder: Folder, made when it is missing; docs/photographs.md describes its files.
             photo: Name of the photo in the reports.
             export: Formats that are written of each object, too; see `Explanation.export`.
             files: Which files are written of each object; see `Explanation.save`, as for full_size.

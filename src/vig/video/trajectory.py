@@ -223,7 +223,7 @@ def track(
         box: x, y, width, height in pixels round the whole object in the first frame; else it is sought.
         focal: Focal length in pixels of all frames; see `Explainer.explain`.
         hints: Prior knowledge in all frames.
-        on_frame: Is called with the number and the explanation of each frame, and of those fitted again.
+        on_frame: Called with the number and the explanation of each frame, and of those fitted again.
         camera: Intrinsics of all frames in place of a focal length, see `Explainer.explain`; poses are then
             in the frame of this camera.
 

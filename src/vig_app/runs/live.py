@@ -222,10 +222,10 @@ def run_live(
 
     Args:
         source: A source as `LatestFrame` takes it.
-        tracker: Not started.
+        tracker: Tracker that was not started.
         out: Folder of the files; made where it is missing.
         box: Box of the object in the first frame; else it is sought, frame after frame.
-        say: Is called with a line about a frame, once a second.
+        say: Called with a line about a frame, once a second.
         timeout: Seconds without a frame after which the source is given up.
 
     Raises:

@@ -36,14 +36,14 @@ def run(
 
     Args:
         tasks: Any number, with folders within `out`; they are taken as they are needed.
-        out: Holds the ledger.
-        settings: For all photos.
+        out: Folder that holds the ledger.
+        settings: Settings for all photos.
         workers: Processes; with 1 it is done in this one, in order. One that is killed is replaced.
         resume: Keep a ledger, which no other run may be writing to. Photos that it has are not fitted again;
             their rows have "done_before".
         cluster: Address of a Ray cluster in place of workers, `auto` for the one of this machine. Photos are
             sent to its nodes and results come back: they need vig and the class, but no shared disk.
-        finish: Is called last, however the run ends, while no other run can write to `out`; close the
+        finish: Called last, however the run ends, while no other run can write to `out`; close the
             iterator where it is left before its end. Not without a ledger.
 
     Raises:

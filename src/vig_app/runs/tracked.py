@@ -33,8 +33,8 @@ def run_tracked(
     Args:
         tasks: In the frames' order; the box is that of the first, the camera that of all.
         out: Folder of the run, see `run`.
-        settings: For all frames.
-        take: Is called with the row of a frame as it is done, once more where it is fitted again.
+        settings: Settings for all frames.
+        take: Called with the row of a frame as it is done, once more where it is fitted again.
         finish: See `run`.
 
     Raises:
