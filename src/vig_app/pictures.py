@@ -191,9 +191,9 @@ def draw_panels(shown: CloseUp) -> np.ndarray:
     uint8.
 
     The re-rendering stands in the photo, in front of everything. The residual is the photo's brightness less
-    the rendering's where the object is seen: red where the photo is brighter, blue where it is darker.
+    the rendering's where the object is visible: red where the photo is brighter, blue where it is darker.
     Normals are coloured by direction: red to the right, green up, blue towards the camera. The mask is white
-    where the object is seen, pink where it is hidden.
+    where the object is visible, pink where it is hidden.
     """
     size = len(shown.photo)
     photo = 255 * srgb_from_linear(shown.photo.reshape(-1, 3))
@@ -240,7 +240,7 @@ def part_colours(shown: CloseUp, albedo: np.ndarray, reflectance: np.ndarray) ->
     """Return linear RGB (parts, 3) of each part's surface.
 
     The albedo (3,) times the part's reflectance (parts,) and the photo over the re-rendering, the median of
-    where the part is seen, made so dark that it is in [0, 1]; without the photo where too little is seen.
+    where the part is visible, darkened into [0, 1]; without the photo where too little is visible.
     """
     colours: np.ndarray = (reflectance[:, None] * albedo).astype(np.float32)
     seen = shown.visible & (shown.coverage > 0.99)

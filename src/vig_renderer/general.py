@@ -109,7 +109,7 @@ class Visible:
 class Tables:
     """The objects' faces (F, 3) int64 numbered through.
 
-    face_object (F,): which object. first_face, place (O,): where an object's faces begin, its place in its
+    face_object (F,): which object. first_face, place (O,): an object's first face, its place in its
     scene.
     """
 

@@ -142,7 +142,7 @@ def read_tensors(
     Args:
         path: A regular file of at most `most` bytes.
         framework: "np" gives numpy arrays, "pt" torch tensors.
-        finite: Refuse NaN and infinity.
+        finite: Whether to refuse NaN and infinity.
 
     Raises:
         ValueError, OSError, SafetensorError: It is missing, too large or damaged.

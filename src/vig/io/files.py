@@ -112,7 +112,7 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
     If the block raises, or Ctrl-C arrives, the temporary folder is removed. Where `path` is there by then,
     made by another process, that one stays. A killed process leaves a folder with a hidden name.
 
-    Raises UserError as `atomic_write`.
+    Raises UserError like `atomic_write`.
     """
     path = Path(path)
     temporary = path.with_name(f".{secrets.token_hex(6)}")

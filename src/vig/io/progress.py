@@ -26,7 +26,7 @@ class Meter:
         done: Number of items that exist at its start.
         show: Whether to report anything.
         unit: Name of the items.
-        seconds: Between lines in a log, at most.
+        seconds: Seconds between lines in a log, at most.
     """
 
     def __init__(

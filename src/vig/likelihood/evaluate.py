@@ -166,7 +166,7 @@ class Likelihood:
         images: bool = False,
         curvature: bool = True,
     ) -> Evaluation:
-        """Evaluate points (B, P'), latents followed by framing; else as a call.
+        """Evaluate points (B, P'), latents followed by framing; otherwise like `__call__`.
 
         Without curvature there is a gradient but no normal matrix, for searches of first order.
 

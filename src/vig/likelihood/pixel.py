@@ -42,7 +42,7 @@ class PixelModel:
         sigma: Standard deviation of the noise, linear RGB.
         alpha: Prior of an object's pixel being visible, in (0, 1]; 1 is the Gaussian model.
         density: Noise density of a visible pixel, see `vig.likelihood.densities`.
-        mask: How the mask of a finished fit couples neighbouring pixels; None: each is on its own.
+        mask: Coupling of neighbouring pixels in the mask of a finished fit; None: each is on its own.
     """
 
     sigma: float

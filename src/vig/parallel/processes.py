@@ -82,7 +82,7 @@ def map_as_done(
         prepare: A function of a module, no closure: processes are spawned and import it.
         shared: Its argument.
         items: They and their results hold arrays: tensors would go through shared memory.
-        processes: How many.
+        processes: Number of processes.
 
     Raises:
         UserError: Processes end while they import the program's main module.

@@ -31,7 +31,7 @@ def opened(path: Path) -> Image.Image:
     """Open the largest picture of a photo file.
 
     Raises:
-        UserError: It is of another kind (`vig.photo.formats.why_no_photo`), or tiny or huge by its header.
+        UserError: The file is another kind (`vig.photo.formats.why_no_photo`), or tiny or huge by its header.
     """
     if reason := formats.why_no_photo(path):
         refuse(path, PHOTO, *reason)

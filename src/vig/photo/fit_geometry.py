@@ -37,8 +37,8 @@ class FitGeometry:
         """Return the pose (4, 4) before a camera with intrinsics (3, 3) that sees the object where the fit
         does.
 
-        That camera took the photo; the pose is the one under which vertices are seen nearest to where the
-        fit's camera sees them, those of the outline above all.
+        That camera took the photo; the pose is the one that projects vertices nearest to their places by the
+        fit's camera, those of the outline above all.
         """
         window = self.window_camera(framing)
         fitted = window.camera_from_object(latents)

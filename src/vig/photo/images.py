@@ -50,7 +50,7 @@ def read_picture(path: str | Path, what: str, decode: Callable[[Path, Image.Imag
         decode: Takes the path, which errors name, and the opened picture.
 
     Raises:
-        UserError: It is missing, unreadable, damaged, tiny (a side under `MIN_SIDE`), huge (over
+        UserError: The file is missing, unreadable, damaged, tiny (a side under `MIN_SIDE`), huge (over
             `MAX_PIXELS`, judged by its header), or another kind of file (`why_no_photo`).
     """
     path = existing_file(path)
@@ -109,7 +109,7 @@ def coded_photo(photo: Photo) -> np.ndarray:
             is taken as sRGB, floating point as linear RGB in [0, 1].
 
     Raises:
-        UserError: It is none of these, has another shape, type or range, or is tiny or huge.
+        UserError: The photo is none of these, has another shape, type or range, or is tiny or huge.
     """
     if isinstance(photo, str | Path):
         return read_picture(photo, "photo", decoded)

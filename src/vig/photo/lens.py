@@ -140,11 +140,11 @@ def camera_as_shown(photo: object, camera: Any) -> Any:
     the two has the principal point in the middle. One that is turned is reported in a line.
 
     Args:
-        photo: A file or a PIL image; others are as they are shown.
+        photo: A file or a PIL image; others are taken as upright.
         camera: A camera in any form of `Intrinsics.of`.
 
     Raises:
-        UserError: It may be either's.
+        UserError: It fits both pictures.
     """
     orientation, (width, height) = _stored(photo)
     if width == height or isinstance(camera, float):

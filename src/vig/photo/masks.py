@@ -106,7 +106,7 @@ def _check_colours(path: Path, values: np.ndarray) -> None:
 def mask_files(folder: Path, photos: Iterable[Path]) -> list[Path]:
     """Return the file of each photo's mask in a folder, of which a listing is made once.
 
-    Named as the photo is in any Unicode composition, with any picture's ending or behind the photo's own
+    Named like the photo in any Unicode composition, with any picture's ending or behind the photo's own
     (COLMAP), with `_mask` or `mask_`, in a folder named as the photo's, or with the number of its one object
     (BOP).
 

@@ -23,11 +23,11 @@ def turned_pose(camera: Camera, pose: np.ndarray, matrix: np.ndarray) -> np.ndar
     """Return the pose (4, 4) before a camera with intrinsics (3, 3), nearly: exact for objects small in the
     photo.
 
-    Seen by it, the object is turned with the ray that leads to it, and as far away as makes it as large.
+    In it the object is turned with the ray that leads to it, at the distance that keeps its size.
 
     Args:
-        camera: Camera of the fit; its principal point is where it sees the object's axis.
-        pose: (4, 4) camera_from_object before that.
+        camera: Camera of the fit, with the principal point on the object's axis.
+        pose: (4, 4) camera_from_object in its frame.
         matrix: Intrinsics of a camera that sees the same picture.
     """
     focal_x, focal_y = matrix[0, 0], matrix[1, 1]
@@ -95,13 +95,13 @@ def outline_weights(vertices: np.ndarray, faces: np.ndarray, eye: np.ndarray) ->
 def reprojected(
     matrix: np.ndarray, pixels: np.ndarray, vertices: np.ndarray, weights: np.ndarray, start: np.ndarray
 ) -> np.ndarray:
-    """Return the pose before a camera under which points are seen nearest to given pixels.
+    """Return the pose before a camera that projects points nearest to given pixels.
 
     Gauss-Newton on the weighted squared distances of projections, over rotation and translation.
 
     Args:
         matrix: (3, 3) intrinsics.
-        pixels: (V, 2), where each point is to be seen.
+        pixels: (V, 2), target of each point's projection.
         vertices: (V, 3) metres, in the object's frame.
         weights: (V,) of each point's squared distance.
         start: (4, 4) camera_from_object to begin with; returned where no step makes it better.

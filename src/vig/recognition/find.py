@@ -56,7 +56,7 @@ class Candidate:
     """A place where the object may be.
 
     Attributes:
-        window: Round it, turned so that it stands upright.
+        window: Window round it, turned so that it stands upright.
         present: Estimated probability that an object of the class is there: the highest of the windows that
             were looked at on the way to this one.
     """
@@ -141,7 +141,7 @@ class LocationHints:
     """Knowledge of where the object is in a photo.
 
     Attributes:
-        mask: (H, W) bool, where it is seen, or None.
+        mask: (H, W) bool, its visible pixels, or None.
         points: (N, 2) places x, y on it, hidden ones too; N may be 0.
     """
 

@@ -100,7 +100,7 @@ class NetworkSettings:
         context: Channels, from coarse to fine, of a decoder that sees the whole image, in its place; or
             none.
         recalled: Channels that the dense layer adds to the decoder's coarsest map, so that hidden parts
-            can be drawn from the looks of the whole.
+            can be drawn from the appearance of the whole.
         squeezed: Channels from which the dense layer reads.
         features: Features of the dense layer.
         dropout: Share of these features.

@@ -1,6 +1,6 @@
 """Places of a class's objects in a whole photo: a map of centres and boxes, read at a few scales.
 
-Each cell of the trunk's coarsest maps states how sure it is that an object's centre lies in it, where in the
+Each cell of the trunk's coarsest maps gives the probability that an object's centre lies in it, where in the
 cell, and how large its box is, hidden parts included (Zhou et al. 2019, "Objects as points").
 """
 
@@ -46,7 +46,7 @@ class Place:
 
     Attributes:
         box: x, y, w, h in the photo's pixels, round its hidden parts as well, also beyond the photo.
-        probability: Uncalibrated, that its centre is there.
+        probability: Uncalibrated probability that its centre is there.
     """
 
     box: tuple[float, float, float, float]

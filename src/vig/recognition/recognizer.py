@@ -169,7 +169,7 @@ class Recognizer:
 
         Each batch is computed on one core, so that predictions do not depend on how many there are. `sides`:
         which of a photo and its mirror image (True) the network sees; the mean of both is better and takes
-        twice as long. A class that is not its own mirror image is seen as it is. A single photo asked for
+        twice as long. A class that is not its own mirror image is never mirrored. A single photo asked for
         twice in a row is answered from memory: windows are seen to turn them, then to fit.
         """
 

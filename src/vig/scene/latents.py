@@ -20,7 +20,7 @@ class Block:
 
     Attributes:
         name: Name by which other code asks for it, such as `azimuth`.
-        size: How many numbers it has; 0 for one that this class or fit does without.
+        size: Number of its numbers; 0 for a block that this class or fit does without.
         lower: Least value of each number; one for all, or `size` of them.
         upper: Greatest value of each; a number whose bounds are equal is held.
         labels: A name for each number, as written in tables; `name`, or `name_0`, `name_1`, ... by default.

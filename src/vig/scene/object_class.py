@@ -97,8 +97,8 @@ class ObjectClass:
         target_height: Metres above the base at which the camera looks.
         light_prior_mean: (9,) of a Gaussian over SH lights in the world frame at the paper's exposure.
         light_prior_covariance: (9, 9) of it.
-        folder: Where it was read from, None when built in memory.
-        transfer: (K + 1, V, 9), or None: how self-shadow and light thrown from part to part change the nine
+        folder: Folder that it was read from, None when built in memory.
+        transfer: (K + 1, V, 9), or None: changes by self-shadowing and interreflection of the nine
             lobes of each vertex, for the mean shape and per component (`vig_train.packs.transfer`).
         families: Kinds of shapes with nothing between them; none where all shapes are of one kind.
         symmetry: Turn about Z under which all shapes look the same.

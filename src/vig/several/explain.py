@@ -38,8 +38,8 @@ def explain_together(
         photo: A photo in any form of `Explainer.explain`.
         explainers: One for each object, that of its class; the same one may stand for several.
         boxes: Boxes round each whole object, hidden parts included.
-        focal: In pixels; see `Explainer.explain`.
-        camera: Intrinsics in place of that, likewise.
+        focal: Focal length in pixels; see `Explainer.explain`.
+        camera: Intrinsics in place of a focal length; see `Explainer.explain`.
 
     Raises:
         UserError: See `Explainer.explain`; also for more or fewer boxes than explainers, or too many.
@@ -74,8 +74,8 @@ def explain_found(
         photo: A photo in any form of `Explainer.explain`.
         explainers: One for each class.
         most: Number of objects, at most.
-        focal: In pixels; see `Explainer.explain`.
-        camera: Intrinsics in place of that, likewise.
+        focal: Focal length in pixels; see `Explainer.explain`.
+        camera: Intrinsics in place of a focal length; see `Explainer.explain`.
 
     Raises:
         UserError: See `Explainer.explain`; also if nothing is found.

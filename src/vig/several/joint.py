@@ -1,7 +1,7 @@
 """Several objects in one photo, explained together: occlusion order, one light, exclusive masks.
 
 Each object is explained alone first. Which hides which follows from the network's probabilities of the pixels
-that two silhouettes share, and by which object ends lower in the photo. Then each is fitted again, knowing of
+that two silhouettes share, and by which object ends lower in the photo. Then each is fitted again, given
 the others:
 
 - pixels that an object before it covers show that object, not this one: they are no evidence of its outline;
@@ -65,8 +65,8 @@ def fit_jointly(alone: Sequence[Explanation], explainers: Sequence[Explainer]) -
 def order(alone: Sequence[Explanation], predictions: Sequence[Prediction]) -> np.ndarray:
     """Return whether object i is before object j (N, N) bool, of pairs whose silhouettes overlap or touch.
 
-    By the sum, over the M pixels that both cover, of the difference of their log odds of being visible as the
-    network predicts them, over the root of M; and, as things stand on one ground, by which of them ends lower
+    By the sum, over the M pixels that both cover, of the difference of their predicted log odds of being
+    visible, over the root of M; and, as things stand on one ground, by which of them ends lower
     in the photo, `GROUND_ORDER_WEIGHT` times the difference over the less tall one's height.
     """
     gains: dict[tuple[int, int], float] = {}

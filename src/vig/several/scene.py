@@ -96,7 +96,7 @@ class SceneExplanation:
             folder: Folder, made when it is missing; docs/photographs.md describes its files.
             photo: Name of the photo in the reports.
             export: Formats that are written of each object, too; see `Explanation.export`.
-            files: Which files are written of each object; see `Explanation.save`, as for full_size.
+            files: Files to write for each object; see `Explanation.save`, as for full_size.
             full_size: Whether pictures are as large as the photo.
 
         Raises:

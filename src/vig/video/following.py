@@ -55,15 +55,15 @@ class Sighting:
         camera: Camera of the whole frame, as one that looks straight at the object.
         azimuths: (N,) of the fit, and of the alternatives.
         probabilities: (N,) that each is right.
-        azimuth_deviation: Standard deviation.
+        azimuth_deviation: Standard deviation of the fit's azimuth.
         elevation: Elevation of the fit.
-        elevation_deviation: Standard deviation.
+        elevation_deviation: Standard deviation of the elevation.
         place: (3,) centre x, y and log of the longer side of the box of the whole object, pixels.
         hidden: Share hidden; None where the object is nowhere in the frame.
         albedo: (3,) linear RGB.
         shape: (K,) coefficients.
         lost: Whether the frame does not locate the object.
-        network: (bins,) that the network gives to the views of the circle; None where it is not used.
+        network: (bins,) the network's probabilities of the views of the circle; None where it is not used.
     """
 
     window: Window
@@ -155,7 +155,7 @@ class Follower:
 
     Attributes:
         camera: Camera of all frames in place of a focal length, see `Explainer.explain`.
-        place: Where the object is expected, as `Sighting.place`; None before it was seen.
+        place: Expected place of the object, as `Sighting.place`; None before it was seen.
         speed: (2,) of its centre, pixels a frame.
         roll: Roll of the window, radians.
         albedo: Albedo of the object so far; None before it was seen.

@@ -100,7 +100,7 @@ class Tracker:
 
         Args:
             frame: A photo as `Explainer.explain` takes it; those that follow have its size.
-            mask: (H, W) bool, where the object is seen, or
+            mask: (H, W) bool, the object's visible pixels, or
             box: x, y, width, height in pixels round the whole object; without either it is sought.
             K: Intrinsics in place of the tracker's.
 

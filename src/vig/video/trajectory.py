@@ -56,7 +56,7 @@ class FramePose:
 
     Attributes:
         number: Number of the frame, from 0.
-        azimuth_deg: In [0, 360).
+        azimuth_deg: Azimuth of the camera, in [0, 360).
         azimuth_deviation_deg: Its standard deviation.
         elevation_deg: Elevation of the camera above the object's horizon.
         elevation_deviation_deg: Its standard deviation.
@@ -101,7 +101,7 @@ class Track:
 
     Attributes:
         frames: Poses of all frames.
-        shape: (K,) coefficients, the mean of the frames', weighted by visible share and sureness.
+        shape: (K,) coefficients, the mean of the frames', weighted by visible share and confidence.
         albedo: (3,) linear RGB, the same mean.
     """
 
@@ -229,7 +229,7 @@ def track(
 
     Raises:
         UserError: There are fewer than two frames, one cannot be read or is of another size, the object is
-            seen in none, or as `Explainer.explain`.
+            seen in none; see also `Explainer.explain`.
     """
     frames = _listed(frames)
     if not isinstance(explainer, Explainer):
@@ -285,7 +285,7 @@ def _slowed(numbers: np.ndarray) -> np.ndarray:
     """Return numbers (2, N, G), slowed down, from (2, N, 1 + G): seen in the first frame and extrapolated in
     the others.
 
-    The object may go on as fast as before, or stand: the way that it would go is added to the deviations.
+    The object may keep its speed, or stand: the way that it would move is added to the deviations.
     """
     count = np.arange(1, numbers.shape[-1])
     way = numbers[0, :, 1:] - numbers[0, :, :1]

@@ -51,7 +51,7 @@ class Texture:
     Attributes:
         atlas: Atlas of its class.
         colours: (T, 3) float32, linear RGB of each texel, in [0, 1].
-        origin: (T,) uint8, where it is from: SEEN, MIRRORED or INVENTED.
+        origin: (T,) uint8, source of each colour: SEEN, MIRRORED or INVENTED.
     """
 
     atlas: Atlas
@@ -102,9 +102,9 @@ class _Shown:
     """The object's surface in the part of the window that it covers.
 
     Attributes:
-        layers: (5, h, w) float32: colour without the light, linear RGB; how far it counts, in [0, 1]; one
+        layers: (5, h, w) float32: colour without the light, linear RGB; its weight, in [0, 1]; one
             over the depth of the surface, 0 where nothing is.
-        place_from_object: (3, 4), to where a point is in the layers, from -1 to 1 each way.
+        place_from_object: (3, 4), from a point to its place in the layers, from -1 to 1 each way.
         eye: (3,) camera's position in the object's frame.
         near: Distance of a point from the surface in a pixel up to which it has its colour, over its depth.
     """

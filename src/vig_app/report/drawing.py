@@ -106,7 +106,7 @@ def clip_matrix(camera: Camera, pose: np.ndarray, vertices: np.ndarray) -> list[
     """Return (16,) by columns: clip coordinates of OpenGL from the object's frame.
 
     Args:
-        camera: Whose picture fills the canvas.
+        camera: Camera whose picture fills the canvas.
         pose: (4, 4) camera_from_object.
         vertices: (V, 3) between which and the camera, and beyond which, there is room.
     """

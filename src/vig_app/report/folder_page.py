@@ -70,11 +70,11 @@ def folder_html(
 
     Args:
         entries: The photos that are shown.
-        total: How many were explained, if more than are shown.
-        errors: Why others were not; the first `MOST_ERRORS` are shown.
+        total: Number of explained photos, if more than are shown.
+        errors: Reasons why others were not; the first `MOST_ERRORS` are shown.
         title: Title in place of their number.
         picture: (H, W, 3) uint8, of all of them.
-        note: Under the title.
+        note: Line under the title.
     """
     entries = sorted(entries, key=lambda entry: review_order(entry.described))
     total = len(entries) if total is None else total

@@ -33,7 +33,7 @@ class Card:
         badge: Trusted parts, in words.
         probabilities: Names and values of its probabilities.
         pictures: `photo` and `outlines-of` of its report.html, as addresses of images.
-        data: How its object is drawn: `mesh`, `view`, `clip`, `outline`.
+        data: Drawing data of its object: `mesh`, `view`, `clip`, `outline`.
         note: One line under the result.
         link: Address of its report.html beside the page, or nothing.
     """

@@ -66,7 +66,7 @@ class LatestFrame:
         """Open a camera by its number, an address, a file, or "-" for standard input; wait for a frame.
 
         Args:
-            source: One of these.
+            source: A camera, an address, a file or "-".
             timeout: Seconds without a frame after which it is given up.
 
         Raises:
@@ -230,7 +230,7 @@ def run_live(
 
     Raises:
         UserError: The source cannot be opened or sends no frame, `out` cannot be written, or, in the first
-            frame, as `Tracker.start`.
+            frame, see `Tracker.start`.
     """
     poses: list[TrackedPose] = []
     problem = stopped_by = None

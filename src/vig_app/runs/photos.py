@@ -44,7 +44,7 @@ def run(
         cluster: Address of a Ray cluster in place of workers, `auto` for the one of this machine. Photos are
             sent to its nodes and results come back: they need vig and the class, but no shared disk.
         finish: Called last, however the run ends, while no other run can write to `out`; close the
-            iterator where it is left before its end. Not without a ledger.
+            iterator where it is left before its end. It needs a ledger.
 
     Raises:
         UserError: The class cannot be loaded, `out` cannot be written, another run writes there, or there is

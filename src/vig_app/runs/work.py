@@ -48,7 +48,7 @@ class Task:
 
     Attributes:
         photo: Its file.
-        folder: Within that of the run.
+        folder: Folder of its results within that of the run.
         box: Box of its one object; None to find it.
         focal: Focal length in pixels, where it is known.
         hints: Hints on its one object.
@@ -85,9 +85,9 @@ class RunSettings:
     Attributes:
         object_class: A packaged class or the folder of a pack.
         others: Further classes that objects may be of, where a photo has several.
-        explain: How to fit.
+        explain: Settings of the fit.
         export: Formats that are written, too; see `Explanation.export`.
-        files: Which files are written; see `Explanation.save`, as for full_size.
+        files: Files to write; see `Explanation.save`, as for full_size.
         full_size: Whether pictures are as large as the photos.
     """
 

@@ -100,7 +100,7 @@ class Viewer:
         Args:
             walk: Photos or results to show and correct.
             port: 1 to 65535.
-            host: The address that is listened at.
+            host: Address to listen at.
 
         Raises:
             UserError: No port is free, or no photo can be opened.

@@ -46,7 +46,7 @@ class Session:
             explainer: Explainer of the object's class.
             photo: A file.
             state: Prior knowledge.
-            others: (H, W) bool, pixels in which other objects are seen, where these were explained.
+            others: (H, W) bool, pixels in which other objects are visible, where these were explained.
 
         Raises:
             UserError: See `Explainer.explain`.
