@@ -49,7 +49,7 @@ class PackedScenes:
 
     @property
     def tensors(self) -> list[torch.Tensor | None]:
-        """Return all that a picture is differentiable in: the background, then the inputs of each object."""
+        """Return the differentiable inputs of a picture: the background, then the inputs of each object."""
         return [self.background, *chain.from_iterable(self.inputs)]
 
     def in_library(self, samples: int, near: float, alone: bool = False) -> Any:

@@ -51,7 +51,7 @@ class Meter:
                 TextColumn("{task.fields[pace]}"),
                 console=Console(stderr=True, soft_wrap=True),
                 transient=True,
-                redirect_stdout=sys.stdout.isatty(),  # meanwhile prints to a file go there
+                redirect_stdout=sys.stdout.isatty(),  # a file gets its prints
             )
             self.task = self.bar.add_task("", total=total, completed=done, pace="")
 

@@ -37,7 +37,7 @@ _told = False
 
 
 def thread_count() -> int:
-    """Return how many threads work may use here: the number that is set, and one within such work."""
+    """Return the number of threads that work may use here: the one that is set, and 1 within such work."""
     own_count: int | None = getattr(_here, "count", None)
     return _set_count() if own_count is None else own_count
 
@@ -105,7 +105,7 @@ def on_one_core(work: Callable[[], Result]) -> Result:
 
 
 class _LinearAlgebra:
-    """Holds numpy's linear algebra to one thread from the first that enters to the last that leaves."""
+    """Limit of numpy's linear algebra to one thread, from the first that enters to the last that leaves."""
 
     def __init__(self) -> None:
         self.lock, self.inside = threading.Lock(), 0

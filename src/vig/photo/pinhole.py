@@ -81,7 +81,7 @@ def pose_covariance(
 
 
 def outline_weights(vertices: np.ndarray, faces: np.ndarray, eye: np.ndarray) -> np.ndarray:
-    """Return (V,) 1 for vertices between faces that look towards the camera at `eye` (3,) and others."""
+    """Return weights (V,): 1 on the outline from `eye` (3,), between faces towards it and away; else 0.1."""
     a, b, c = (vertices[corner] for corner in faces.T)
     (x, y, z), (u, v, w), (i, j, k) = (b - a).T, (c - a).T, (eye - a).T
     towards = (y * w - z * v) * i + (z * u - x * w) * j + (x * v - y * u) * k > 0

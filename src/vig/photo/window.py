@@ -233,7 +233,7 @@ class Window:
         return Window(self.left * factor, self.top * factor, self.side * factor, self.roll, lens)
 
     def camera_distance_ratio(self, focal: float) -> float:
-        """Return by how much a photo's focal length in pixels is than that of the window's standard
+        """Return the ratio of a photo's focal length in pixels to that of the window's standard
         camera, within `DISTANCE_RATIO_BOUNDS`.
         """
         return min(max(self.ratio(focal), DISTANCE_RATIO_BOUNDS[0]), DISTANCE_RATIO_BOUNDS[1])

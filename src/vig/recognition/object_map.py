@@ -26,7 +26,7 @@ MAP_STRIDE = 16
 PHOTO_SIDES = (128, 304)
 """Longer sides of the photo, pixels, at which it is read: objects of a twelfth of it and more are found."""
 SIDES_FOR_SEVERAL = (*PHOTO_SIDES, 608)
-"""The same where several objects are sought, some of them small: a 23rd of the photo and more."""
+"""The same for several objects, some of them small: a 23rd of the photo and more."""
 BOX_SIDES = (26.0, 150.0)
 """Longer sides of boxes, pixels, that the map predicts."""
 LEAST_PROBABILITY = 0.02
@@ -56,7 +56,7 @@ class Place:
 def places(
     photo: np.ndarray | ImagePyramid, recognizer: Recognizer, sides: Sequence[int] = PHOTO_SIDES
 ) -> list[Place]:
-    """Return where objects are in a photo (H, W, 3), as `coded_photo` gives it, the surest first.
+    """Return the places of objects in a photo (H, W, 3), as `coded_photo` gives it, the surest first.
 
     No two are of one object. The recognizer's network must have a map. sides: Longer ones of the photo,
     pixels, at which it is read.

@@ -133,7 +133,7 @@ class Recognizer:
         return {name: value for name, value in vars(self).items() if name not in ("_held", "_latest")}
 
     def with_weights(self, changed: Mapping[str, np.ndarray]) -> Self:
-        """Return the same with other weights in the place of some, by name, of the same shapes."""
+        """Return the recognizer with some weights replaced, by name, by others of the same shapes."""
         other = copy.copy(self)
         other.weights = {**self.weights, **changed}
         other._session_of("window")

@@ -106,7 +106,7 @@ class LatentLayout:
         return int(self[name].start)
 
     def count(self, name: str) -> int:
-        """Return how many numbers a block has, 0 when it is absent."""
+        """Return the number of a block's numbers, 0 when it is absent."""
         return self._slices[name].stop - self._slices[name].start if name in self else 0
 
     def indices(self, *names: str) -> list[int]:

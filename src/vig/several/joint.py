@@ -88,7 +88,7 @@ def order(alone: Sequence[Explanation], predictions: Sequence[Prediction]) -> np
 
 
 def _lower(one: Explanation, other: Explanation) -> float:
-    """Return by how much one object ends lower in the photo than another, of the less tall one's height."""
+    """Return the distance by which one object ends lower than another, over the less tall one's height."""
     if one.box is None or other.box is None:
         return 0.0
     return (one.box[1] + one.box[3] - other.box[1] - other.box[3]) / min(one.box[3], other.box[3])
@@ -263,7 +263,7 @@ def _without(cut: np.ndarray, infront: np.ndarray, elsewhere: np.ndarray) -> np.
 
 
 def _exclusive(explanations: Sequence[Explanation], occludes: np.ndarray) -> list[Explanation]:
-    """Return the same with masks that exclude each other: a pixel that two show is that of the one before."""
+    """Return explanations with masks that exclude each other: a pixel of two is that of the one before."""
     masks = [each.mask for each in explanations]
     result = []
     for index, each in enumerate(explanations):

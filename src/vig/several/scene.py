@@ -107,7 +107,7 @@ class SceneExplanation:
 
     @property
     def order_note(self) -> str:
-        """Return which object is before which, in words."""
+        """Return the order of the objects in depth, in words."""
         pairs = [f"{self.names[i]} is before {self.names[j]}" for i, j in np.argwhere(self.occludes)]
         return ", ".join(pairs) or "none hides another"
 

@@ -1,4 +1,4 @@
-"""Follows the object from frame to frame: each frame is explained where the object is expected."""
+"""The object from frame to frame: each frame is explained at the object's expected place."""
 
 from __future__ import annotations
 

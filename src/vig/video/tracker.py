@@ -62,7 +62,7 @@ class TrackedPose(FramePose):
 
 @with_default_settings
 class Tracker:
-    """Follows one object through the frames of a camera, each pose from the frames before it alone.
+    """Tracker of one object in the frames of a camera, each pose from the frames before it alone.
 
     Example:
         ```python

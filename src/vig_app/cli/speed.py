@@ -59,14 +59,12 @@ EXTRAS = {
 
 
 def findings(cpus: int) -> list[Finding]:
-    """Return the findings on how fast vig is here, with so many processors that it may use, as it stands
-    now.
-    """
+    """Return the findings on vig's speed at present, with the number of processors that it may use."""
     return [threads(cpus), load(cpus), memory(cpus)]
 
 
 def threads(cpus: int) -> Finding:
-    """Return how many of the processors a fit uses."""
+    """Return the finding on the number of processors that a fit uses."""
     from vig.parallel import thread_count
 
     count = thread_count()
@@ -81,7 +79,7 @@ def threads(cpus: int) -> Finding:
 
 
 def load(cpus: int) -> Finding:
-    """Return whether other processes take the processors' time."""
+    """Return the finding on other processes' load of the processors."""
     try:
         running = os.getloadavg()[0]
     except (AttributeError, OSError):
@@ -91,7 +89,7 @@ def load(cpus: int) -> Finding:
 
 
 def memory(cpus: int) -> Finding:
-    """Return how many processes of `vig fit` there is memory for."""
+    """Return the finding on the number of processes of `vig fit` that fit into memory."""
     there = memory_of()
     if there is None:
         return Finding("memory", "unknown on this system")

@@ -105,7 +105,7 @@ def prepare(settings: RunSettings) -> Callable[[Task], Rows]:
 
 
 class Work:
-    """Explains a photo, writes its folder, and returns its rows, one for each object."""
+    """Worker that explains a photo, writes its folder, and returns its rows, one for each object."""
 
     def __init__(self, explainer: Explainer, settings: RunSettings):
         self.explainer, self.settings = explainer, settings

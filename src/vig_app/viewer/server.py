@@ -155,7 +155,7 @@ class Viewer:
         return self._sizes[session.path]
 
     def state(self) -> dict[str, Any]:
-        """Return all that the page shows."""
+        """Return the page's content."""
         walk, session = self.walk, self.walk.session
         explanation = session.explanation
         described, views = explanation.to_dict(), views_of(explanation)
