@@ -24,7 +24,7 @@ LEAST_OF_BEST = 0.1
 CLUE_PROBABILITY = 0.5
 """Probability that an object's centre is in the middle of a window about clues, as if by the map."""
 MOVES = 2
-"""Looks at each window, which is moved after each. Windows of 60 real cars overlap the true ones by .79 as
+"""Looks at each window, which is moved each time. Windows of 60 real cars overlap the true ones by .79 as
 the map has them, by .95 after one move, by .97 after two."""
 PLACES_PER_OBJECT = 3
 """Places that are looked at for each of several objects."""
@@ -138,7 +138,7 @@ def _tried(
 
 @dataclass(frozen=True, eq=False)
 class LocationHints:
-    """Knowledge of where the object is in a photo.
+    """Knowledge of the object's place in a photo.
 
     Attributes:
         mask: (H, W) bool, its visible pixels, or None.

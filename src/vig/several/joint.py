@@ -119,7 +119,7 @@ def _focal_of(alone: Sequence[Explanation]) -> float:
     standard = [FOCAL_OVER_WIDTH * each.window.side for each in alone]
     if alone[0].focal_from == "assumed":
         # 2.0: focal length of a photo of several things that does not state its own, over those of the
-        # windows' standard cameras: a part of a photo is smaller than a photo of the same framing
+        # windows' standard cameras: each thing is smaller in it than in a photo of its own
         return 2.0 * float(np.mean(standard))
     return float(
         np.mean([each.camera_distance_ratio * own for each, own in zip(alone, standard, strict=True)])

@@ -58,7 +58,7 @@ class SceneExplanation:
 
     def overlay(self) -> np.ndarray:
         """Return the photo (H, W, 3) uint8, each object's visible pixels tinted in a colour of its own and
-        its outline drawn in it.
+        its whole outline drawn in it.
         """
         picture: np.ndarray = output("scene_overlay")(self)
         return picture

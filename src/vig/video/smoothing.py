@@ -39,7 +39,7 @@ class LikeliestPath:
         self._steps: deque[np.ndarray] = deque(maxlen=memory)
 
     def add(self, log_evidence: np.ndarray) -> None:
-        """Update by a frame's log likelihood (A,) by bins of the circle, constant where it is no evidence."""
+        """Update by a frame's log likelihood (A,) by bins of the circle, constant without evidence."""
         bins = len(log_evidence)
         best = np.zeros((bins, len(SPEEDS)), np.int8)
         if not len(self._score):

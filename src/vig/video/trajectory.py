@@ -45,9 +45,9 @@ TILT_SPEED = math.radians(0.1)
 PLACES = [2, 3, 4, 6, 7, 8]
 """Columns of `Trajectory.numbers` that are neither angles nor roll."""
 PLACE_NOISE = (0.02, 0.3)
-"""Deviations of one frame's place and log size when all is seen, and their increase when all is hidden."""
+"""Deviations of one frame's place and log size when all is visible, and their increase when all is hidden."""
 ANGLE_NOISE = (math.radians(3.0), math.radians(30.0))
-"""Deviations of elevation and roll, radians, and their increase when all is hidden."""
+"""Deviations of elevation and roll when all is visible, radians, and their increase when all is hidden."""
 
 
 @dataclass(frozen=True)
