@@ -30,7 +30,7 @@ _HOMES = {
     "render": "vig_renderer",
     "track": "vig.video",
 }
-"""Where each public name lives: imported when it is first asked for, so that `import vig` is quick. Type
+"""Package of each public name: imported on first use, so that `import vig` is quick. Type
 checkers read `__init__.pyi`."""
 
 __all__ = ["__version__", *_HOMES]

@@ -52,7 +52,7 @@ TOO_WIDE = "; the lens is so near to it that a weaker perspective than the lens'
 
 @with_default_settings
 class Explainer:
-    """Explains photos of one class of objects.
+    """Explainer of photos of one class of objects.
 
     Example:
         ```python
@@ -71,11 +71,11 @@ class Explainer:
 
         Args:
             object_class: A packaged class's name, the folder of a class pack, or a class that was loaded.
-            settings: How to fit. What is None in them is that of photographs, and with a window that of
-                pictures by the standard camera; `camera_distance_ratio` follows from the photo's focal length
+            settings: How to fit. Values of None default to those for photographs, and with a window to those
+                for standard-camera pictures; `camera_distance_ratio` follows from the photo's focal length
                 if known.
             recognizer: A network in place of the class's own. A pack that has none is fitted from starts all
-                round the object, without a calibrated confidence, where a box or a mask tells its place.
+                round the object, without a calibrated confidence, where a box or a mask gives its place.
 
         Raises:
             UserError: There is no such class, or a part of the class's pack is missing or damaged.
@@ -105,10 +105,10 @@ class Explainer:
             box: x, y, width, height in pixels round the whole object, hidden parts included; without it the
                 object is sought in the whole photo.
             window: In place of a box, the square to fit as it is, such as `Window.of` a whole picture.
-            focal: Focal length in pixels of the photo, its principal point in the middle; by default a file's
-                EXIF data tell, else it is that of a telephoto lens, and with a window that of the standard
+            focal: Focal length in pixels of the photo, its principal point in the middle; by default that of
+                a file's EXIF data, else that of a telephoto lens, and with a window that of the standard
                 camera.
-            hints: What is known of the object in this photo.
+            hints: Prior knowledge of the object in this photo.
             camera: The whole intrinsics of the photo, without distortion, in place of a focal length: fx, fy,
                 cx, cy in pixels, K (3, 3), or a mapping that has them, such as BOP's {"cam_K": ...}. The
                 answer's `camera` is then this one, and its pose exact wherever the object is in the photo.
@@ -135,7 +135,7 @@ class Explainer:
     ) -> Explanation:
         """Explain a photo in which the object is known to be in the middle of a window, as in a video.
 
-        As `explain` with a box of that window, which may reach beyond the photo and be turned; or with a box.
+        Like `explain` with a box of that window, which may exceed the photo and be turned; or with a box.
         With a focal length alone the answer's camera looks straight at the object all the same. With a start
         that is `expected` few others are tried: a third of the time.
         """
@@ -154,8 +154,8 @@ class Explainer:
         turned: bool = True,
         expected: ExpectedStart | None = None,
     ) -> Explanation:
-        """`framed`: whether a window that is given is the standard camera's picture; `turned`: whether a
-        known lens is turned towards the object.
+        """Explain one photo. `framed`: whether a given window is the standard camera's picture;
+        `turned`: whether a known lens is turned towards the object.
         """
         if hints is not None and not isinstance(hints, Hints):
             raise UserError(f"expected vig.Hints; got a {type(hints).__name__}. Name what you know in one.")
@@ -177,7 +177,7 @@ class Explainer:
         if window is None:
             clues = None if hints is None else hints.clues()
             best = find(pyramid, self.recognizer, clues)
-            # Where the user says where it is, it is there.
+            # A place given by the user is certain.
             window, present = best.window, best.present if clues is None else 1.0
             window = window if roll is None else replace(window, roll=roll)
         focal_from, too_wide = "assumed", False
@@ -222,14 +222,14 @@ class Explainer:
             photos: Any number of them; they are taken as they are needed.
             boxes: One for each photo, None where the object is to be found.
             workers: Processes that share the photos out; 1 stays in this one.
-            skip: Is called with the number of a photo that cannot be used, and why; the others go on. Without
+            skip: Called with the number of an unusable photo and the reason; the others continue. Without
                 it the first such photo raises.
-            focal: Of all photos; see `explain`.
+            focal: Focal length of all photos, pixels; see `explain`.
             hints: One for each photo, None where nothing is known.
             cameras: One for each photo, None where it is not known; see `explain`.
 
         Raises:
-            UserError: As `explain`, for workers below 1, for more or fewer boxes than photos, or when a
+            UserError: See `explain`; also for workers below 1, for more or fewer boxes than photos, or when a
                 worker process was killed.
         """
         number = number_of(workers)
@@ -278,7 +278,7 @@ class Explainer:
 
 @with_default_settings
 def recognizer_of(object_class: ObjectClass) -> Recognizer:
-    """Return the class's network, or what stands in for it in a pack for which none was trained.
+    """Return the class's network, or the uninformed recognizer of a pack for which none was trained.
 
     Raises:
         UserError: The weights are damaged or of another class, or lost: their calibration is there.
@@ -290,7 +290,7 @@ def recognizer_of(object_class: ObjectClass) -> Recognizer:
 
 
 def _lowered_by_presence(fit: Fit, present: float, name: str) -> Fit:
-    """Return a fit of what was found, not given, and is an object of the class with this probability."""
+    """Return a fit whose place was found, not given; the object is of the class with this probability."""
     if present < LEAST_PRESENT:
         reason = f"no {name} was found in the photo; give a box if there is one"
         nothing = np.zeros_like(fit.visible)
@@ -302,7 +302,7 @@ def _lowered_by_presence(fit: Fit, present: float, name: str) -> Fit:
 
 
 def lower_confidence(fit: Fit, factor: float, name: str) -> Fit:
-    """Return a fit of what may be no object of the class, its probabilities times a factor."""
+    """Return a fit that may show no object of the class, its probabilities times a factor."""
     confidence, mask_confidence = factor * fit.confidence, factor * fit.mask_confidence
     views = tuple(replace(view, probability=factor * view.probability) for view in fit.alternatives)
     sure = fit.mask_trusted and mask_confidence >= fit.mask_threshold
@@ -317,7 +317,7 @@ def lower_confidence(fit: Fit, factor: float, name: str) -> Fit:
 
 
 def checked_box(box: Any) -> Box:
-    """Return four finite numbers from whatever was given as a box; UserError when it is something else."""
+    """Return a given box as four finite numbers; UserError when it is something else."""
     try:
         numbers = [float(number) if isinstance(number, str) else number_of(number) for number in box]
         x, y, w, h = (math.nan if number is None else number for number in numbers)
@@ -339,7 +339,7 @@ def checked_focal(focal: float) -> float:
 
 
 def lens_of(photo: Photo, focal: float | None = None, camera: Any = None) -> Lens | None:
-    """Return the lens of a photo that is given, or else the one that its EXIF data tell; None where none is
+    """Return the given lens of a photo, or else the one in its EXIF data; None where none is
     known.
 
     UserError where a camera and a focal length are given, or a focal length is none.
@@ -355,9 +355,9 @@ def lens_of(photo: Photo, focal: float | None = None, camera: Any = None) -> Len
 
 
 def _matched(photos: Iterable[Photo], **others: Iterable[Any] | None) -> Iterator[tuple[Any, ...]]:
-    """Yield each photo with its own of the others, None of those that are not given.
+    """Yield each photo with its item of each of the others, None where these are not given.
 
-    UserError where photos and others are not as many.
+    UserError where their numbers differ.
     """
     by_name = {name: each for name, each in others.items() if each is not None}
     missing = object()

@@ -1,4 +1,4 @@
-"""What the library answers for a photo."""
+"""The library's answer for a photo."""
 
 from __future__ import annotations
 
@@ -38,8 +38,8 @@ class Alternative:
 
     Attributes:
         latents: All numbers (B = 1).
-        camera: Of the whole photo.
-        probability: That it is the right view; NaN for a class without calibration.
+        camera: Camera of the whole photo.
+        probability: Probability that it is the right view; NaN for a class without calibration.
     """
 
     latents: Latents
@@ -65,17 +65,17 @@ class Alternative:
 @with_default_settings
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """What explains the object in one photo of H x W pixels.
+    """An explanation of the object in one photo of H x W pixels.
 
     Attributes:
         picture: (H, W, 3) uint8 sRGB or float32 linear RGB; `photo` is linear in any case.
         window: The square of the photo that was fitted.
         fit: The fit in that window: latents, deviations, masks of the window, evidence.
-        object_class: What the photo was explained as.
-        camera_distance_ratio: Distance of the eye and focal length of the fit, of the standard camera's.
-        focal_from: Where the focal length is from: "given", the photo's "exif" data, or "assumed".
-        hints: What was known of the object beforehand.
-        others: (H, W) bool, pixels in which other objects are seen, where these were explained, too.
+        object_class: Class as which the photo was explained.
+        camera_distance_ratio: Distance of the camera and focal length of the fit, of the standard camera's.
+        focal_from: Source of the focal length: "given", the photo's "exif" data, or "assumed".
+        hints: Prior knowledge of the object.
+        others: (H, W) bool, pixels in which other objects are visible, where these were explained, too.
     """
 
     picture: np.ndarray
@@ -94,7 +94,7 @@ class Explanation:
 
     @property
     def verdict(self) -> Verdict:
-        """Return how far the explanation can be believed."""
+        """Return the reliability of the explanation."""
         return self.fit.verdict
 
     @property
@@ -121,11 +121,11 @@ class Explanation:
 
     @property
     def trusted(self) -> tuple[str, ...]:
-        """Return the trusted parts of the answer: "view" where the verdict says so, "mask" where its
-        confidence does.
+        """Return the trusted parts of the answer: "view" where the verdict is "trusted", "mask" where its
+        confidence reaches the threshold.
 
         One does not follow from the other: from a view that is right textured things before the object may
-        be taken for painted object, and a mask may be right whichever way the object is turned.
+        be taken for painted object, and a mask may be right with a wrong view.
         """
         view = ("view",) if self.verdict is Verdict.TRUSTED else ()
         return view + (("mask",) if self.fit.mask_trusted else ())
@@ -137,7 +137,7 @@ class Explanation:
 
     @cached_property
     def alternatives(self) -> tuple[Alternative, ...]:
-        """Return other views that the search tried, two at most.
+        """Return the other views that the search tried, two at most.
 
         Where one makes the verdict `AMBIGUOUS` it comes first.
         """
@@ -148,29 +148,29 @@ class Explanation:
 
     @property
     def azimuth_deg(self) -> float:
-        """Return the eye's azimuth about the object's vertical axis, degrees in [0, 360).
+        """Return the camera's azimuth about the object's vertical axis, degrees in [0, 360).
 
-        Of views that look the same the first: in [0, 180) where half a turn shows the same, 0 where any does.
+        Views that look the same have the first: in [0, 180) if half a turn looks the same, 0 if any does.
         """
         return math.degrees(float(self.latents.azimuth[0])) % 360
 
     @property
     def elevation_deg(self) -> float:
-        """Return the eye's elevation above the object's horizon, degrees."""
+        """Return the camera's elevation above the object's horizon, degrees."""
         return math.degrees(float(self.latents.elevation[0]))
 
     @property
     def roll_deg(self) -> float:
-        """Return by how far the photo is turned clockwise about the object, degrees."""
+        """Return the photo's clockwise roll about the object, degrees."""
         return math.degrees(self.camera.roll)
 
     @cached_property
     def camera(self) -> Camera:
         """Return the camera of the whole photo; `camera.K` is its intrinsic matrix.
 
-        Of a photo whose camera was given to `Explainer.explain` it is that one. Else it looks straight at the
+        A camera given to `Explainer.explain` is returned as it is. Else it looks straight at the
         object, as if the photo had been cut from a larger one about it (see `pinhole_pose`), and a focal
-        length that the photo does not tell is a guess; distance follows from it, as an object's size and
+        length that the photo does not state is a guess; distance follows from it, as an object's size and
         distance are only known as their ratio.
         """
         return self._camera(self.latents, self.fit.framing)
@@ -206,7 +206,7 @@ class Explanation:
 
     @cached_property
     def camera_from_object(self) -> np.ndarray:
-        """Pose (4, 4) float64, metres: OpenCV camera axes from the object's frame (Z up, +X `front`)."""
+        """Return the pose (4, 4) float64, metres: OpenCV camera axes from the object's (Z up, +X `front`)."""
         return self.camera.camera_from_object(self.latents)
 
     @property
@@ -216,7 +216,7 @@ class Explanation:
 
     @property
     def mask(self) -> np.ndarray:
-        """Return the pixels (H, W) bool in which the object is seen."""
+        """Return the pixels (H, W) bool in which the object is visible."""
         return self._masks[1]
 
     @cached_property
@@ -231,9 +231,9 @@ class Explanation:
 
     @cached_property
     def outlines(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return distances to the outlines of what the object covers and of what of it is seen.
+        """Return distances to the outlines of the object's covered pixels and of its visible ones.
 
-        See `outline_distance`; as far as pictures of `SMALLEST_PICTURE` pixels or more show them.
+        See `outline_distance`; up to the lines' reach in pictures of `SMALLEST_PICTURE` pixels or more.
         """
         height, width = self.picture.shape[:2]
         scale = min(1.0, SMALLEST_PICTURE / max(height, width))
@@ -248,14 +248,14 @@ class Explanation:
 
     @cached_property
     def box(self) -> tuple[int, int, int, int] | None:
-        """Return x, y, width, height in pixels round what the object covers of the photo; None for
+        """Return x, y, width, height in pixels of the object's covered pixels in the photo; None for
         nothing.
         """
         return box_of(self.amodal)
 
     @property
     def hidden_fraction(self) -> float | None:
-        """Return the share of the object's pixels within the photo that something hides; None when there
+        """Return the share of the object's pixels within the photo that are hidden; None when there
         are none.
         """
         covered = int(self.amodal.sum())
@@ -279,14 +279,14 @@ class Explanation:
         azimuth_deg: float | None = None,
         elevation_deg: float | None = None,
     ) -> np.ndarray:
-        """Draw the explained object in front of nothing: as it was seen, or relit, repainted, turned.
+        """Draw the explained object in front of nothing: as in the photo, or relit, repainted, turned.
 
         Args:
             light: (9,) SH coefficients of incident radiance in the world frame.
             albedo: (3,) linear RGB in [0, 1].
-            camera: In place of the photo's; its width and height are those of the picture.
-            azimuth_deg: In place of the explained azimuth.
-            elevation_deg: In place of the explained elevation.
+            camera: Camera in place of the photo's; its width and height are those of the picture.
+            azimuth_deg: Azimuth in place of the explained one, degrees.
+            elevation_deg: Elevation in place of the explained one, degrees.
 
         Returns:
             (H, W, 4) float32: linear RGB, and the share of each pixel that the object covers.
@@ -318,7 +318,7 @@ class Explanation:
         return picture.copy()
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what `explanation.json` holds, see `vig.record`."""
+        """Return the content of `explanation.json`, see `vig.record`."""
         described = record(
             self.fit,
             self.object_class,
@@ -347,9 +347,9 @@ class Explanation:
         Exports of another result that are there, see `export`, are removed.
 
         Args:
-            folder: Is made when it is missing.
-            photo: What the photo is called in the report.
-            files: Which of them beside explanation.json, such as ["mask.png"]; by default all.
+            folder: Folder, made when it is missing.
+            photo: Name of the photo in the report.
+            files: Files besides explanation.json, such as ["mask.png"]; by default all.
             full_size: Whether overlay.png is as large as the photo; else it has 2,048 pixels a side at most.
 
         Raises:
@@ -362,7 +362,7 @@ class Explanation:
         """Return a page of HTML that shows the explanation in any browser, in one file, without the network.
 
         Args:
-            photo: What the photo is called there.
+            photo: Name of the photo in the page.
         """
         return str(output("report")(self, photo))
 
@@ -370,9 +370,9 @@ class Explanation:
         """Write the explanation in the formats of other tools, docs/explanation.md; returns the folder.
 
         Args:
-            folder: That of `save`, as some formats name its mask.
+            folder: Folder of `save`, as some formats name its mask.
             formats: Any of "bop", "coco", "nerfstudio", "ros" and "usd".
-            photo: What the photo is called in them.
+            photo: Name of the photo in the files.
 
         Raises:
             UserError: There is no such format, its library is not installed, or the folder cannot be written.
@@ -381,7 +381,7 @@ class Explanation:
         return exported
 
     def pinhole_pose(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the pose before the camera that took the photo, which a robot wants.
+        """Return the pose in the frame of the camera that took the photo, as robots need it.
 
         Its intrinsics are those given to `Explainer.explain`; else its principal point is in the photo's
         middle and its focal length the one given, that of EXIF data, or a guess. The object is seen by it
@@ -406,7 +406,7 @@ class Explanation:
         return covariance
 
     def position_covariance(self, pose: np.ndarray, distance_known: bool) -> np.ndarray:
-        """Return what `Fit.position_deviation` says of the position in a pose (4, 4), metres: (3, 3).
+        """Return the covariance (3, 3) of the position in a pose (4, 4), metres, by `Fit.position_deviation`.
 
         Where the distance is a guess its standard deviation is as large as the distance.
         """

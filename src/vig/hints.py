@@ -1,4 +1,4 @@
-"""What a user says of the object in a photo."""
+"""A user's hints on the object in a photo."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ class Stroke:
     """A stroke that a user painted with a `PixelLabel`, all in pixels of the photo.
 
     Attributes:
-        x: Where a brush was set down, and y.
-        y: Down.
-        radius: Of the brush.
-        said: The label.
+        x: Place where the brush was set down, to the right.
+        y: The same, downwards.
+        radius: Radius of the brush.
+        said: Label of its pixels.
         path: Further places that it was moved along.
     """
 
@@ -64,9 +64,9 @@ class PlainHints:
             ones, too. Their standard deviation is `POINT_NOISE` of the window's side.
         strokes: Painted one after the other, over marks.
         visible: Nothing hides any of the object.
-        azimuth_deg: Of the eye, to some 8 degrees; one of `Explanation.alternatives`, say.
-        elevation_deg: Of the eye; it is held.
-        roll_deg: By how far the photo is turned clockwise; it is held.
+        azimuth_deg: Azimuth of the camera, to some 8 degrees; one of `Explanation.alternatives`, say.
+        elevation_deg: Elevation of the camera; it is held.
+        roll_deg: Clockwise roll of the photo; it is held.
     """
 
     points: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -78,19 +78,19 @@ class PlainHints:
 
     @property
     def plain(self) -> dict[str, Any]:
-        """Return their values by name."""
+        """Return the hints' values by name."""
         return {each.name: getattr(self, each.name) for each in fields(PlainHints)}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Hints(PlainHints):
-    """What a user knows of the object in a photo of H x W pixels; whatever is not known is left out.
+    """A user's knowledge of the object in a photo of H x W pixels; unknown parts are left out.
 
     Attributes:
-        mask: (H, W) bool, all pixels in which the object is seen.
+        mask: (H, W) bool, all pixels in which the object is visible.
         marks: (H, W) uint8, `PixelLabel` of each pixel, such as scribbles.
-        pose: (4, 4) camera_from_object of another tool, with which the search begins; for what it says of
-            azimuth, elevation and roll.
+        pose: (4, 4) camera_from_object of another tool, with which the search begins; gives azimuth,
+            elevation and roll that are not stated.
     """
 
     mask: np.ndarray | None = None
@@ -102,7 +102,7 @@ class Hints(PlainHints):
         return self.plain != PlainHints().plain or any(array is not None for array in arrays)
 
     def checked(self, width: int, height: int, object_class: ObjectClass) -> Hints:
-        """Return the same with arrays of their types; UserError where something does not suit the photo or
+        """Return the hints with arrays of their types; UserError where something does not suit the photo or
         class.
         """
         changed: dict[str, Any] = {}
@@ -175,7 +175,7 @@ class Hints(PlainHints):
         return marks
 
     def clues(self) -> LocationHints | None:
-        """Return the hints that tell where the object is; None where none does."""
+        """Return the hints that locate the object; None where none does."""
         seen = self.mask if self.marks is None else self.marks == PixelLabel.SEEN
         if self.mask is not None and self.marks is not None:
             seen = self.mask | (self.marks == PixelLabel.SEEN)
@@ -243,8 +243,8 @@ class Hints(PlainHints):
 
 
 def checked_pose(value: Any, usual_distance: float) -> np.ndarray:
-    """Return a pose (4, 4) camera_from_object of an object in front of the camera; UserError names what it
-    may be.
+    """Return a pose (4, 4) camera_from_object of an object in front of the camera; UserError lists the
+    accepted forms.
 
     usual_distance: Metres at which a photo is taken of such an object.
     """
@@ -296,7 +296,7 @@ def view_of(pose: np.ndarray) -> tuple[float, float, float]:
 
 
 def _share(mask: np.ndarray, window: Window) -> np.ndarray:
-    """Share (S, S) of each of the window's pixels that a mask (H, W) bool covers; 0 beyond the photo."""
+    """Return the share (S, S) of the window's pixels that a mask (H, W) bool covers; 0 beyond the photo."""
     grey = np.repeat(mask[:, :, None].astype(np.float32), 3, axis=2)
     cut, inside = window.crop(grey)
     share: np.ndarray = cut[..., 0] * inside

@@ -79,7 +79,7 @@ class Window(msgspec.Struct):
 
 
 class Framing(msgspec.Struct):
-    """How the object lies in the window."""
+    """Place, size and roll of the object in the window."""
 
     shift: Two
     magnification: float
@@ -110,7 +110,7 @@ class Pinhole(msgspec.Struct):
 
 
 class Hints(msgspec.Struct):
-    """What the user gave; of masks and marks the number of pixels."""
+    """The user's hints; for masks and marks the number of pixels."""
 
     mask: int | UnsetType = UNSET
     marks: int | UnsetType = UNSET
@@ -171,11 +171,11 @@ def record(
     """Return an explanation in plain numbers, degrees and linear RGB.
 
     Args:
-        fit: In the window.
-        object_class: What the photo was explained as. Where any turn looks the same azimuth is 0 and has no
-            deviation.
+        fit: Fit in the window.
+        object_class: Class as which the photo was explained. Azimuth is 0 without deviation where any turn
+            looks the same.
         window: The part of the photo that was fitted.
-        cameras: Of the whole photo, as the fit has it and as each alternative has.
+        cameras: Cameras of the whole photo, as the fit has it and as each alternative has.
         focal_from: Where the focal length is from; see `vig.Explanation`.
         pinhole: Intrinsics, pose and its covariance, as `vig.Explanation.pinhole_pose` has them.
         others: Fields of the record that follow from pictures of the photo's size, or from the user.
@@ -261,7 +261,7 @@ def read_explanation(folder: Path, remedy: str = "Explain the photo anew with `v
 
 
 def glb_from_object(azimuth: float) -> np.ndarray:
-    """Return (4, 4): glTF's axes (Y up) from the object's (Z up), an eye at the azimuth (radians) on +Z.
+    """Return (4, 4): glTF's axes (Y up) from the object's (Z up), a camera at the azimuth (radians) on +Z.
 
     Viewers look from there.
     """
@@ -302,7 +302,7 @@ def _pose(camera: PhotoCamera, latents: Latents) -> list[list[float]]:
 
 
 def _known(value: float) -> float | None:
-    """Return a number that is NaN where it is not known."""
+    """Return a number, None where it is NaN, hence unknown."""
     return None if math.isnan(value) else _rounded(value)
 
 

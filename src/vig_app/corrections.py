@@ -39,12 +39,12 @@ class Found:
 
     @staticmethod
     def of(explanation: Explanation) -> Found:
-        """Return that of an explanation whose outline the box is round."""
+        """Return the probabilities of an explanation whose outline the box is round."""
         numbers = explanation.present, explanation.confidence
         return Found(*(None if math.isnan(number) else number for number in numbers))
 
     def lower(self, explanation: Explanation) -> Explanation:
-        """Return the explanation of the same once more, which is no more certain for its box."""
+        """Return a new explanation of the object with no more confidence than before: its box is the same."""
         fit = explanation.fit
         if self.confidence is not None and fit.confidence > self.confidence:
             fit = lower_confidence(fit, self.confidence / fit.confidence, explanation.object_class.name)
@@ -57,7 +57,7 @@ class Found:
 class State(PlainHints):
     """All that a user knows of a photo; places are in its pixels, angles in degrees.
 
-    `camera` is fx, fy, cx, cy of its lens; `found` says that the box is not the user's.
+    `camera` is fx, fy, cx, cy of its lens; `found` means that the box is not the user's.
     """
 
     box: Box | None = None
@@ -66,7 +66,7 @@ class State(PlainHints):
     found: Found | None = None
 
     def hints(self, width: int, height: int, others: np.ndarray | None = None) -> Hints:
-        """Return the same as the library takes it; in pixels `others` (H, W) bool other objects are seen."""
+        """Return the library's hints; in pixels `others` (H, W) bool other objects are visible."""
         marks = None
         if others is not None:
             marks = np.where(others, np.uint8(PixelLabel.IN_FRONT), np.uint8(0))
@@ -83,7 +83,7 @@ class State(PlainHints):
         self.hints(width, height).checked(width, height, object_class)
 
     def to_json(self) -> dict[str, Any]:
-        """Return what corrections.json and the page of `vig view` hold."""
+        """Return the content of corrections.json and of the page of `vig view`."""
         content = asdict(self)
         first = {"box": content.pop("box"), "points": content.pop("points"), "marks": content.pop("strokes")}
         return first | content
@@ -94,7 +94,7 @@ class State(PlainHints):
         """Explain the photo (H, W, 3) of a file with these hints; `others` as of `hints`.
 
         Raises:
-            UserError: As `Explainer.explain`.
+            UserError: See `Explainer.explain`.
         """
         height, width = photo.shape[:2]
         given = self.focal is not None or self.camera is not None
@@ -118,14 +118,14 @@ class State(PlainHints):
         corrected: bool = False,
         object_box: Box | None = None,
     ) -> None:
-        """Write what `read` reads into a folder of results, from which the photo is named.
+        """Write the file that `read` reads into a folder of results; it names the photo from there.
 
         Args:
-            folder: Of the results.
+            folder: Folder of the results.
             photo: Its file.
-            object_class: What it was explained as.
-            corrected: By hand, so that `vig fit` takes it in place of its own hints.
-            object_box: Of one of several objects, as it was without corrections; by default that of the file
+            object_class: Class as which it was explained.
+            corrected: Whether by hand, so that `vig fit` takes it in place of its own hints.
+            object_box: Box of one of several objects, as it was uncorrected; by default that of the file
                 that is there.
 
         Raises:
@@ -145,7 +145,7 @@ class State(PlainHints):
 
     @staticmethod
     def read(folder: Path, remedy: str = "Name the photo itself.") -> tuple[Path, str, State]:
-        """Return the photo, class and state that `write` wrote; UserError with a remedy where they cannot
+        """Return the photo, class and state from a file of `write`; UserError with a remedy where they cannot
         be read.
         """
         path = folder / CORRECTIONS
@@ -161,12 +161,12 @@ class State(PlainHints):
 
 @dataclass(frozen=True)
 class Correction:
-    """What was corrected by hand of one object.
+    """A correction by hand of one object.
 
     Attributes:
-        name: Of the object's folder among those of several; "" for a photo's one object.
+        name: Name of the object's folder among those of several; "" for a photo's one object.
         state: The hints; None where they cannot be taken.
-        box: Round the object as it was without corrections; None where that is unknown.
+        box: Box of the object as it was without corrections; None where that is unknown.
         problem: Why the hints cannot be taken, a line; "" where they can.
     """
 
@@ -177,8 +177,8 @@ class Correction:
 
 
 def corrected_in(folder: Path, object_class: str | Path | None = None) -> tuple[Correction, ...]:
-    """Return the corrections by hand in the folder of a photo's results: of its one object, which is to
-    be of a class, or of several. Files that do not say whether they were corrected, as older ones, are
+    """Return the corrections by hand in the folder of a photo's results: those of its one object, which must
+    be of a class, or of several. Files that do not state whether they were corrected, as older ones, are
     passed over.
     """
     names = {str(object_class), str(Path(object_class or "").resolve())}

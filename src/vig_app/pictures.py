@@ -24,30 +24,30 @@ from vig.several.scene import SceneExplanation
 
 Made = TypeVar("Made")
 OUTLINE = np.array([255, 210, 0], np.float32)
-"""Colour of outlines, 8-bit sRGB; likewise `HIDDEN` of hidden pixels, mixed in by `HIDDEN_SHARE`."""
+"""Colour of outlines, 8-bit sRGB; `HIDDEN` is that of hidden pixels, mixed in by `HIDDEN_SHARE`."""
 BORDER = np.array([20, 20, 20], np.float32)
-"""Beside the outline, so that it shows on bright and yellow ground, too."""
+"""Colour next to the outline, so that it shows on bright and yellow ground, too."""
 HIDDEN = np.array([235, 40, 120], np.float32)
 HIDDEN_SHARE = 0.5
 PANEL = 300
 """Pixels a side of the pictures in `draw_panels`."""
 PANEL_NAMES = ("photo", "re-rendering", "residual", "normals", "mask")
 LABEL = 22
-"""Pixels of the line above each that says what it shows."""
+"""Pixels of the line above each with its name."""
 LEAST_PIXELS = 30
-"""Seen pixels from which a part's own colour is told."""
+"""Visible pixels from which a part's own colour is estimated."""
 WHITE, BRIGHT, DARK = np.float32(255), np.float32(217), np.float32(38)
-"""8-bit levels of `draw_panels`: of what is seen in the mask, and of grounds."""
+"""8-bit levels of `draw_panels`, those of visible pixels in the mask, and of grounds."""
 RESIDUAL_COLOURS = np.array([[0.80, 0.10, 0.10], [0.10, 0.25, 0.80]], np.float32)
-"""Where the photo is brighter, and where it is darker."""
+"""Colours where the photo is brighter, and where it is darker."""
 TINT = 0.2
 """Share of an object's colour in its tint."""
 COLOURS = np.array([(255, 220, 0), (0, 220, 255), (255, 90, 220), (120, 255, 90)], np.float32)
-"""Of the tints of several objects, in turn."""
+"""Colours of the tints of several objects, in turn."""
 
 
 def once(make: Callable[[Explanation], Made]) -> Callable[[Explanation], Made]:
-    """Keep what a function makes of an explanation for as long as the explanation is there."""
+    """Keep a function's result for an explanation for as long as the explanation is there."""
     made: WeakKeyDictionary[Explanation, Made] = WeakKeyDictionary()
 
     @functools.wraps(make)
@@ -83,14 +83,14 @@ def scene_overlay(scene: SceneExplanation) -> np.ndarray:
 def draw_outlines(photo: np.ndarray, window: Window, covered: np.ndarray, visible: np.ndarray) -> np.ndarray:
     """Return the photo with the object's whole outline in yellow and its hidden pixels tinted pink.
 
-    The outline is smooth, between two dark lines, and lies beside what the object covers; its width grows
+    The outline is smooth, between two dark lines, and lies beside the covered pixels; its width grows
     with the photo.
 
     Args:
         photo: (H, W, 3) uint8 sRGB.
-        window: What was fitted.
-        covered: Distance to the outline of what the object covers, see `vig.photo.outline_distance`.
-        visible: The same of what of it is seen.
+        window: Window that was fitted.
+        covered: Distance to the outline of the covered pixels, see `vig.photo.outline_distance`.
+        visible: The same for the visible pixels.
 
     Returns:
         (H, W, 3) uint8.
@@ -127,7 +127,7 @@ class CloseUp:
         part: (S, S) int, the object's part, -1 where nothing is.
         depth: (S, S) metres along the optical axis, inf where nothing is.
         visible: (S, S) bool, where nothing hides it.
-        camera: That of the rendering.
+        camera: Camera of the rendering.
     """
 
     photo: np.ndarray
@@ -191,9 +191,9 @@ def draw_panels(shown: CloseUp) -> np.ndarray:
     uint8.
 
     The re-rendering stands in the photo, in front of everything. The residual is the photo's brightness less
-    the rendering's where the object is seen: red where the photo is brighter, blue where it is darker.
-    Normals are coloured by direction: red to the right, green up, blue towards the eye. The mask is white
-    where the object is seen, pink where it is hidden.
+    the rendering's where the object is visible: red where the photo is brighter, blue where it is darker.
+    Normals are coloured by direction: red to the right, green up, blue towards the camera. The mask is white
+    where the object is visible, pink where it is hidden.
     """
     size = len(shown.photo)
     photo = 255 * srgb_from_linear(shown.photo.reshape(-1, 3))
@@ -240,7 +240,7 @@ def part_colours(shown: CloseUp, albedo: np.ndarray, reflectance: np.ndarray) ->
     """Return linear RGB (parts, 3) of each part's surface.
 
     The albedo (3,) times the part's reflectance (parts,) and the photo over the re-rendering, the median of
-    where the part is seen, made so dark that it is in [0, 1]; without the photo where too little is seen.
+    where the part is visible, darkened into [0, 1]; without the photo where too little is visible.
     """
     colours: np.ndarray = (reflectance[:, None] * albedo).astype(np.float32)
     seen = shown.visible & (shown.coverage > 0.99)
@@ -249,7 +249,7 @@ def part_colours(shown: CloseUp, albedo: np.ndarray, reflectance: np.ndarray) ->
     for part, share in enumerate(reflectance):
         here = owner == part
         if here.sum() >= LEAST_PIXELS:
-            # As `np.median`, which loads numpy.ma: a twentieth of a second.
+            # Like `np.median`, which loads numpy.ma: a twentieth of a second.
             colour = share * np.quantile(photo[here] / light[here][:, None], 0.5, axis=0)
             colours[part] = colour / max(1.0, colour.max())
     return colours

@@ -55,7 +55,7 @@ COLUMNS: dict[str, str | type] = {
     "reason": "reason",
     "seconds": float,
 }
-"""Of the table: where a column's value is in explanation.json, or the type of one that is the run's;
+"""Columns of the table: a value's place in explanation.json, or the type of one that is the run's;
 docs/many.md describes them."""
 TRACK = "track"
 TRACK_COLUMNS: dict[str, str | type] = {
@@ -77,10 +77,10 @@ TRACK_COLUMNS: dict[str, str | type] = {
     "center_y": float,
     **dict.fromkeys(POSE, float),
 }
-"""Of the table of a track, likewise."""
+"""Columns of the table of a track, the same way."""
 
 VERDICTS = ("failed", "absent", "reverted", "ambiguous", "trusted")
-"""In the order in which photos are to be looked at."""
+"""Verdicts in the order in which photos are to be reviewed."""
 FORMULA = re.compile("'*[=+\\-@\t\r\n\uff1d\uff0b\uff0d\uff20]")
 """Beginning of texts that spreadsheets would compute; a quote before it makes them texts."""
 GROUP = 4096
@@ -88,13 +88,13 @@ GROUP = 4096
 
 
 def row_of_record(described: Mapping[str, Any], **of_run: Any) -> dict[str, Any]:
-    """Return a row of the table from what explanation.json holds, and from what the run says of the photo."""
+    """Return a row of the table from the content of explanation.json, and the run's fields of the photo."""
     row = {name: _at(described, place) if isinstance(place, str) else None for name, place in COLUMNS.items()}
     return row | of_run
 
 
 def _at(value: Any, place: str) -> Any:
-    """Return what is at a place of a record, None for nothing; of a list of words whether one is in it."""
+    """Return the value at a place of a record, None for nothing; for a list of words whether one is in it."""
     for step in place.split("."):
         if isinstance(value, list):
             value = value[int(step)] if step.isdecimal() else step in value
@@ -116,7 +116,7 @@ def kind_of(column: str | type) -> type:
             kind = _fields(kind)[step]
         else:
             kind = get_args(kind)[0] if step.isdecimal() else bool
-        while get_origin(kind) in (Annotated, UnionType, Union):  # what it is without bounds, or null
+        while get_origin(kind) in (Annotated, UnionType, Union):  # its type without bounds, or null
             kind = next(each for each in get_args(kind) if each is not NoneType)
     found: type = str if get_origin(kind) is Literal else kind
     return found
@@ -137,7 +137,7 @@ class RowsOnDisk:
     """Rows of a run in a temporary file, so that memory hardly grows with the photos.
 
     Iterating gives them in the order of the photos, any number of times; its length is how many photos have
-    rows. What cannot be written stays in memory.
+    rows. Unwritable rows stay in memory.
 
     Args:
         folders: Names of the photos' folders, in order.
@@ -182,7 +182,7 @@ class RowsOnDisk:
 def write_table(
     out: Path, rows: Iterable[dict[str, Any]], table: str = TABLE, columns: Mapping[str, str | type] = COLUMNS
 ) -> list[Path]:
-    """Write results.csv, and results.parquet where pyarrow is installed; returns what was written.
+    """Write results.csv, and results.parquet where pyarrow is installed; returns the files.
 
     The rows are taken one after the other, `GROUP` of them are held at a time.
     """
@@ -219,7 +219,7 @@ def read_results(folder: str | Path) -> list[dict[str, Any]]:
     """Return the rows of results.csv with numbers, truth values and None, as `pandas.DataFrame` takes them.
 
     Args:
-        folder: That of `vig fit` of several photos.
+        folder: Folder of `vig fit` for several photos.
 
     Raises:
         UserError: There is no such table, or it is damaged.
@@ -252,7 +252,7 @@ def checked_row(row: dict[str, Any]) -> dict[str, Any]:
 
 
 def _value(kind: type, text: str) -> Any:
-    """Return what a cell of results.csv stands for."""
+    """Return the value that a cell of results.csv stands for."""
     if text == "" or kind is str:
         return (text[1:] if text.startswith("'") and FORMULA.match(text) else text) or None
     if kind is bool:

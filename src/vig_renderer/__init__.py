@@ -15,10 +15,10 @@ _HOMES = {
     "pyramid": "texture",
     "render": "rendering",
 }
-"""Where each public name lives: imported when it is first asked for, as torch takes a second."""
+"""Module of each public name: imported on first use, as torch takes a second."""
 
 NEAR = 0.01
-"""Metres along the optical axis; nothing nearer is drawn unless told."""
+"""Metres along the optical axis; nothing nearer is drawn by default."""
 
 __all__ = ["NEAR", *_HOMES]
 

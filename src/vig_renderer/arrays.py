@@ -12,7 +12,7 @@ Array: TypeAlias = Any
 
 
 def is_tensor(value: Any) -> bool:
-    """Return whether it is a tensor of torch, which is not loaded for the question."""
+    """Return whether the value is a tensor of torch, which is not loaded for the question."""
     torch = sys.modules.get("torch")
     return torch is not None and isinstance(value, getattr(torch, "Tensor", ()))
 
@@ -20,7 +20,7 @@ def is_tensor(value: Any) -> bool:
 def namespace(array: Any) -> Any:
     """Return the module with the functions of an array: numpy, or torch for a caller's tensors.
 
-    What is written with it (scenes, not fits) also takes tensors of torch, and is differentiated there.
+    Functions written with it (scenes, not fits) also take tensors of torch, and are differentiated there.
     """
     return sys.modules["torch"] if is_tensor(array) else np
 

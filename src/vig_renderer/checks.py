@@ -1,4 +1,4 @@
-"""Checks of arrays and tensors, whose errors say what was expected and what came."""
+"""Checks of arrays and tensors, whose errors state the expectation and the argument."""
 
 from __future__ import annotations
 

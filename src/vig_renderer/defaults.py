@@ -1,4 +1,4 @@
-"""torch and numpy as they are by default, whatever the program around has set."""
+"""Default settings of torch and numpy, within a program that may have set others."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def default_settings(inference: bool | None = None) -> Iterator[None]:
 
     The default dtype is the whole process's: it is restored when the last thread leaves. inference: whether
     torch's inference mode is on; None leaves it. Within another such block nothing changes. A torch that
-    nobody has loaded is left alone.
+    is not loaded is left alone.
     """
     if getattr(_here, "inside", False):
         yield
@@ -76,7 +76,7 @@ def _leave_torch(torch: Any) -> None:
 def with_default_settings(public: Public) -> Public:
     """Run a function, or the public methods and properties of a class, within `default_settings`.
 
-    Generators run as they are: what they call must do so itself. Tensors that outlive a call are ordinary
+    Generators run as they are: functions that they call must do so. Tensors that outlive a call are ordinary
     ones, also of a caller in inference mode.
     """
     if isinstance(public, type):

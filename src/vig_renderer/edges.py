@@ -6,7 +6,7 @@ import numpy as np
 
 
 def welded(vertices: np.ndarray) -> np.ndarray:
-    """Return for each vertex the first one at the same place: (V,)."""
+    """Return the first vertex at the place of each vertex: (V,)."""
     _, first, inverse = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
     return first[inverse.reshape(-1)].astype(np.int32)
 

@@ -4,7 +4,7 @@
 class UserError(ValueError):
     """A mistake that the user can mend: bad input, a missing file, a full disk.
 
-    Its message is one line that says what was expected, what came, and what to do. The command line
+    Its message is one line that states the expectation, the argument, and the remedy. The command line
     prints it and exits with code 2, without a traceback. Errors of the program itself are other types.
     """
 

@@ -1,6 +1,6 @@
 """Pictures in plain torch on the native library's visibility: forward mode and second derivatives, too.
 
-Each function does what that of the same name in `native.py` does; `packed` says which objects there are.
+Each function matches that of the same name in `native.py`; `packed` lists the objects.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ MARGIN = 1
 """Pixels drawn around the image and cut off again, so that its own border is blended like its middle."""
 
 NORMAL, ALBEDO, LIT = slice(0, 3), slice(3, 6), slice(6, 9)
-"""Columns of a vertex's attributes; the last are what light it reflects, where that is found at vertices."""
+"""Columns of a vertex's attributes; the last are its reflected light, where that is computed at vertices."""
 
 
 class _Opaque(torch.autograd.Function):
@@ -60,7 +60,7 @@ class Visible:
 
     @staticmethod
     def find(packed: PackedScenes, samples: int, near: float, points: Tensor, alone: bool = False) -> Visible:
-        """Return which faces and edges are seen, of homogeneous points (V, 3). Nothing of it has a
+        """Return the visible faces and edges of homogeneous points (V, 3). Nothing of it has a
         derivative.
         """
         layers = len(packed.image) if alone else packed.size[0]
@@ -109,7 +109,7 @@ class Visible:
 class Tables:
     """The objects' faces (F, 3) int64 numbered through.
 
-    face_object (F,): which object. first_face, place (O,): where an object's faces begin, its place in its
+    face_object (F,): which object. first_face, place (O,): an object's first face, its place in its
     scene.
     """
 
@@ -120,7 +120,7 @@ class Tables:
 
     @staticmethod
     def of(packed: PackedScenes) -> Tables:
-        """Return those of all objects."""
+        """Return the tables of all objects."""
         tables = [torch.from_numpy(mesh.tables()[0]).long() for mesh in packed.meshes]
         counts, first_vertex = [len(each) for each in tables], [0, *accumulate(packed.vertex_counts)]
         faces = [each + first for each, first in zip(tables, first_vertex, strict=False)]
@@ -138,8 +138,8 @@ def draw(
 ) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
     """Draw all scenes: colours (B, H, W, 3), coverage (B, H, W), visible masks (B, O, H, W); see `Rendering`.
 
-    Then `place`'s points and attributes. inputs: of each object those of INPUTS, one after the other.
-    columns: of the attributes, 9 with light at the vertices.
+    Then `place`'s points and attributes. inputs: those of INPUTS for each object, one after the other.
+    columns: number of attributes, 9 with light at the vertices.
     """
     objects = [
         dict(zip(INPUTS, inputs[start : start + len(INPUTS)], strict=True))
@@ -283,7 +283,7 @@ def _to_grid(points: Tensor, samples: int) -> Tensor:
 
 
 def _screen(points: Tensor, near: float) -> Tensor:
-    """Return pixel coordinates (V, 2); of no meaning nearer than `near`, where no edge is blended."""
+    """Return pixel coordinates (V, 2); meaningless nearer than `near`, where no edge is blended."""
     depth = points[:, 2:]
     return points[:, :2] / torch.where(depth >= near, depth, 1.0)
 

@@ -1,4 +1,4 @@
-"""Private interfaces of torch: each function documents what it does when one is missing."""
+"""Private interfaces of torch: each function documents its result when one is missing."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ def antialias(image: torch.Tensor, screen: torch.Tensor, crossings: Crossings) -
     """Blend an image at its occlusion edges.
 
     image (B, H, W, C): sampled at the pixels' centres, any channels (colours, masks). screen (V, 2): the
-    vertices in pixels. crossings: of the same scene. Result (B, H, W, C). Differentiable in image and screen.
+    vertices, pixels. crossings: from the same scene. Result (B, H, W, C). Differentiable in image and screen.
     """
     if len(crossings.edge) == 0:
         return image
@@ -96,7 +96,7 @@ def barycentrics(
         points: (V, 3) homogeneous screen points (x z, y z, z).
         corners: (N, 3) int64, the faces' vertices.
         pixels: (N, 2), column and row.
-        derivatives: Also give the weights' derivatives along the screen.
+        derivatives: Whether to return the weights' derivatives along the screen, too.
 
     Returns:
         (N, 3, 3): the weights, then their derivatives per pixel to the right, and per pixel downwards;

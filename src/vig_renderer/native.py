@@ -1,7 +1,7 @@
 """Pictures by the native library as functions of torch with first derivatives: see vig_native/scenes.h.
 
 It draws each layer on one thread, on as many as torch has where there are several, and needs no torch
-operation. What the functions compute is said in `general.py`, which also has their second derivatives.
+operation. The functions are described in `general.py`, which also has their second derivatives.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class _Native(torch.autograd.Function):
 
 
 def _differentiable(stage: Stage, inputs: Tensors, needed: Sequence[bool], cotangents: Tensors) -> Tensors:
-    """Return the way back as torch's own operations, of which there are second derivatives and batches."""
+    """Return the backward pass as torch's own operations, which have second derivatives and batches."""
     twice = torch.is_grad_enabled()
     with torch.enable_grad():
         results = stage.general(*inputs)
@@ -72,7 +72,7 @@ def _differentiable(stage: Stage, inputs: Tensors, needed: Sequence[bool], cotan
 
 
 def run(stage: Stage, *inputs: Tensor | None) -> tuple[Tensor, ...]:
-    """Return the results of a stage by native code. Of inference tensors a graph keeps copies."""
+    """Return the results of a stage by native code. A graph keeps copies of inference tensors."""
     apply: Callable[..., tuple[Tensor, ...]] = _Native.apply
     if torch.is_grad_enabled():
         inputs = tuple(each.clone() if each is not None and each.is_inference() else each for each in inputs)

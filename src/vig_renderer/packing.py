@@ -27,8 +27,8 @@ INPUTS = (
 class PackedScenes:
     """All objects of B scenes, numbered through: O of them with V vertices and F faces.
 
-    inputs (O): of each object those of INPUTS, None where there is none. meshes (O): see `Topology.mesh`.
-    image, place (O): an object's scene and its place in that scene's list. vertex_counts (O). levels (O): of
+    inputs (O): those of INPUTS for each object, None where there is none. meshes (O): see `Topology.mesh`.
+    image, place (O): an object's scene and its place in that scene's list. vertex_counts (O). levels (O): for
     the object's texture, see `Pyramid`. background (B, H, W, 3), or (B, 3). size: (B, H, W).
     """
 
@@ -44,12 +44,12 @@ class PackedScenes:
 
     @property
     def most_objects(self) -> int:
-        """Return objects of the scene that has most."""
+        """Return the greatest number of objects in a scene."""
         return max(self.place, default=-1) + 1
 
     @property
     def tensors(self) -> list[torch.Tensor | None]:
-        """Return all that a picture is differentiable in: the background, then the inputs of each object."""
+        """Return the differentiable inputs of a picture: the background, then the inputs of each object."""
         return [self.background, *chain.from_iterable(self.inputs)]
 
     def in_library(self, samples: int, near: float, alone: bool = False) -> Any:

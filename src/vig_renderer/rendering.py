@@ -78,7 +78,7 @@ def render(
 
 
 def jacobian(function: Callable[[Tensor], Tensor], latents: Tensor) -> tuple[Tensor, Tensor]:
-    """Value (...) of a function of P numbers, and its Jacobian (..., P), by forward differentiation.
+    """Return a function's value (...) of P numbers, and its Jacobian (..., P), by forward differentiation.
 
     function: renders, say, from a vector of latents (P,) and returns one tensor. One pass per number: for few
     numbers and many pixels, as in Gauss-Newton. torch.func.jvp gives a single direction.

@@ -16,13 +16,13 @@ from vig_renderer.topology import Topology
 class MeshObject:
     """A mesh somewhere in the world, its surface, and the light that falls on it.
 
-    vertices (V, 3): metres, the object's frame. topology: of the mesh. rotation (3, 3), translation (3,):
+    vertices (V, 3): metres, the object's frame. topology: their faces. rotation (3, 3), translation (3,):
     world_from_object; None is the identity. albedo: (3,) for the whole, or (V, 3) colours of the vertices,
     linear RGB. texture: multiplies the albedo; it needs texture_coordinates (T, 2), one row per vertex or as
-    `topology.texture_faces` says. normals (V, 3): unit, the object's frame; None means the mean of the
+    `topology.texture_faces` states. normals (V, 3): unit, the object's frame; None means the mean of the
     adjacent faces', on the side from which their corners run counter-clockwise. light: SH coefficients (9,)
-    grey or (9, 3) RGB of incident radiance, world frame. An
-    object with neither light nor a lamp in its scene shows its albedo as it is.
+    grey or (9, 3) RGB of incident radiance, world frame. An object with neither light nor a lamp in its
+    scene shows its albedo as it is.
     """
 
     vertices: torch.Tensor
@@ -96,14 +96,14 @@ class Rendering:
     """B images of H x W, O objects in the scene that has most.
 
     rgb (B, H, W, 3): linear. coverage (B, H, W): the share of a pixel that objects cover. visible_masks
-    (B, O, H, W): the share that each object is seen in. full_masks (B, O, H, W): the share that it covers,
-    seen or hidden by others. These four are blended at occlusion edges.
+    (B, O, H, W): the share that shows each object. full_masks (B, O, H, W): the share that it covers,
+    visible or hidden by others. These four are blended at occlusion edges.
 
-    Of the surface at the pixel's centre: depth (B, H, W) in metres along the optical axis, inf where nothing
+    The surface at the pixel's centre: depth (B, H, W) in metres along the optical axis, inf where nothing
     is; normals (B, H, W, 3) unit, world frame, 0 where nothing is; object_id (B, H, W) int32, the place in
     the scene's list, -1 where nothing is; triangle_id (B, H, W) int32, the row of that object's faces, or -1.
 
-    What nobody asks for, of the full masks and of the surface, is not computed.
+    Full masks and the surface are computed on first use.
     """
 
     rgb: torch.Tensor

@@ -19,7 +19,7 @@ def shade(
 
     normals (N, 3): unit, world frame. owner (N,): which of the O lights below shines on each. light
     (O, 9, 3): SH coefficients of incident radiance, RGB. direction (O, 3): unit, towards a distant lamp.
-    radiance (O, 3): what a white surface that faces the lamp reflects of it. No shadows.
+    radiance (O, 3): its light that a white surface facing the lamp reflects. No shadows.
     """
     lobe = torch.tensor(COSINE_LOBE, dtype=normals.dtype, device=normals.device)
     basis = sh_basis(normals) * lobe
@@ -45,7 +45,7 @@ def smooth_normals(vertices: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:
     index = faces.long().reshape(-1)
     a, b, c = vertices.index_select(0, index).view(-1, 3, 3).unbind(1)
     weighted = torch.linalg.cross(b - a, c - a)
-    # One addition per corner: together it is what the three corners of each face take.
+    # One addition per corner: together each of the three corners of a face takes its share.
     total = torch.zeros_like(vertices).index_add(0, index, weighted.repeat_interleave(3, 0))
     return unit(total)
 

@@ -1,4 +1,4 @@
-"""What stays the same while a mesh moves: its faces, and the edges between them."""
+"""The constant part of a moving mesh: its faces, and the edges between them."""
 
 from __future__ import annotations
 
@@ -64,8 +64,8 @@ class Topology:
     ) -> Topology:
         """Find the edges of `faces` (F, 3).
 
-        vertices (V, 3): where vertices lie now; those at exactly the same place (a texture's seam) are one
-        for the edges, so that no silhouette is seen between them. An edge of three or more faces counts as
+        vertices (V, 3): current places; those at exactly the same place (a texture's seam) are one
+        for the edges, so that no silhouette is found between them. An edge of three or more faces counts as
         a border of each. Faces that use a vertex twice have no edges.
         """
         faces, vertices = _rows("faces", faces), np.asarray(vertices)

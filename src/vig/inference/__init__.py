@@ -1,4 +1,4 @@
-"""From a prediction to a fit: objective, starts, refinement, selection, confidence."""
+"""Fits from predictions: objective, starts, refinement, selection, confidence."""
 
 from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration, calibration_of
 from vig.inference.explain import explain, explain_one

@@ -1,7 +1,7 @@
-"""The calibration of fits, learned on validation photos: how likely a fit is right, and how far it is off.
+"""The calibration of fits, learned on validation photos: probabilities that it is right, and deviations.
 
 One logistic regression on a fit's confidence features gives the probability that its view is right, one that
-its mask is; a third, learned with rolled photos beside others, that the photo is in distribution, without
+its mask is; a third, learned with rolled photos among others, that the photo is in distribution, without
 which these mean nothing. The curvature at the fit gives deviations as if the model were exact and pixels
 independent; each is widened to `r sqrt((scale d)^2 + floor^2)`, r the residual's root mean square, scale and
 floor being apart for trusted fits and for others, so that 90 % intervals hold.
@@ -26,25 +26,25 @@ from vig.scene.functions import sigmoid
 
 FILE = "calibration.json"
 FORMAT = 7
-"""6 said nothing of positions."""
+"""Version 6 had no position deviations."""
 
 CONFIDENCE_FEATURES = (
     "evidence_gap",  # log (1 + nats by which the best fit of another view lies behind), 0 for a reverted fit
     "view_log_probability",  # that the network gives to the fit's view
     "network_agrees",  # 1 when the network's most probable view is the fit's
-    "hidden_fraction",  # of the object's pixels
+    "hidden_fraction",  # share of the object's pixels that are hidden
     "log_visible_pixels",  # log (1 + their number)
     "log_residual",  # log of the residual's root mean square where the object is visible
     "sine_elevation",
     "mask_log_probability",  # mean that the network gives to the fit's classes of the object's pixels
-    "log_azimuth_entropy",  # of the network's view probabilities
-    "log_elevation_deviation",  # as the network states it
+    "log_azimuth_entropy",  # entropy of the network's view probabilities
+    "log_elevation_deviation",  # deviation that the network states
     "shape_deviation",  # mean over the components, as the network states them
     "presence_log_odds",  # log odds, as predicted, that the photo shows the object at all
     "predicted_roll",  # absolute, radians: that the network sees in a photo that should stand upright
-    "outline_agreement",  # intersection over union of what the fit covers and the network's object
+    "outline_agreement",  # intersection over union of the fit's coverage and the network's object
 )
-"""What the confidence in a fit is computed from, in this order."""
+"""Features from which the confidence in a fit is computed, in this order."""
 
 UNCALIBRATED_POSITION = (0.1, 0.1, 0.3)
 """Position deviations of a class without a calibration, see `FitCalibration.position`: rough ones."""
@@ -54,7 +54,7 @@ scenes of four meshes right views were 3.7 degrees off (68 % quantile) where evi
 WITHIN_90 = 1.6449
 """Standard deviations on either side that hold 90 % of a Gaussian."""
 LEAST_DEVIATION = 1e-3
-"""Of any latent: even one that never varied, such as L00 at a set exposure, is not certain."""
+"""Deviation of any latent: even one that never varied, such as L00 at a set exposure, is uncertain."""
 
 
 def residual(features: np.ndarray) -> np.ndarray:
@@ -67,7 +67,7 @@ def residual(features: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class FitCalibration:
-    """Turns confidence features (C,) and curvature into a confidence and deviations of P latents.
+    """Map from confidence features (C,) and curvature to a confidence and deviations of P latents.
 
     Attributes:
         view_weights: (C,) of the logistic regression for the view being right.
@@ -77,15 +77,15 @@ class FitCalibration:
         mask_weights: (C,) of that for the mask being right.
         mask_bias: Its bias.
         threshold: Confidence from which a view is trusted.
-        mask_threshold: And a mask.
+        mask_threshold: Confidence from which a mask is trusted.
         scale: (2, P) factors of deviations, row 0 for trusted fits, 1 for others.
-        floor: (2, P) in units of the residual, likewise.
-        position: (2, 3) standard deviations of the object's position before a known camera, beside what
-            follows from the curvature, likewise: to the side and along the object's vertical as it is seen,
+        floor: (2, P) least deviations in units of the residual, rows as `scale`.
+        position: (2, 3) standard deviations of the object's position before a known camera, added to
+            those from the curvature, rows as `scale`: to the side and along the object's apparent vertical,
             in lengths of the object, and in depth, as a share of the distance. The spread of the sizes of a
             class's shapes is in it.
-        density: Of the noise in the fits that it was learned from; of others it says nothing. A file without
-            it is of the default's.
+        density: Noise density of the fits that it was learned from, to which it is limited. A file without
+            it has the default density.
     """
 
     view_weights: np.ndarray
@@ -110,7 +110,7 @@ class FitCalibration:
 
     def mask_confidence(self, features: np.ndarray) -> float:
         """Return the probability that the mask of a fit is right, see `Fit.mask_confidence`; it fades
-        likewise.
+        as `confidence` does.
         """
         mask = _logistic(self.mask_weights, self.mask_bias, features)
         return float(faded(mask, self._in_distribution(features)))
@@ -141,7 +141,7 @@ class FitCalibration:
 
     @staticmethod
     def load(path: Path) -> FitCalibration:
-        """Read what `save` wrote. Raises UserError when there is none or it is invalid."""
+        """Read a file of `save`. Raises UserError when there is none or it is invalid."""
         with reading(path, "a calibration", "Make it again with `vig calibrate`."):
             values = decode(dict[str, Any], read_json(path))
             if values["format"] != FORMAT:

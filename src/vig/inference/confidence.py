@@ -31,7 +31,7 @@ LEAST_PROBABILITY = 1e-3
 UNINFORMED = "no network knows such objects; of the views all round this one has the most evidence"
 """Reason for doubt where views are compared by the objective alone."""
 QUANTILES = 40
-"""Of a Gaussian, by which it enters a mixture."""
+"""Number of quantiles of a Gaussian, by which it enters a mixture."""
 MOST_GAP = 3000.0
 """Nats at which the evidence gap is clipped."""
 
@@ -49,8 +49,8 @@ def assess(
 
     With a calibration, a fit is trusted when its confidence reaches the threshold; without, when no other
     view comes near it and the recognition model's best guess is of the same view. `objective` is that of the
-    photo at its full size. `judge` tells confidence in place of the prediction, where views were ruled out
-    in it; `hints` are those of which the prediction knows.
+    photo at its full size. `judge` is the prediction for the confidence, where views were ruled out in
+    `prediction`; `hints` are those that the prediction includes.
     """
     evidence, normal = selection.evidence, selection.normal
     if evidence is None or normal is None:
@@ -81,7 +81,7 @@ def assess(
         deviations = np.minimum(UNCALIBRATED_WIDENING * deviations, within_bounds)
     deviation = objective.latents(deviations).to_vector()[0]
     if rough:
-        # How probable other views are was not learned: unless it is trusted or told, any is possible.
+        # Probabilities of other views were not learned: unless trusted or given, any view is possible.
         told = hints is not None and hints.azimuth is not None
         unsure_view = verdict is not Verdict.TRUSTED and symmetry.fold > 0 and not told
         deviation[place] = uniform if unsure_view else min(float(deviation[place]), uniform)
@@ -123,7 +123,7 @@ def _among_views(deviation: float, confidence: float, prediction: Prediction, az
     posterior.
 
     The posterior is a mixture: with the confidence the fit's azimuth (1,) is right, up to a Gaussian of
-    `deviation`; else views are as probable as the recognition model says, that one taken out.
+    `deviation`; else views have the recognition model's probabilities, that one taken out.
     """
     off = np.abs(prediction.azimuth_offsets(azimuth))
     other = prediction.azimuth[0].astype(np.float64) * (off > DISTINCT_AZIMUTH)
@@ -149,15 +149,15 @@ def _views(
 ) -> tuple[OtherView, ...]:
     """Return the other views of a selection.
 
-    What the fit's confidence leaves is shared out among them, and all that was not tried, as the recognition
-    model's probabilities of azimuth are.
+    1 minus the fit's confidence is shared among them and all untried views, in proportion to the
+    recognition model's probabilities of azimuth.
     """
     if not len(selection.others):
         return ()
     canonical = objective.object_class.symmetry.canonical(objective.latents(selection.others))
     framings = objective.framing(selection.others)
     mass = np.exp(prediction.log_mass(np.concatenate([latents.azimuth, canonical.azimuth])))
-    # Where views overlap their masses may add up to more than what the fit's leaves.
+    # Where views overlap their masses may add up to more than 1 minus the fit's.
     rest = mass[1:] / max(1 - mass[0], mass[1:].sum())
     vectors = canonical.to_vector()
     return tuple(
@@ -207,7 +207,7 @@ def _show(objective: Objective, point: np.ndarray, latents: Latents, model: Pixe
     decorated = (
         np.zeros(amodal.shape[1:], coverage.dtype) if objective.decorated is None else objective.decorated
     )
-    # What shows another of the object's own colours is visible, too.
+    # Pixels that show another of the object's own colours are visible, too.
     posterior = posterior + (1 - posterior) * decorated.astype(posterior.dtype)
     by_pixel = visible = np.where(amodal, posterior, posterior.dtype.type(0))
     if model.mask is not None:
@@ -221,8 +221,8 @@ def _joined(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the coverage and visible (H, W) of a fit, joined with the network's `MASK_CLASSES` (H, W, 3).
 
-    Means of probabilities: where the network is sure it decides, elsewhere the model does. What is visible is
-    covered. Behind what a user says to be in front, see `PixelLabel`, the network knows nothing.
+    Means of probabilities: where the network is sure it decides, elsewhere the model does. Visible pixels are
+    covered. The network knows nothing of pixels that a user labels as in front, see `PixelLabel`.
     """
     if not share:
         return shown.coverage, shown.visible

@@ -1,4 +1,4 @@
-"""From photos to fits: starts, refinement, selection, confidence."""
+"""Fits of photos: starts, refinement, selection, confidence."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def explain_one(
 ) -> Fit:
     """Fit one photo (150, 150, 3) from its prediction (N = 1); see `explain`.
 
-    judge: by which confidence is told in place of that prediction, where views were ruled out in it.
+    judge: Prediction that confidence is computed from, if not `prediction`: views were ruled out in that.
     """
     chosen = resolve(settings, object_class)
     if hints is not None:

@@ -1,4 +1,4 @@
-"""Families of shapes: to which of a class's kinds a predicted shape belongs, and what it would be in each."""
+"""Families of shapes: a predicted shape's probability of each of a class's kinds, and the shape in each."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LEAST_SHARE = 0.02
 def family_shapes(prediction: Prediction, object_class: ObjectClass) -> tuple[np.ndarray, np.ndarray]:
     """Return probabilities (F,) of a class's families for one photo (N = 1), and its shape (F, K) in each.
 
-    A family's shapes are a Gaussian, and so is what the network predicts: their product has the family's
+    A family's shapes are a Gaussian, and so is the network's prediction: their product has the family's
     evidence for its mass and the shape for its mean. Where the class names none, one: the predicted shape.
     """
     place = prediction.layout["shape"]

@@ -1,4 +1,4 @@
-"""What is known of the object in a window beforehand, and how a fit takes it."""
+"""Prior knowledge of the object in a window, and its use in a fit."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from vig.recognition.prediction import bin_centres
 from vig.scene import Camera, LatentLayout, ObjectClass, ShapeModel
 
 POINT_NOISE = 0.02
-"""Standard deviation of a named point, in sides of the window: of clicks, and of the class's own points."""
+"""Standard deviation of a named point, in sides of the window, both of clicks and of the class's points."""
 POINT_WEIGHT = 100.0
 """Power of the points' Gaussian: evidence counts pixels as independent, which they are not."""
 BOX_NOISE = 0.02
-"""The same of the sides of a box drawn by hand."""
+"""Standard deviation of the sides of a box drawn by hand, in sides of the window."""
 COARSE_NOISE = 0.08
-"""The same deviation where views are compared before the shape is fitted."""
+"""Standard deviation of a point where views are compared before the shape is fitted."""
 LEAST_VIEW = 0.002
-"""Probability added to each bin of azimuth: the network may rule out what a user sees."""
+"""Probability added to each bin of azimuth: the network may rule out the user's view."""
 VIEW_SPREAD = math.radians(8.0)
 """Standard deviation about an azimuth that a user gives."""
 ELEVATION_SPREAD = math.radians(4.0)
-"""And about an elevation, radians."""
+"""Standard deviation about an elevation that a user gives, radians."""
 
 SURE = 8.0
-"""Nats against what a user excludes of a pixel: hands slip."""
+"""Nats against labels that a user excludes for a pixel: hands slip."""
 
 
 COMPLEX_STEP = 1e-30
@@ -38,11 +38,11 @@ COMPLEX_STEP = 1e-30
 
 
 class PixelLabel(IntEnum):
-    """What a user says of a pixel."""
+    """A user's label of a pixel."""
 
     UNKNOWN = 0
     SEEN = 1
-    """The object is seen."""
+    """The object is visible."""
     IN_FRONT = 2
     """It is not: something is in front of it, or it is not there."""
     NOTHING = 3
@@ -86,15 +86,15 @@ class WindowHints:
     def corrected(self, prediction: Prediction, object_class: ObjectClass, camera: Camera) -> Prediction:
         """Return the prediction (N = 1) of a network that knew the hints.
 
-        Pixels of which something is said have that class; elevation and azimuth are about those given; each
-        bin of azimuth is weighted by how well it puts the points where they are, framed by the mask's box.
+        Labelled pixels have that class; elevation and azimuth are about those given; each
+        bin of azimuth is weighted by its agreement with the points, framed by the mask's box.
         """
         numbers, deviation = prediction.numbers.copy(), prediction.deviation.copy()
         azimuth = prediction.azimuth
         visible, hidden, beside = np.moveaxis(prediction.mask[0], -1, 0)
         if self.visible:
             visible, hidden = visible + hidden, np.zeros_like(hidden)
-        # A pixel that does not show the object is hidden or beside it, in the ratio that was predicted.
+        # A pixel that does not show the object is hidden or background, in the ratio that was predicted.
         behind = hidden / np.maximum(hidden + beside, 1e-6)
         away = np.stack([np.zeros_like(visible), behind, 1 - behind], axis=-1)
         classes = np.stack([visible, hidden, beside], axis=-1)
@@ -119,7 +119,7 @@ class WindowHints:
         return changed
 
     def exclude(self, log_prior: np.ndarray) -> None:
-        """Take `SURE` nats from what is excluded: log prior (S, S, 3) of visible, hidden, background."""
+        """Take `SURE` nats from excluded labels: log prior (S, S, 3) of visible, hidden, background."""
         log_prior[self.labels == PixelLabel.SEEN, 1:] -= SURE
         log_prior[self.labels == PixelLabel.IN_FRONT, 0] -= SURE
         log_prior[self.labels == PixelLabel.NOTHING, :2] -= SURE
@@ -129,7 +129,7 @@ class WindowHints:
     def _agreement(
         self, prediction: Prediction, azimuths: np.ndarray, object_class: ObjectClass, camera: Camera
     ) -> np.ndarray:
-        """Return how well each azimuth (A,) puts the points, as exp(-r^2 / 2): (A,) float64, at most 1."""
+        """Return each azimuth's agreement (A,) with the points, exp(-r^2 / 2): float64, at most 1."""
         best = prediction.best()
         count = len(azimuths)
         vertices = object_class.shape_model.vertices(best.shape)
@@ -155,7 +155,7 @@ class WindowHints:
 
 @dataclass(frozen=True)
 class Projection:
-    """Where a shape model's vertices are in a window, as the objective's points place them."""
+    """Places of a shape model's vertices in a window, as the objective's points place them."""
 
     model: ShapeModel
     camera: Camera
@@ -172,7 +172,7 @@ class Projection:
 
         def places(points: np.ndarray) -> np.ndarray:
             vertices = mean + np.einsum("bk,kjc->bjc", points[:, at["shape"]], basis)
-            # As `eye_of` and `project` in vig_native/likelihood.cc.
+            # See `eye_of` and `project` in vig_native/likelihood.cc.
             rotation, translation = camera.pose(points[:, at.at("azimuth")], points[:, at.at("elevation")])
             x, y, z = np.moveaxis(vertices @ rotation.swapaxes(1, 2) + translation[:, None], 2, 0)
             framing = points[:, at["framing"]] if "framing" in at else np.zeros((len(points), 4))
@@ -219,7 +219,7 @@ class PlaceTerm(ABC):
 
 
 class PointTerm(PlaceTerm):
-    """Of named points: vertices (J,) are at places (J, 2)."""
+    """Place term of named points: vertices (J,) are at places (J, 2)."""
 
     def __init__(self, vertices: np.ndarray, places: np.ndarray, projection: Projection):
         self.given, self.places = places.astype(np.float64), projection.of(vertices)
@@ -240,7 +240,7 @@ def outermost_vertices(vertices: np.ndarray, directions: int = 2000) -> np.ndarr
 
 
 class BoxTerm(PlaceTerm):
-    """Box (x, y, w, h) of the whole object, told by the mean shape's outermost vertices."""
+    """Term of the whole object's box (x, y, w, h), by the mean shape's outermost vertices."""
 
     def __init__(self, box: tuple[float, float, float, float], projection: Projection):
         x, y, w, h = box

@@ -26,9 +26,9 @@ class RecognitionPrior:
 
     Attributes:
         mean: (P,), the light's in the heading frame, which turns along as a point's azimuth changes.
-        precision: (P,), one over the variance; 0 for what the network has no Gaussian of.
+        precision: (P,), one over the variance; 0 for latents without a Gaussian of the network.
         azimuths: (J,) radians, the views that the network thinks likely; an azimuth is drawn to the nearest.
-        azimuth_precision: Of each of these, its power included.
+        azimuth_precision: Precision of each of these, its power included.
     """
 
     mean: np.ndarray
@@ -154,7 +154,7 @@ class Objective:
         self.terms = terms
 
     def of_likelihood(self, likelihood: Likelihood, terms: Sequence[PlaceTerm]) -> Objective:
-        """Return the same of the photos at another scale."""
+        """Return the objective of the photos at another scale."""
         other = copy.copy(self)
         other.likelihood, other.terms = likelihood, terms
         return other
@@ -187,7 +187,7 @@ class Objective:
         return points[:, self.layout["framing"]]
 
     def of_one(self, point: np.ndarray, sigma: float, derivatives: bool = True) -> ObjectiveValue:
-        """Value one point (1, P') of the first photo."""
+        """Evaluate one point (1, P') of the first photo."""
         return self(point, np.zeros(1, np.int32), np.array([sigma]), derivatives)
 
     def search(
@@ -195,7 +195,7 @@ class Objective:
     ) -> Descent | None:
         """Search the first photo's maximum by native code, see `LevenbergMarquardt`.
 
-        Starts (B, P') are shared out to threads; without iterations they are only valued. None where there
+        Starts (B, P') are shared out to threads; without iterations they are only evaluated. None where there
         are terms of places or another likelihood.
         """
         if self.terms or not isinstance(self.likelihood, Likelihood):
@@ -222,7 +222,7 @@ class Objective:
     def __call__(
         self, points: np.ndarray, photo: np.ndarray, sigma: np.ndarray, derivatives: bool = True
     ) -> ObjectiveValue:
-        """Value points (B, P') of photos (B,) under noise sigma (B,); images come where no derivatives do."""
+        """Evaluate points (B, P') of photos (B,) under noise sigma (B,), with images or derivatives."""
         points, photo, sigma = map(numpy_of_tensor, (points, photo, sigma))
         evaluation = self.likelihood.at(points, photo, sigma, derivatives, images=not derivatives)
         value, gradient, normal = evaluation.value, evaluation.gradient, evaluation.normal

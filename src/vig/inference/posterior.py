@@ -24,7 +24,7 @@ def geometry_of(object_class: ObjectClass, self_shadow: bool = False) -> Geometr
     """Return the renderer's matrices of a class, made once; with self-shadow where the class has a table of
     it.
 
-    At unit scale, as fits see the class: what native code takes for small is for things of a teapot's size.
+    At unit scale, as fits see the class: native code's thresholds of size suit things of a teapot's size.
     """
     transfer = object_class.transfer if self_shadow else None
     model, reflectance = object_class.at_unit_scale.shape_model, object_class.reflectance
@@ -109,7 +109,7 @@ def prior_of(
     precision[places] = settings.recognition_weight / deviation**2
     precision[layout.indices("albedo", "light")] *= settings.appearance_weight
     _, azimuths = prediction.modes(settings.peaks, settings.informed)
-    azimuths = round_to_grid(azimuths[0], START_STEP)  # as starts are
+    azimuths = round_to_grid(azimuths[0], START_STEP)  # rounded like starts
     return RecognitionPrior(mean, precision, azimuths, settings.azimuth_weight / AZIMUTH_SPREAD**2)
 
 
@@ -131,15 +131,15 @@ def pixel_prior(
     valid: np.ndarray | None = None,
     hints: WindowHints | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pixel model's prior, made the photo's own, and how much of the second component is
-    decoration.
+    """Return the pixel model's prior, adapted to the photo, and the decorated share of the second
+    component.
 
     mask (H, W, 3): predicted probabilities of visible, hidden, background, each at least 2 % so that no pixel
-    is decided beforehand. With `surroundings` the uniform density of what is not the object becomes that of
+    is decided beforehand. With `surroundings` the uniform density of the background becomes that of
     the photo's colours outside the predicted object, where the photo is `valid`. With `decoration` d, a
     visible pixel has the rendered colour with probability 1 - d, else one of the photo's colours inside the
-    predicted object. As that does not depend on the latents, it joins the hidden component. What hints
-    exclude loses `SURE` nats. The Gaussian model, without outliers, stays as it is.
+    predicted object. As that does not depend on the latents, it joins the hidden component. Labels that hints
+    exclude lose `SURE` nats. The Gaussian model, without outliers, stays as it is.
 
     Returns:
         Log prior (H, W, 3) of: visible with the rendered colour; hidden or decorated; background. And the

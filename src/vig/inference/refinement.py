@@ -28,20 +28,20 @@ class Selection:
     Attributes:
         point: (1, P') of the objective.
         path: (T, P') how it was reached, from its start on.
-        reverted: Whether it is the recognition model's guess, as no end had `LEAST_GAIN_NATS` more evidence.
+        reverted: Whether the network's guess was kept because no end had `LEAST_GAIN_NATS` more evidence.
         start_evidence: Log posterior at that guess, nats.
-        evaluations: Of the objective, by all starts together.
+        evaluations: Evaluations of the objective, by all starts together.
         gap: Nats by which the best end of another view lies behind; infinite when there is none.
         close: Whether that is less than `AMBIGUOUS_NATS`.
-        turned_deg: By how far that end (when it is not close, the recognition model's guess) is turned about
-            the vertical, 0 to where it looks the same.
+        turned_deg: Turn of that end (when it is not close, of the recognition model's guess) about the
+            vertical, 0 to where it looks the same.
         others: Points (n, P') of other views, the one of `turned_deg` first; at most `OTHER_VIEWS`, or
             `UNINFORMED_VIEWS` where no network made a guess.
-        behind: Of each of these the nats by which its score lies behind; NaN where it was not fitted to
+        behind: For each of these, nats by which its score lies behind; NaN where it was not fitted to
             the end.
         evidence: Log posterior at the point, that of a gain of the shading included, nats; None where it is
-            yet to be valued.
-        normal: (P', P') negative Gauss-Newton Hessian there; None likewise.
+            yet to be evaluated.
+        normal: (P', P') negative Gauss-Newton Hessian there; None where it is yet to be evaluated.
     """
 
     point: np.ndarray
@@ -59,7 +59,7 @@ class Selection:
 
     @property
     def rival_is_other_view(self) -> bool:
-        """Return whether it is another view that `turned_deg` tells."""
+        """Return whether `turned_deg` refers to another view."""
         return self.turned_deg > math.degrees(DISTINCT_AZIMUTH)
 
 
@@ -127,20 +127,20 @@ AZIMUTH_SPREAD = math.radians(8.0)
 RELATIVE_SPREAD = 0.7
 """Elevation and shape are perturbed by this share of the deviations that the network states."""
 DISTINCT_AZIMUTH = math.radians(25.0)
-"""Azimuths farther apart are different views."""
+"""Difference of azimuth from which views are different, radians."""
 OTHER_VIEWS, UNINFORMED_VIEWS = 2, 5
-"""So many views beside the chosen one are kept, with and without a network that saw the photo."""
+"""Views kept in addition to the chosen one, with and without a network that saw the photo."""
 
 
 @dataclass(frozen=True)
 class RefinedStarts:
-    """Where the descents of the last stage ended.
+    """End points of the last stage's descents.
 
     Attributes:
         points: (S, P') of the objective.
         evidence: (S,) float64, log posterior in nats.
         scores: (S,) float64, evidence and weighted view log-probability, by which ends are compared.
-        evaluations: Of the objective, in all stages.
+        evaluations: Evaluations of the objective, in all stages.
         given_up: (M, P') points that did not enter a later stage, the last ones and the best first.
         paths: (T, S, P') how the points were reached, from their starts on.
         normal: (S, P', P') negative Gauss-Newton Hessians at the points; None where the optimiser has none.
@@ -157,12 +157,12 @@ class RefinedStarts:
 
 @dataclass(frozen=True)
 class ExpectedStart:
-    """A start beside the network's: where an object is expected from frames before.
+    """A start besides the network's: the expected pose of an object from earlier frames.
 
     Attributes:
         latents: One (B = 1).
         box: x, y, width, height of the object in the window, in its sides.
-        predict: In place of the recognizer.
+        predict: Function in place of the recognizer.
     """
 
     latents: Latents
@@ -242,7 +242,7 @@ def survivors(
     Args:
         azimuth: (B,) radians.
         scores: (B,), higher is better.
-        count: At most B.
+        count: Number of points, at most B.
         symmetry: Views that look the same are one.
         one_per_view: Only the best of each view, fewer than `count` where there are no more.
     """
@@ -332,7 +332,7 @@ def framing_of_box(
 
 
 def _allot(probability: np.ndarray, least: float, count: int) -> list[int]:
-    """Return hypotheses of `count` starts: each that is likely once, then whichever has most too few."""
+    """Return hypotheses of `count` starts: each likely one once, then the one with the largest deficit."""
     likely = np.flatnonzero(probability / probability.sum() > least)
     # A network that knows nothing spreads its probability over more hypotheses than pass the bound.
     if not len(likely):

@@ -21,7 +21,7 @@ MASK_RIGHT = 0.8
 
 
 class Verdict(Enum):
-    """How far an explanation can be believed; the value is a sentence for the user."""
+    """Reliability of an explanation; the value is a sentence for the user."""
 
     TRUSTED = "the fit explains the photo better than the recognition model's guess"
     REVERTED = "the fit went astray; this is the recognition model's guess"
@@ -44,7 +44,7 @@ class OtherView:
     Attributes:
         latents: One (B = 1).
         framing: (4,), as in `Fit`.
-        probability: That it is the right view; NaN without a calibration.
+        probability: Probability that it is the right view; NaN without a calibration.
         behind: Nats by which its score lies behind the fit's; NaN where it was not fitted to the end.
     """
 
@@ -62,8 +62,8 @@ class Fit:
         latents: One (B = 1).
         framing: (4,) shift in widths, right and down, log magnification, and clockwise roll in radians.
         deviation: (P,) standard deviations, from the curvature at the fit, widened by a calibration;
-            without one too small, as the noise of neighbouring pixels is taken as independent. Of azimuth
-            it says nothing where any turn looks the same.
+            without one too small, as the noise of neighbouring pixels is taken as independent. For azimuth
+            it means nothing where any turn looks the same.
         framing_deviation: (4,) of the framing, from the curvature alone; 0 where it was held.
         position_deviation: (3,), see `FitCalibration.position`.
         visible: (H, W) probability that a pixel shows the object: the posterior joined with the network's.
@@ -71,19 +71,19 @@ class Fit:
         mask_by_pixel: (H, W) bool, the same by the paper's robust model, each pixel by itself.
         coverage: (H, W) probability that the object covers a pixel, hidden or not: the share that the model
             covers joined with the network's probability.
-        verdict: How far to believe it.
+        verdict: Reliability of the fit.
         reason: One sentence why.
         confidence: Probability that the view is right; NaN without a calibration.
-        mask_confidence: Probability that the mask's IoU with the truth is `MASK_RIGHT` or more; NaN likewise.
+        mask_confidence: Probability that the mask's IoU with the truth is `MASK_RIGHT` or more, or NaN.
         mask_trusted: Whether that reaches the calibration's threshold.
         present: Probability that the photo shows the object at all, where it was found in it; NaN where its
             place was given.
         view_threshold: Confidence from which a view is trusted, and mask_threshold a mask; NaN without a
             calibration.
-        confidence_features: (C,) float64, what these follow from; see `CONFIDENCE_FEATURES`.
+        confidence_features: (C,) float64, features from which these follow; see `CONFIDENCE_FEATURES`.
         evidence: Log posterior at the fit, with that of a gain of the shading where there is one, nats.
         start_evidence: Log posterior at the recognition model's guess, nats.
-        evaluations: Of the objective, by all starts together.
+        evaluations: Evaluations of the objective, by all starts together.
         alternatives: Other views that were tried, at most `refinement.OTHER_VIEWS`; where the verdict is
             ambiguous because of one, that one first.
         descent: (T, P + 4) latents and framing from the start of the search that was chosen, step by step.
@@ -129,7 +129,7 @@ class Stage:
         starts: How many of the best points enter it.
         iterations: Steps of each descent, at most.
         sigma: Multiple of the pixel model's sigma; a wide basin is searched first.
-        scale: Of the photo.
+        scale: Scale of the photo.
         tolerance: Nats; a descent ends when a step gains less.
         one_per_view: Whether only the best point of each view enters it.
     """
@@ -163,7 +163,7 @@ PICTURE: dict[str, Any] = {
         Stage(2, 10, tolerance=2.0),
     ),
 }
-"""What settings that are left open are for pictures by the standard camera."""
+"""Defaults of settings for pictures by the standard camera."""
 
 PHOTO: dict[str, Any] = {
     "free_framing": True,
@@ -181,22 +181,22 @@ PHOTO: dict[str, Any] = {
         Stage(2, 10, tolerance=2.0, one_per_view=True),
     ),
 }
-"""And for photographs: surfaces are painted and glazed, shading says less of shape, and what the network
-predicts of albedo and light of things like none that it has seen would bend the shape. Real outlines leave
+"""Defaults for photographs: surfaces are painted and glazed, shading constrains shape less, and the network's
+predictions of albedo and light of unfamiliar things would bend the shape. Real outlines leave
 the shape model, which the network sees. Half of the starts are given up where they stand, and one end of each
-view goes on to the last stage, which takes fewer evaluations."""
+view is fitted in the last stage, which takes fewer evaluations."""
 
 OPEN = tuple(name for name in PICTURE if name != "stages")
 """Settings that a class may set in its class.json where a user leaves them open."""
 
 
 BY_KIND: Any = None
-"""In place of a setting's value: that of the class, else that of the kind of photo, see `resolve`."""
+"""Default of a setting: the value of the class, else of the kind of photo, see `resolve`."""
 
 
 @dataclass(frozen=True)
 class ExplainSettings:
-    """How to fit. What is None follows from the class and the kind of photo, see `resolve`.
+    """How to fit. Values of None follow from the class and the kind of photo, see `resolve`.
 
     Attributes:
         likelihood: The pixel model: `ROBUST`, `GAUSSIAN`, or `SPATIAL`, whose mask couples neighbours.
@@ -210,26 +210,26 @@ class ExplainSettings:
             the rendered one: painted decoration, a highlight.
         recognition_weight: Power of the predicted Gaussians of all latents but azimuth in the prior; 0 leaves
             these and azimuth's out.
-        appearance_weight: Power of those of albedo and light beside that.
+        appearance_weight: Additional power of those of albedo and light.
         prior_weight: Power of the prior of all latents, those Gaussians included: evidence counts pixels as
             independent, which they are not.
         azimuth_weight: Power of a Gaussian of 8 degrees about the likely azimuth that is nearest.
         view_weight: Weight of the network's view log-probability against evidence when ends are compared,
             for the same reason.
         self_shadow: Shade with self-shadowing and interreflection, where the class has a table of them.
-        free_framing: Also fit shift, magnification and roll: boxes are drawn by hand.
-        camera_distance_ratio: Distance of the eye and focal length, of the standard camera's.
+        free_framing: Whether to fit shift, magnification and roll: boxes are drawn by hand.
+        camera_distance_ratio: Distance of the camera and focal length, of the standard camera's.
         network_mask_share: Weight, 0 to 1, of the network's class probabilities in the outline and the mask
             that a fit of the `SPATIAL` model states; the rest is the model's silhouette and posterior.
-        gain_deviation: Of a smooth gain of the shading over the object, by which shadows and bounced light of
-            what is near it are explained once a view is chosen, see `shading_gain`. 0 leaves it out; so do
+        gain_deviation: Deviation of a smooth gain of the shading over the object, which explains shadows and
+            bounced light of nearby things once a view is chosen, see `shading_gain`. 0 leaves it out; so do
             the Gaussian model and a photo for which the recognition model's guess is taken.
         optimizer: Runs the stages, within their budgets.
         silhouette: "exact", or "paper" for the authors' constant mask.
         calibrated: Whether verdict and deviations follow from a calibration, see `calibration_for`.
         widened: Whether deviations without one are the evidence's times `UNCALIBRATED_WIDENING`, within the
             bounds; a calibration is learned from the evidence's own, which it widens itself.
-        calibration: In place of the class's own.
+        calibration: Calibration in place of the class's own.
     """
 
     likelihood: PixelModel = SPATIAL
@@ -301,15 +301,15 @@ class ExplainSettings:
 
 
 FitSettings = ExplainSettings
-"""Settings of which nothing is left open, as `resolve` returns them."""
+"""Settings without open values, as `resolve` returns them."""
 
 
 def resolve(settings: ExplainSettings, object_class: ObjectClass, photo: bool = False) -> FitSettings:
     """Return settings with nothing left open: the user's, else the class's, else those of the kind of photo.
 
     Args:
-        settings: The user's; those that have been resolved stay as they are.
-        object_class: Its `fit_settings` are those that class.json states.
+        settings: The user's settings; those that have been resolved stay as they are.
+        object_class: Class, whose `fit_settings` are those of class.json.
         photo: A photograph, or a picture by the standard camera.
 
     Raises:
@@ -352,12 +352,12 @@ ALL_ROUND: dict[str, Any] = {
     "calibrated": False,
     "informed": False,
 }
-"""What a search has that no network leads: starts every 30 degrees, each at three elevations; the evidence
+"""Settings of a search without a network: starts every 30 degrees, each at three elevations; the evidence
 alone decides."""
 
 
 def without_network(settings: FitSettings) -> FitSettings:
-    """Return the same settings for a photo of which no network says anything."""
+    """Return the settings for a photo without a network's prediction."""
     return replace(settings, **ALL_ROUND)
 
 
@@ -369,12 +369,12 @@ TRACKING: dict[str, Any] = {
     "azimuth_weight": 10.0,
     "gain_deviation": 0.0,
 }
-"""Of a search whose object was seen in the frame before: one start is the expected pose, the network's are of
+"""Settings of a search near the previous frame's pose: one start is the expected pose, the network's are of
 other views."""
 
 
 def for_tracking(settings: FitSettings) -> FitSettings:
-    """Return the same settings for a frame of a video; its mask is without a minimum cut."""
+    """Return the settings for a frame of a video; its mask is without a minimum cut."""
     model = settings.likelihood
     mask = model.mask and replace(model.mask, exact_start=False)
     return replace(settings, likelihood=replace(model, mask=mask), **TRACKING)

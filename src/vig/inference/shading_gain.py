@@ -1,10 +1,10 @@
-"""A smooth gain of the shading over the object: shadows and bounced light of what is near it.
+"""A smooth gain of the shading over the object: shadows and bounced light of nearby things.
 
-Light at infinity explains neither, and what it leaves over would bend shape and view. The gain is one plus a
+Light at infinity explains neither, and the residual would bend shape and view. The gain is one plus a
 sum of `GRID` x `GRID` Gaussian bumps over the object. Their heights have the prior N(0, `gain_deviation`^2),
 to the power `prior_weight` as all latents. The rendered colour is linear in them, so that they are found by
-least squares, in turn with descents of the latents. What even this leaves over is not independent from pixel
-to pixel: the noise of the descents is as large as it is seen to be, which may lower the evidence under the
+least squares, in turn with descents of the latents. Even then the residual is not independent from pixel
+to pixel: the noise of the descents is estimated, which may lower the evidence under the
 pixel model's own.
 """
 
@@ -26,17 +26,17 @@ GRID = 4
 ROUNDS, BUDGET = 3, Budget(20, 0.3)
 """Turns of gain and latents, and the budget of each turn's descent."""
 FIRST_NOISE, LEAST_NOISE, MOST_NOISE = 2.0, 0.5, 3.0
-"""Multiples of the pixel model's sigma: at first, and the bounds of what is estimated."""
+"""Multiples of the pixel model's sigma: at first, and the bounds of the estimate."""
 WIDENING = 2.0
 """The noise is this multiple of the residual's root mean square, as neighbours err alike."""
 LEAST, MOST = 0.3, 3.0
 """Bounds of the gain."""
 BRIGHTEST = 8.0
-"""Of a divided photo, linear RGB; brighter pixels are highlights whatever the gain."""
+"""Greatest value of a divided photo, linear RGB; brighter pixels are highlights whatever the gain."""
 COVERED = 0.99
 """Share from which a pixel is wholly the object's; edges are a mixture."""
 LEAST_PIXELS = 50
-"""With fewer visible pixels there is no gain to be seen."""
+"""Visible pixels from which a gain is estimated."""
 
 
 def with_shading_gain(
@@ -45,7 +45,7 @@ def with_shading_gain(
     """Return the selection refined with a gain, and the objective of the photo divided by that gain.
 
     Its evidence counts the gain's prior; its curvature is under the photo's own noise, where that is more
-    than the pixel model's. Other views and how far they lie behind stay those of the search. All stays as it
+    than the pixel model's. Other views and their distances in nats stay those of the search. All stays as it
     is where too little of the object is visible, or the recognition model's guess has more evidence.
     """
     pixel_sigma = settings.likelihood.sigma
@@ -78,11 +78,11 @@ def with_shading_gain(
 
 @dataclass(frozen=True)
 class _Gain:
-    """A gain, and what it leaves over.
+    """A gain and its residual.
 
     Attributes:
         factor: (H, W), within `LEAST` and `MOST`.
-        penalty: Of its heights, nats.
+        penalty: Penalty of its heights, nats.
         residual: Root mean square of visible pixels, linear RGB.
     """
 
@@ -96,7 +96,7 @@ def _gain(
 ) -> _Gain | None:
     """Return the gain at a point by regularised least squares; None where too little is visible.
 
-    divided: the objective under the gain so far, by which a pixel is visible; precision: of each bump's
+    divided: objective under the gain so far, which gives visible pixels; precision: that of each bump's
     height, one over its variance.
     """
     evaluation = divided.of_one(point, noise, derivatives=False).evaluation

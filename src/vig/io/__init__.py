@@ -1,1 +1,1 @@
-"""Files, checks of what others wrote, and the errors that users see."""
+"""Files, checks of input, and the errors that users see."""

@@ -1,6 +1,6 @@
 """Checks of data that others wrote: files are read whole, bounded and of the right types, or refused.
 
-The functions raise ValueError or OSError with a few plain words; `reading` turns whatever a parser raises
+The functions raise ValueError or OSError with a few plain words; `reading` turns any error of a parser
 into the one line (UserError) that a user sees.
 """
 
@@ -45,8 +45,8 @@ def reading(path: str | Path, expected: str, remedy: str) -> Iterator[None]:
 
     Args:
         path: The file or folder that is read.
-        expected: What it should be, such as "a calibration".
-        remedy: What the user can do, a sentence.
+        expected: Expected kind, such as "a calibration".
+        remedy: Remedy for the user, a sentence.
 
     Raises:
         UserError: `expected <expected> at '<path>'; got <reason>. <remedy>`. A UserError passes.
@@ -88,13 +88,13 @@ def read_bytes(path: str | Path, most: int = MOST_JSON) -> bytes:
 
 
 def name_stand_in(data: bytes) -> str | None:
-    """Return what a file is that stands for another one, and the remedy, by its first bytes; else None."""
+    """Return the kind of a file that stands for another, and the remedy, by its first bytes; else None."""
     start = data[:1024].removeprefix(b"\xef\xbb\xbf").lstrip().lower()
     if start.startswith(b"version https://git-lfs"):
         return "a Git LFS pointer; run git lfs pull"
     if start.startswith((b"/annex/objects/", b"../.git/annex/", b".git/annex/")):
         return "a git-annex pointer; run git annex get"
-    if start.startswith(b"<"):  # as no mesh and no picture does but SVG
+    if start.startswith(b"<"):  # like no mesh and no picture but SVG
         kind = "a web page" if b"html" in start else "an XML document"
         return f"{kind}; download the file itself (GitHub: Raw)"
     return None
@@ -142,7 +142,7 @@ def read_tensors(
     Args:
         path: A regular file of at most `most` bytes.
         framework: "np" gives numpy arrays, "pt" torch tensors.
-        finite: Refuse NaN and infinity.
+        finite: Whether to refuse NaN and infinity.
 
     Raises:
         ValueError, OSError, SafetensorError: It is missing, too large or damaged.
@@ -164,8 +164,8 @@ def check_arrays(
     """Check dtypes and shapes of arrays against each other; ValueError where they do not fit.
 
     Args:
-        arrays: By name.
-        expected: Of each name, the dtypes that it may have, separated by blanks, and its shape. A letter in a
+        arrays: Arrays by name.
+        expected: By name, the dtypes that an array may have, separated by blanks; its shape. A letter in a
             shape stands for the same number everywhere.
 
     Returns:
@@ -209,9 +209,9 @@ def decode(kind: Any, value: Any) -> Any:
     """Build a value of type `kind` from parsed JSON; every part is checked against the annotations.
 
     Args:
-        kind: What `msgspec.convert` knows: a dataclass or Struct, int, float, str, bool, None, Any, Literal,
+        kind: A type for `msgspec.convert`: a dataclass or Struct, int, float, str, bool, None, Any, Literal,
             an enumeration, tuple, dict[str, ...] or a union.
-        value: What a JSON parser gave; lists become tuples.
+        value: Result of a JSON parser; lists become tuples.
 
     Raises:
         ValueError: A value has another type, a field is missing or unknown, or a number is 2^63 or more.

@@ -20,7 +20,7 @@ from safetensors.numpy import save_file
 
 from vig.io.errors import UserError
 
-# What the operating system may answer for reasons that lie with the user's disk or path, not with vig.
+# Errors of the operating system for reasons that lie with the user's disk or path, not with vig.
 _REMEDIES = {
     errno.ENOSPC: "the disk is full; free some space or choose another folder",
     errno.EDQUOT: "the disk quota is used up; free some space or choose another folder",
@@ -56,10 +56,10 @@ def as_stored(path: Path) -> Path:
 
 @contextmanager
 def atomic_write(path: str | Path) -> Iterator[Path]:
-    """Give a temporary path beside `path`; when the block ends well, rename it to `path`.
+    """Yield a temporary path beside `path`; when the block ends well, rename it to `path`.
 
     The block writes one file at the temporary path, which has the same suffix. If the block raises, or
-    Ctrl-C arrives, the temporary file is removed and what `path` held before stays. Missing parent folders
+    Ctrl-C arrives, the temporary file is removed and the content of `path` stays. Missing parent folders
     are made. Readers never see half a file, even when the process is killed (a loss of power may lose the
     newest files: nothing waits for the disk).
 
@@ -107,12 +107,12 @@ def write_arrays(
 
 @contextmanager
 def atomic_folder(path: str | Path) -> Iterator[Path]:
-    """Give an empty temporary folder beside `path`; when the block ends well, rename it to `path`.
+    """Yield an empty temporary folder beside `path`; when the block ends well, rename it to `path`.
 
     If the block raises, or Ctrl-C arrives, the temporary folder is removed. Where `path` is there by then,
     made by another process, that one stays. A killed process leaves a folder with a hidden name.
 
-    Raises UserError as `atomic_write`.
+    Raises UserError like `atomic_write`.
     """
     path = Path(path)
     temporary = path.with_name(f".{secrets.token_hex(6)}")

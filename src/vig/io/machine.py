@@ -1,4 +1,4 @@
-"""What vig runs on, as reports and records of runs state it."""
+"""The machine that vig runs on, as reports and records of runs state it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PACKAGES = (
 
 
 def machine() -> dict[str, Any]:
-    """What vig runs on, as plain data.
+    """Return the machine that vig runs on, as plain data.
 
     `{"vig", "python", "platform", "architecture", "processor", "cpus", "packages": {name: version or None}}`.
     """
@@ -37,7 +37,7 @@ def processor(root: Path = Path("/")) -> str:
     """Return the processor's model; on arm64 that of the board, the architecture where the system reports
     neither.
 
-    root: Of the files that state it.
+    root: Root of the files that state it.
     """
     try:
         lines = (root / "proc/cpuinfo").read_text().splitlines()

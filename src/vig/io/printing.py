@@ -12,13 +12,13 @@ def note(words: str) -> None:
 
 
 def end(folder: Path, words: str) -> None:
-    """End a command: print its output folder, then on stderr what was made and what to do next."""
+    """End a command: print its output folder, then on stderr a summary and the next steps."""
     print(folder, flush=True)
     note(words)
 
 
 def in_one_line(words: str) -> str:
-    """Return the text with what is not printable escaped: a file's name may hold line ends, or bytes of no
+    """Return the text with unprintable characters escaped: a file's name may hold line ends, or bytes of no
     encoding.
     """
     return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in words)

@@ -11,22 +11,22 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
 SECONDS = 30.0
-"""After which a log gets a line, where `SHARE` does not come first."""
+"""Seconds after which a log gets a line, where `SHARE` does not come first."""
 SHARE = 0.1
-"""Of the run after which a log gets a line."""
+"""Share of the run after which a log gets a line."""
 BETWEEN_MARKS = 1.0
 """Seconds between the times that a meter remembers, and of those that a rate is of, at least."""
 
 
 class Meter:
-    """Counts what a run has done, samples by default, and reports on standard error; a context manager.
+    """Counts a run's finished items, samples by default, and reports on standard error; a context manager.
 
     Args:
-        total: Of the whole run.
-        done: What exists at its start.
+        total: Number of items of the whole run.
+        done: Number of items that exist at its start.
         show: Whether to report anything.
-        unit: What is counted.
-        seconds: Between lines in a log, at most.
+        unit: Name of the items.
+        seconds: Seconds between lines in a log, at most.
     """
 
     def __init__(
@@ -37,7 +37,7 @@ class Meter:
         self.total = total
         self.done = self.done_at_start = self.reported = done
         self.started = self.reported_at = time.monotonic()
-        # Times and counts since the first samples were done: what begins a run is not its rate.
+        # Times and counts since the first samples were done: the start of a run is not its rate.
         self.marks: list[tuple[float, int]] = []
         self.bar: Progress | None = None
         self.show = show
@@ -51,7 +51,7 @@ class Meter:
                 TextColumn("{task.fields[pace]}"),
                 console=Console(stderr=True, soft_wrap=True),
                 transient=True,
-                redirect_stdout=sys.stdout.isatty(),  # what is printed to a file meanwhile goes there
+                redirect_stdout=sys.stdout.isatty(),  # a file gets its prints
             )
             self.task = self.bar.add_task("", total=total, completed=done, pace="")
 
@@ -82,7 +82,7 @@ class Meter:
                 self._report()
 
     def pace(self) -> str:
-        """Return rate in the later half of this run so far, and the time left at that rate."""
+        """Return the rate in the later half of this run so far, and the time left at that rate."""
         now = time.monotonic()
         start, done_then = self.started, self.done_at_start
         for marked_at, done in self.marks:

@@ -89,13 +89,13 @@ class Likelihood:
 
     Args:
         geometry: The class's mesh and shape components.
-        camera: Of the photos; their size.
-        photos: What is explained.
+        camera: Camera of the photos; their size.
+        photos: Photos to explain.
         silhouette: "exact" moves the objective with the silhouette, "paper" keeps the mask constant within an
             evaluation as the authors' gradient does.
         stride: Every stride-th pixel of every stride-th line stands for its square in the normal matrix, by
             default as many as make about 75 x 75 of any image; value and gradient always take every pixel.
-        density: Of the noise of visible pixels, see `vig.likelihood.densities`.
+        density: Noise density of visible pixels, see `vig.likelihood.densities`.
 
     Attributes:
         layout: The blocks of a point, latents then framing.
@@ -148,7 +148,7 @@ class Likelihood:
         images: bool = True,
         curvature: bool = True,
     ) -> Evaluation:
-        """Evaluate B guesses; photo (B,) int is the photo that each explains, sigma (B,) its noise.
+        """Evaluate B guesses; photo (B,) int is the photo of each, sigma (B,) its noise.
 
         Numbers of further blocks of the layout are 0.
         """
@@ -166,11 +166,11 @@ class Likelihood:
         images: bool = False,
         curvature: bool = True,
     ) -> Evaluation:
-        """Evaluate points (B, P'), latents followed by framing; else as a call.
+        """Evaluate points (B, P'), latents followed by framing; otherwise like `__call__`.
 
         Without curvature there is a gradient but no normal matrix, for searches of first order.
 
-        Points are shared out to as many threads as `vig.parallel.thread_count` tells.
+        Points are shared out to `vig.parallel.thread_count` threads.
         """
         arrays = (
             np.ascontiguousarray(points, self.geometry.dtype),

@@ -19,7 +19,7 @@ class Geometry:
         positions: (K + 1, V, 3) mean and components; (1, coefficients) times these are the vertices.
         faces, edges: (F, 3), (E, 5) int32, see `edges_of`.
         rings: (V + 1,), (R, 3) int32, see `rings_of`.
-        transfer: (K + 1, V, 9) what self-shadowing and interreflection add to the lobes A_l Y_lm of each
+        transfer: (K + 1, V, 9) increments of self-shadowing and interreflection to the lobes A_l Y_lm of each
             vertex, of the mean shape and per component, see `ObjectClass.transfer`; None for none.
         reflectance: (V,) by which irradiance is multiplied, see `ObjectClass.reflectance`.
     """
@@ -61,7 +61,7 @@ class Geometry:
 
     @property
     def vertex_count(self) -> int:
-        """Return v."""
+        """Return V, the number of vertices."""
         return len(self.model.mean)
 
 
@@ -80,7 +80,7 @@ def edges_of(faces: np.ndarray) -> np.ndarray:
     face, across = beyond // 3, opposite[beyond]
     face[count == 0] = across[count == 0] = -1
     rows = np.stack([a, b, np.arange(len(a)) // 3, face, across], axis=1)
-    # Of twins the one with a < b is listed; an edge at a border has no twin.
+    # The one of two twins with a < b is listed; an edge at a border has no twin.
     listed = np.lexsort((here.rank, here.first))
     listed = listed[((count == 0) | (a < b))[listed]]
     edges: np.ndarray = rows[listed].astype(np.int32)
@@ -130,6 +130,6 @@ class _Grouped:
         self.first = self.order[place]
 
     def find(self, keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return where in `order` those like each of `keys` begin, and how many they are."""
+        """Return the start in `order` of the keys equal to each of `keys`, and their number."""
         begin = np.searchsorted(self._sorted, keys, "left")
         return begin, np.searchsorted(self._sorted, keys, "right") - begin

@@ -41,8 +41,8 @@ class PixelModel:
     Attributes:
         sigma: Standard deviation of the noise, linear RGB.
         alpha: Prior of an object's pixel being visible, in (0, 1]; 1 is the Gaussian model.
-        density: Of the noise of a visible pixel, see `vig.likelihood.densities`.
-        mask: How the mask of a finished fit couples neighbouring pixels; None: each is on its own.
+        density: Noise density of a visible pixel, see `vig.likelihood.densities`.
+        mask: Coupling of neighbouring pixels in the mask of a finished fit; None: each is on its own.
     """
 
     sigma: float
@@ -58,7 +58,7 @@ class PixelModel:
         density_of(self.density)
 
     def log_prior(self, height: int, width: int) -> np.ndarray:
-        """Return the same log prior (visible, hidden, background) at each pixel: (H, W, 3) float64."""
+        """Return one log prior (visible, hidden, background) for all pixels: (H, W, 3) float64."""
         hidden = math.log1p(-self.alpha) if self.alpha < 1 else NEVER
         return np.broadcast_to(np.array([math.log(self.alpha), hidden, 0.0]), (height, width, 3))
 

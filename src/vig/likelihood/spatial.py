@@ -10,7 +10,7 @@ over the eight neighbours j of each pixel i: u_i is Eq. 3's log odds of i being 
 
 so that a change from visible to hidden is cheap only across an edge of the photo (colours c in sRGB). Pixels
 beyond the silhouette do not show the object: h_j = 0 there, at the strength `rim` in place of `coupling`, as
-what hides an object goes on beside it. Mean field approximates the posterior by independent q_i with
+an occluder continues beside the object. Mean field approximates the posterior by independent q_i with
 
     logit q_i = u_i + sum_j w_ij (2 q_j - 1).
 """
@@ -52,7 +52,7 @@ class SpatialMask:
         rim: The same for a visible pixel beside one beyond the silhouette.
         contrast: Standard deviation, a distance of colours in sRGB, over which the coupling fades.
         sweeps: Updates of all pixels.
-        exact_start: Whether these begin at the most probable mask, else at what pixels say by themselves.
+        exact_start: Whether these begin at the most probable mask, else at the mask of each pixel alone.
     """
 
     coupling: float = 10.0
@@ -75,8 +75,8 @@ def visible_log_odds(observed: np.ndarray, rendered: np.ndarray, log_prior: np.n
     tails.
 
     observed, rendered (..., 3) linear RGB; log_prior (..., 3) as `PixelModel.log_prior`; result (...). In
-    place of one Gaussian of linear colour stands a mixture over `RESIDUAL_SCALES` of Gaussians of sRGB: what
-    a fit leaves is small in most places and large in few, and grows with brightness.
+    place of one Gaussian of linear colour stands a mixture over `RESIDUAL_SCALES` of Gaussians of sRGB: the
+    residual of a fit is small in most places and large in few, and grows with brightness.
     """
     square = ((srgb_from_linear(observed) - srgb_from_linear(rendered)) ** 2).sum(-1)
     normals = [
@@ -140,7 +140,7 @@ def mean_field(
 def graph_cut(log_odds: np.ndarray, covered: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Return the most probable h (N, H, W) bool, exactly: a minimum cut between visible and hidden.
 
-    Arguments as `mean_field`, on the CPU. Of several such h it is the one with the fewest visible pixels.
+    Arguments as in `mean_field`, on the CPU. The result is the h of them with the fewest visible pixels.
     Capacities are whole numbers of 1 / `CAPACITY_PER_NAT` nats.
     """
     alone = _capacity(log_odds + _gather(np.where(covered, 0.0, -1.0).astype(log_odds.dtype), weights))
@@ -174,7 +174,7 @@ def spatial_posterior(
     observed, rendered (N, H, W, 3) linear RGB; log_prior (N, H, W, 3) as `PixelModel.log_prior`; covered
     (N, H, W) bool. A log prior of `NEVER` for visible means that a pixel was not photographed: it ties no
     others. The mean field starts at the most probable h, the best of its optima. Only the window that holds
-    what is covered is worked on. decorated (H, W), in [0, 1): the share of the log prior's second component
+    covered pixels is worked on. decorated (H, W), in [0, 1): the share of the log prior's second component
     that is visible with a colour of its own.
     """
     result = np.zeros_like(rendered[..., 0])
@@ -183,7 +183,7 @@ def spatial_posterior(
         photo, fit, prior, inside = (x[:, *window] for x in (observed, rendered, log_prior, covered))
         log_odds = visible_log_odds(photo, fit, prior)
         if decorated is not None:
-            # Of the prior's second component the share d is visible: odds (p + d q) / ((1 - d) q).
+            # The share d of the prior's second component is visible: odds (p + d q) / ((1 - d) q).
             share = decorated[window].astype(log_odds.dtype)
             with np.errstate(divide="ignore"):  # where all of it is, the odds are infinite
                 log_odds = np.logaddexp(log_odds, np.log(np.maximum(share, 1e-12))) - np.log1p(-share)

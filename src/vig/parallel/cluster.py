@@ -30,15 +30,15 @@ def map_on_cluster(
     address: str,
     chunk: int = 1,
 ) -> Iterator[tuple[int, Result | Lost]]:
-    """Number and work(item) of each item as they are done, work being `prepare(shared)` in each process.
+    """Yield number and work(item) of items as they are done, work being `prepare(shared)` in each process.
 
     The nodes need vig installed, but no shared disk. A task whose worker or node dies is done elsewhere.
 
     Args:
         prepare: A function of a module.
-        shared: What it gets.
+        shared: Its argument.
         items: Taken as they are needed.
-        address: Of the cluster, `auto` for the one that this machine belongs to.
+        address: Address of the cluster, `auto` for the one that this machine belongs to.
         chunk: Items of a task.
 
     Raises:

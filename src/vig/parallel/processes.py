@@ -1,6 +1,6 @@
 """Work shared out to processes of this machine: where Python's lock would keep threads waiting.
 
-Processes that die are replaced, and what they had to do is done by others.
+Processes that die are replaced, and their items are done by others.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 AHEAD = 2
-"""Items handed out at once to each process: enough that none waits, and few copies of what they hold."""
+"""Items handed out at once to each process: enough that none waits, and few copies of their arrays."""
 WINDOW = 16
 """Items of each process by which one may be ahead of the oldest that is not done."""
 ATTEMPTS = 3
@@ -41,7 +41,7 @@ UNGUARDED = 78
 
 @dataclass(frozen=True)
 class Lost:
-    """In place of an item's result: so many processes died of it."""
+    """Stands for an item's result: `attempts` processes died of it."""
 
     attempts: int
 
@@ -53,7 +53,7 @@ def map_in_processes(
 
     Raises:
         UserError: `ATTEMPTS` processes were killed at the same item, or none can start.
-        Exception: What `prepare` or work raised.
+        Exception: The exception of `prepare` or work.
     """
     done: dict[int, Result] = {}
     expected = 0
@@ -72,7 +72,7 @@ def map_in_processes(
 def map_as_done(
     prepare: Callable[[Any], Callable[[Item], Result]], shared: Any, items: Iterable[Item], processes: int
 ) -> Iterator[tuple[int, Result | Lost]]:
-    """Number and work(item) of each item as they are done, work being each process's `prepare(shared)`.
+    """Yield number and work(item) of items as they are done, work being each process's `prepare(shared)`.
 
     Each process has one thread for linear algebra, ignores SIGINT, and ends when this process dies. One that
     is killed is replaced; another does its items. When the consumer stops early, each process finishes its
@@ -80,13 +80,13 @@ def map_as_done(
 
     Args:
         prepare: A function of a module, no closure: processes are spawned and import it.
-        shared: What it gets.
+        shared: Its argument.
         items: They and their results hold arrays: tensors would go through shared memory.
-        processes: How many.
+        processes: Number of processes.
 
     Raises:
         UserError: Processes end while they import the program's main module.
-        Exception: What `prepare` or work raised.
+        Exception: The exception of `prepare` or work.
     """
     check_main_module()
     pool = _Pool(prepare, shared, items, processes)
@@ -117,7 +117,7 @@ class _WorkerProcess:
         self.done = 0
 
     def submit(self, task: _Submitted[Any]) -> Future[tuple[bool, Any]]:
-        """Return queue a task. BrokenProcessPool when the process has died."""
+        """Queue a task. BrokenProcessPool when the process has died."""
         self.tasks.append(task)
         return self.executor.submit(_do, bytes(ForkingPickler.dumps(task.item)))
 
@@ -151,9 +151,9 @@ class _Pool:
             if not self.pending:
                 return
             wait(self.pending, return_when=FIRST_COMPLETED)
-            for future in [future for future in self.pending if future.done()]:  # as they were submitted
+            for future in [future for future in self.pending if future.done()]:  # in the order of submission
                 if (worker := self.pending.pop(future, None)) is None:
-                    continue  # of a process that has died
+                    continue  # from a process that has died
                 try:
                     succeeded, answer = future.result()
                 except BrokenProcessPool:
@@ -179,7 +179,7 @@ class _Pool:
         return self.next
 
     def hand_out(self) -> Iterator[tuple[int, Any]]:
-        """Keep every process busy, with a new one where there are too few; end those that have nothing."""
+        """Keep every process busy, with a new one where there are too few; end idle ones."""
         for worker in [*self.workers]:
             full = RENEWED_AFTER - worker.done
             while worker in self.workers and len(worker.tasks) < min(AHEAD, full) and self.upcoming():
@@ -192,7 +192,7 @@ class _Pool:
             yield from self.give(self.workers[-1])
 
     def give(self, worker: _WorkerProcess) -> Iterator[tuple[int, Any]]:
-        """Yield hand the upcoming task out."""
+        """Hand out the upcoming task; yield tasks that are lost meanwhile."""
         task = self.upcoming()
         assert task is not None
         if self.again:
@@ -205,7 +205,7 @@ class _Pool:
             yield from self.bury(worker)
 
     def bury(self, worker: _WorkerProcess) -> Iterator[tuple[int, Any]]:
-        """Take back the tasks of a process that died; the first one it may have died of."""
+        """Take back the tasks of a process that died, perhaps of the first; yield that if it is lost."""
         self.workers.remove(worker)
         self.pending = {future: other for future, other in self.pending.items() if other is not worker}
         worker.executor.shutdown()
@@ -240,7 +240,7 @@ def _initialise(stopping: Any) -> None:
 
 
 def _begin(start: bytes) -> None:
-    """Make the work of a new process from (prepare, shared); each task raises what that raises."""
+    """Make the work of a new process from (prepare, shared); each task raises its exception."""
     global _work
     try:
         prepare, shared = ForkingPickler.loads(start)

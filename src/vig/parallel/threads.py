@@ -1,8 +1,8 @@
 """Work shared out to threads: native code and matrix products release Python's lock, and run side by side.
 
-How many is one setting: `set_thread_count`, or OMP_NUM_THREADS in the environment, by default the processors.
-Once a program has loaded torch, torch's number and ours are the same: what was set here is given to it, and
-what is set there counts. Each thread computes on one core: a fit's matrices are small, and on more cores a
+Their number is one setting: `set_thread_count`, or OMP_NUM_THREADS in the environment, else the processors.
+Once a program has loaded torch, torch's number and ours are the same: the number set here is passed to it,
+and the one set there counts. Each thread computes on one core: a fit's matrices are small; on more cores a
 product waits for threads far longer than it computes. While something is explained numpy's linear algebra is
 therefore held to one thread, in the whole process.
 """
@@ -27,17 +27,17 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 MOST_CALLERS = 64
-"""How many of a user's threads may be within `on_one_core` at once; others wait."""
+"""Number of a user's threads that may be within `on_one_core` at once; others wait."""
 
 _here = threading.local()
 _starting = threading.Lock()
 _chosen: int | None = None
 _told = False
-"""Whether torch has been told what was chosen before it was loaded."""
+"""Whether the number chosen before torch was loaded has been passed to it."""
 
 
 def thread_count() -> int:
-    """Return how many threads work may use here: the number that is set, and one within such work."""
+    """Return the number of threads that work may use here: the one that is set, and 1 within such work."""
     own_count: int | None = getattr(_here, "count", None)
     return _set_count() if own_count is None else own_count
 
@@ -105,7 +105,7 @@ def on_one_core(work: Callable[[], Result]) -> Result:
 
 
 class _LinearAlgebra:
-    """Holds numpy's linear algebra to one thread from the first that enters to the last that leaves."""
+    """Limit of numpy's linear algebra to one thread, from the first that enters to the last that leaves."""
 
     def __init__(self) -> None:
         self.lock, self.inside = threading.Lock(), 0

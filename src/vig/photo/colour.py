@@ -33,7 +33,7 @@ ADOBE_RGB = (0.64, 0.33, 0.21, 0.71, 0.15, 0.06, *D65)
 PQ = 16
 """Number of the perceptual quantiser among transfer characteristics (ITU-T H.273)."""
 HLG = 18
-"""And of hybrid log-gamma."""
+"""Number of hybrid log-gamma among them."""
 # Tags of TIFF.
 TRANSFER_FUNCTION = 301
 WHITE_POINT = 318
@@ -41,7 +41,7 @@ PRIMARIES = 319
 SDR_WHITE = 203.0
 """cd/m2 of diffuse white in HDR pictures (ITU-R BT.2408), which becomes 1."""
 PEAK_QUANTILE = 0.999
-"""Of a picture's pixels, those above are clipped: a few highlights must not darken the rest."""
+"""Quantile of a picture's pixels above which they are clipped: few highlights must not darken the rest."""
 _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 Profile = ImageCms.ImageCmsProfile
 Curve = Callable[[np.ndarray], np.ndarray]
@@ -49,13 +49,13 @@ Curve = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Encoding:
-    """How a picture's samples stand for light.
+    """The encoding of light by a picture's samples.
 
     Attributes:
-        transfer: From samples in [0, 1] to linear light, 1 being white.
+        transfer: Function from samples in [0, 1] to linear light, 1 being white.
         chromaticities: x and y of red, green, blue and white.
         hdr: Whether light may be above 1, and is then mapped into [0, 1].
-        system_gamma: Of HLG, whose samples are light of the scene, not of the display.
+        system_gamma: Exponent of HLG, whose samples are light of the scene, not of the display.
         narrow: Whether black and white are 16 and 235 of 255.
     """
 
@@ -129,7 +129,7 @@ def gamma(exponent: float) -> Curve:
 
 
 def _pq(samples: np.ndarray) -> np.ndarray:
-    """Return SMPTE ST 2084, in units of `SDR_WHITE`."""
+    """Return the light of samples by SMPTE ST 2084, in units of `SDR_WHITE`."""
     root = samples ** (32 / 2523)
     ratio = np.maximum(root - 3424 / 4096, 0) / (2413 / 128 - 2392 / 128 * root)
     light: np.ndarray = 10_000 / SDR_WHITE * ratio ** (16384 / 2610)
@@ -137,7 +137,7 @@ def _pq(samples: np.ndarray) -> np.ndarray:
 
 
 def _hlg(samples: np.ndarray) -> np.ndarray:
-    """Return ARIB STD-B67, scaled so that its system gamma of 1.2 gives a display of 1000 cd/m2."""
+    """Return light by ARIB STD-B67, scaled so that its system gamma of 1.2 gives 1000 cd/m2 on a display."""
     a, b, c = 0.17883277, 0.28466892, 0.55991073
     scene = np.where(samples <= 0.5, samples**2 / 3, (np.exp((samples - c) / a) + b) / 12)
     scaled: np.ndarray = scene * (1000 / SDR_WHITE) ** (1 / 1.2)
@@ -151,7 +151,7 @@ _TRANSFERS: dict[int, Curve] = {
     PQ: _pq,
     17: lambda samples: 52.37 / 48 * samples**2.6,
     HLG: _hlg,
-} | dict.fromkeys((1, 2, 6, 7, 13, 14, 15), linear_from_srgb)  # what is made for a display of sRGB's kind
+} | dict.fromkeys((1, 2, 6, 7, 13, 14, 15), linear_from_srgb)  # made for a display of sRGB's kind
 
 
 def coded_encoding(primaries: int, transfer: int) -> Encoding | None:
@@ -185,10 +185,10 @@ def tone_mapped(light: np.ndarray, peak: float) -> np.ndarray:
 
 
 def encoding_of(image: Image.Image, stated: Codes | bytes | None) -> Encoding | Profile | None:
-    """Return how a loaded picture's samples stand for light.
+    """Return the encoding of a loaded picture's samples.
 
     Args:
-        image: Of any mode.
+        image: A picture of any mode.
         stated: The codes of H.273 or the colour profile that its file states and pillow does not read.
 
     Returns:
@@ -234,7 +234,7 @@ def encoding_of(image: Image.Image, stated: Codes | bytes | None) -> Encoding | 
     except ValueError:  # no colour space: left aside, as readers of PNG do
         like_srgb = True
     if like_srgb and (curve is None or (exponent and abs(exponent * 2.2 - 1) < 0.01)):
-        return None  # 1 / 2.2 is what PNG wants to stand beside sRGB's chunk
+        return None  # PNG requires 1 / 2.2 with sRGB's chunk
     return Encoding(curve or linear_from_srgb, REC709 if like_srgb else chromaticities)
 
 

@@ -18,7 +18,7 @@ from vig.photo.packed import packed_picture
 from vig.scene.light import linear_from_srgb
 
 MID_GREY = 0.18
-"""Linear reflectance of a photographer's grey card: what shows through transparent pixels."""
+"""Linear reflectance of a photographer's grey card, which shows through transparent pixels."""
 LINEAR: np.ndarray = linear_from_srgb(np.arange(256) / 255).astype(np.float32)
 """Linear light of each byte of sRGB."""
 PHOTO = "a photo (JPEG, PNG, WebP, TIFF, ...)"
@@ -31,7 +31,7 @@ def opened(path: Path) -> Image.Image:
     """Open the largest picture of a photo file.
 
     Raises:
-        UserError: It is of another kind (`vig.photo.formats.why_no_photo`), or tiny or huge by its header.
+        UserError: The file is another kind (`vig.photo.formats.why_no_photo`), or tiny or huge by its header.
     """
     if reason := formats.why_no_photo(path):
         refuse(path, PHOTO, *reason)
@@ -81,7 +81,7 @@ def _largest(path: Path, image: ImageFile.ImageFile) -> Image.Image:
 
 
 def decoded(path: Path, image: Image.Image) -> np.ndarray:
-    """Decode an opened picture, as `vig.photo.images.coded_photo` describes; `path` is what errors name."""
+    """Decode an opened picture, as `vig.photo.images.coded_photo` describes; errors name `path`."""
     _check_square(path, image)
     source, tags = getattr(image, "filename", ""), getattr(image, "tag_v2", {})
     stated = _stated_colour(image)
@@ -225,7 +225,7 @@ def _stated_colour(image: Image.Image) -> formats.Codes | bytes | None:
             return formats.stated_colour(file)
         finally:
             file.seek(place)
-    except Exception:  # a damaged file, or a closed one: who decodes it says so
+    except Exception:  # a damaged file, or a closed one: its decoder reports so
         return None
 
 

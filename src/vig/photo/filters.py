@@ -9,7 +9,7 @@ def gaussian_filter(image: np.ndarray, deviation: float, mode: str = "edge") -> 
     """Return a picture (H, W) or (H, W, C) smoothed by a Gaussian cut off at four deviations, in pixels; its
     dtype.
 
-    mode: What is beyond the border, as `numpy.pad` names it.
+    mode: Continuation beyond the border, as `numpy.pad` names it.
     """
     radius = int(4 * deviation + 0.5)
     weights = np.exp(-0.5 * (np.arange(radius + 1) / deviation) ** 2)

@@ -1,4 +1,4 @@
-"""Where a fit, which sees a window of a photo, puts the object before the camera that took the photo."""
+"""The object's pose before the camera that took a photo, from a fit in a window of it."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class FitGeometry:
     """A fit's camera and the photo's.
 
     Attributes:
-        object_class: Of the object.
-        window: What of the photo was fitted.
-        camera_distance_ratio: Of the fit, see `ExplainSettings`.
+        object_class: Class of the object.
+        window: Part of the photo that was fitted.
+        camera_distance_ratio: Ratio of the fit, see `ExplainSettings`.
         size: Width and height of the photo, pixels.
     """
 
@@ -37,8 +37,8 @@ class FitGeometry:
         """Return the pose (4, 4) before a camera with intrinsics (3, 3) that sees the object where the fit
         does.
 
-        That camera took the photo; the pose is the one under which vertices are seen nearest to where the
-        fit's camera sees them, those of the outline above all.
+        That camera took the photo; the pose is the one that projects vertices nearest to their places by the
+        fit's camera, those of the outline above all.
         """
         window = self.window_camera(framing)
         fitted = window.camera_from_object(latents)

@@ -1,4 +1,4 @@
-"""What a file is by its content, and what its container states of colour and pages."""
+"""A file's format by its content, and its container's statements on colour and pages."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ DNG_VERSION = 50706
 
 
 def why_no_photo(path: Path) -> tuple[str, str] | None:
-    """Return what a file is that vig does not read as a photo, and what to do; None for all others.
+    """Return the name of a format that vig does not read as a photo, and the remedy; None for all others.
 
     It is recognised by its first bytes, raw files by their tags and ending too. A damaged photo is not.
     """
@@ -140,11 +140,11 @@ def _is_raw(tags: Any) -> bool:
 def tiff_pages(file: IO[bytes]) -> list[tuple[int | None, Any]]:
     """Return number and tags of every page of a TIFF file, after each those of the pages below it (SubIFDs).
 
-    The number is None for a page below another. What cannot be read ends them.
+    The number is None for a page below another. The list ends at unreadable data.
     """
     pages: list[tuple[int | None, Any]] = []
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of damaged tags
+        warnings.simplefilter("ignore")  # about damaged tags
         try:
             file.seek(0)
             head = file.read(8)
@@ -165,7 +165,7 @@ def tiff_pages(file: IO[bytes]) -> list[tuple[int | None, Any]]:
                 offsets[:0] = [(place, False) for place in (below if isinstance(below, tuple) else (below,))]
                 pages.append((number if in_chain else None, tags))
                 number += in_chain
-        except Exception:  # a damaged file: who decodes it says so
+        except Exception:  # a damaged file: its decoder reports so
             pass
     return pages
 
@@ -188,7 +188,7 @@ def largest_page(path: Path) -> TiffPage | None:
 
 
 def unread_samples(path: Path) -> str | None:
-    """Return what the samples of a TIFF or JPEG that is not decoded are, in words; None for other files."""
+    """Return the kind of samples, in words, of a TIFF or JPEG that is not decoded; None for other files."""
     with path.open("rb") as file:
         head = file.read(1 << 16)
         if head.startswith(b"\xff\xd8\xff"):
@@ -225,7 +225,7 @@ def white_level(tags: Any) -> int:
 
 
 class Codes(NamedTuple):
-    """How colours are coded, by ITU-T H.273."""
+    """Codes of colours by ITU-T H.273."""
 
     primaries: int
     transfer: int
@@ -257,7 +257,7 @@ def stated_colour(file: IO[bytes]) -> Codes | bytes | None:
     for kind, body in _boxes(boxes.get(b"jp2h", b"")):
         if kind == b"colr" and body[:1] in (b"\2", b"\3"):
             return body[3:]
-    place = data.find(b"colrnclx")  # of a sequence of pictures
+    place = data.find(b"colrnclx")  # in a sequence of pictures
     return _nclx(data[place + 4 :]) if place > 0 and data[4:8] == b"ftyp" else None
 
 

@@ -1,6 +1,6 @@
 """Pictures read as linear RGB arrays, and written.
 
-A photo is decoded once, here, and is linear from then on. What cannot be used is refused with one line
+A photo is decoded once, here, and is linear from then on. Unusable files are refused with one line
 (UserError) before anything is computed.
 """
 
@@ -33,7 +33,7 @@ else:  # a tensor is one of numpy's where it is used
     Photo = str | Path | Image.Image | np.ndarray
 Picture = TypeVar("Picture")
 ROUNDING = 1e-6
-"""By which floats may lie beyond [0, 1]: resampling rounds."""
+"""Excess of floats beyond [0, 1] that is allowed: resampling rounds."""
 
 
 def read_photo(path: str | Path) -> np.ndarray:
@@ -45,17 +45,17 @@ def read_picture(path: str | Path, what: str, decode: Callable[[Path, Image.Imag
     """Open a picture's file and decode it.
 
     Args:
-        path: Of the file.
-        what: It should be, such as "photo".
+        path: Path of the file.
+        what: Expected kind of picture, such as "photo".
         decode: Takes the path, which errors name, and the opened picture.
 
     Raises:
-        UserError: It is missing, unreadable, damaged, tiny (a side under `MIN_SIDE`), huge (over
+        UserError: The file is missing, unreadable, damaged, tiny (a side under `MIN_SIDE`), huge (over
             `MAX_PIXELS`, judged by its header), or another kind of file (`why_no_photo`).
     """
     path = existing_file(path)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of damaged parts that a decoder passes over
+        warnings.simplefilter("ignore")  # about damaged parts that a decoder passes over
         try:
             with opened(path) as image:
                 return decode(path, image)
@@ -71,7 +71,7 @@ def read_picture(path: str | Path, what: str, decode: Callable[[Path, Image.Imag
 
 
 def as_photo(photo: Photo) -> np.ndarray:
-    """Return a photo as linear RGB, (H, W, 3) float32 in [0, 1], from whatever a caller has it in."""
+    """Return a photo in any form as linear RGB, (H, W, 3) float32 in [0, 1]."""
     return linear_photo(coded_photo(photo))
 
 
@@ -94,7 +94,7 @@ def linear_planes(coded: np.ndarray) -> list[Image.Image]:
 
 
 def coded_photo(photo: Photo) -> np.ndarray:
-    """Return a photo (H, W, 3) as it is kept: uint8 sRGB where that is all it has, else float32 linear RGB.
+    """Return a photo (H, W, 3) as it is kept: uint8 sRGB where it has no more, else float32 linear RGB.
 
     Samples count by their true range (`vig.photo.formats.white_level`) and by the colour encoding that the
     file states: H.273's codes (PNG, AVIF, HEIC), else its colour profile, else a PNG's sRGB, gamma and
@@ -109,7 +109,7 @@ def coded_photo(photo: Photo) -> np.ndarray:
             is taken as sRGB, floating point as linear RGB in [0, 1].
 
     Raises:
-        UserError: It is none of these, has another shape, type or range, or is tiny or huge.
+        UserError: The photo is none of these, has another shape, type or range, or is tiny or huge.
     """
     if isinstance(photo, str | Path):
         return read_picture(photo, "photo", decoded)

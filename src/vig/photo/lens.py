@@ -33,7 +33,7 @@ SURELY_NEARER = 0.5
 SAME_MIDDLE = 0.1
 """Ratio of distances below which a principal point is that of a photo with exchanged sides."""
 LEAST_COSINE = 0.2
-"""Of the angle between the lens's optical axis and the rays of a window that is looked at through it."""
+"""Cosine of the angle between the lens's optical axis and the rays of a window that it may show, at least."""
 DISTORTION = re.compile(
     r"d|(?!undist).*dist(?!anc).*|.*coef.*|.*(radial|tangential).*|[kps][1-9]|tau[xy]|xi|omega|kc|alphac?|skew"
 )
@@ -42,7 +42,7 @@ MODEL = re.compile("model|type|projection")
 NOT_PINHOLE = re.compile(
     r"fish|equi|omni|kannala|ucm|double|fov|spher|cylind|ortho|theta|scaramuzza|\b(ds|mei|kb\d?)\b", re.I
 )
-"""Names of lenses that are not drawn by a K, whatever their coefficients are."""
+"""Names of lenses that a K does not describe, with any coefficients."""
 SIZES = (
     ("width", "w", "imagewidth", "imgwidth"), ("height", "h", "imageheight", "imgheight"),
     ("resolution", "imagesize", "imgsize", "size", "imageresolution"),
@@ -70,13 +70,13 @@ class Intrinsics:
 
     @staticmethod
     def of(camera: Any, width: int, height: int) -> Intrinsics:
-        """Return the intrinsics of a photo from what a caller has them in.
+        """Return the intrinsics of a photo from any form that callers have them in.
 
         Args:
             camera: A focal length, for a principal point in the middle; `Intrinsics`; fx, fy, cx, cy; K as
                 (3, 3) or its nine numbers row by row; or a mapping with one of these by a name of `MATRICES`,
                 with "fx", "fy", "cx" and "cy" or other names of them (`FIELDS`), or with COLMAP's "params".
-            width: Of the photo, pixels; and height.
+            width: Width of the photo, pixels; and height.
 
         Raises:
             UserError: They are something else, or cannot be those of such a photo.
@@ -120,7 +120,7 @@ class Intrinsics:
 
         Returns:
             Rotation (3, 3) from this camera's axes to those of the other; and the focal length in pixels with
-            which the other shows what is about the point as large as the photo does.
+            which the other shows things about the point as large as the photo does.
         """
         ray = np.array([(x - self.cx) / self.fx, (y - self.cy) / self.fy, 1.0])
         length = float(np.linalg.norm(ray))
@@ -140,11 +140,11 @@ def camera_as_shown(photo: object, camera: Any) -> Any:
     the two has the principal point in the middle. One that is turned is reported in a line.
 
     Args:
-        photo: A file or a PIL image; others are as they are shown.
-        camera: As `Intrinsics.of` takes it.
+        photo: A file or a PIL image; others are taken as upright.
+        camera: A camera in any form of `Intrinsics.of`.
 
     Raises:
-        UserError: It may be either's.
+        UserError: It fits both pictures.
     """
     orientation, (width, height) = _stored(photo)
     if width == height or isinstance(camera, float):
@@ -161,7 +161,7 @@ def camera_as_shown(photo: object, camera: Any) -> Any:
         return camera
     name = photo if isinstance(photo, str | Path) else "the photo"
     if not is_turned or to_other > to_shown * SURELY_NEARER:
-        if sized:  # of neither, which is refused where it meets the photo
+        if sized:  # for neither, which is refused where it meets the photo
             return camera
         raise UserError(
             f"{name}: expected a camera of the photo as it is shown, {shown[0]} x {shown[1]}; got cx"
@@ -195,7 +195,7 @@ def _stored(photo: object) -> tuple[int, tuple[int, int]]:
             return before, (photo.height, photo.width) if before > 4 else photo.size
         orientation = photo.getexif().get(ExifTags.Base.Orientation, 1)
         return orientation if orientation in range(1, 9) else 1, photo.size
-    except Exception:  # what cannot be read is refused where it is decoded
+    except Exception:  # unreadable files are refused where they are decoded
         return 1, (0, 0)
 
 
@@ -215,7 +215,7 @@ def _flat(camera: Mapping[Any, Any]) -> dict[Any, Any]:
 
 
 def _size_of(camera: Any) -> tuple[Any, Any]:
-    """Return the width and height that a mapping states, None for what it does not."""
+    """Return the width and height that a mapping states, None for each that is missing."""
     if not isinstance(camera, Mapping):
         return None, None
     fields = {_key(name): value for name, value in _flat(camera).items()}
@@ -239,7 +239,7 @@ def _check_pinhole(camera: Mapping[Any, Any]) -> None:
 
 
 def _numbers_in(value: Any) -> Iterator[Any]:
-    """Yield all numbers in what may be nested, and of text in which there are any but 0 the text."""
+    """Yield all numbers in a nested value, and texts that hold any but 0."""
     values = [value]
     while values:
         item = values.pop()
@@ -254,7 +254,7 @@ def _numbers_in(value: Any) -> Iterator[Any]:
 
 
 def _four_numbers(camera: Any) -> tuple[float, float, float, float]:
-    """Return fx, fy, cx, cy from whatever states them."""
+    """Return fx, fy, cx, cy from any form of them."""
     given = camera
     if isinstance(camera, Mapping):
         camera = _flat(camera)
@@ -295,8 +295,8 @@ def _refuse(expected: str, received: str) -> NoReturn:
 def focal_of(photo: object) -> float | None:
     """Return the focal length in pixels that EXIF data of a photo's file, or of a PIL image, state.
 
-    None where they state none, and where the picture is not of the size that they say it was stored in: it
-    was cropped or resized since, and by how much of either they do not say.
+    None where they state none, and where the picture is not of the size at which they say it was stored: it
+    was cropped or resized since, by an unknown amount.
     """
     try:
         if isinstance(photo, str | Path):

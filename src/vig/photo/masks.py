@@ -35,12 +35,12 @@ def box_of(mask: np.ndarray) -> tuple[int, int, int, int] | None:
 def read_mask(path: str | Path) -> np.ndarray:
     """Return a mask (H, W) bool from a picture.
 
-    Two values mean nothing and the object, whatever they are, the lower one nothing if it is 0; further ones
-    are shades, of which those above half are the object. Of colours and of a palette black is nothing. A
-    picture that is transparent in places is a cut-out: what is opaque is the object.
+    Any two values mean nothing and the object, the lower one nothing if it is 0; further ones
+    are shades, of which those above half are the object. In colours and palettes black is nothing. A
+    picture that is transparent in places is a cut-out: its opaque pixels are the object.
 
     Raises:
-        UserError: It cannot be read, marks several objects, or says two things at once.
+        UserError: It cannot be read, marks several objects, or is ambiguous.
     """
     return read_picture(path, "mask", mask_of_picture)
 
@@ -98,7 +98,7 @@ def _check_colours(path: Path, values: np.ndarray) -> None:
         return
     packed = red.astype(np.uint32) << 16 | green.astype(np.uint16) << 8 | blue
     colours = np.unique(packed[packed > 0])
-    # 64: colours beside black up to which they are those of objects, not the shades of an edge
+    # 64: colours besides black up to which they are those of objects, not the shades of an edge
     if 1 < len(colours) <= 64:
         refuse(path, "a mask of one object", f"{len(colours)} colours", REMEDY)
 
@@ -106,7 +106,7 @@ def _check_colours(path: Path, values: np.ndarray) -> None:
 def mask_files(folder: Path, photos: Iterable[Path]) -> list[Path]:
     """Return the file of each photo's mask in a folder, of which a listing is made once.
 
-    Named as the photo is in any Unicode composition, with any picture's ending or behind the photo's own
+    Named like the photo in any Unicode composition, with any picture's ending or behind the photo's own
     (COLMAP), with `_mask` or `mask_`, in a folder named as the photo's, or with the number of its one object
     (BOP).
 
@@ -142,7 +142,7 @@ def mask_files(folder: Path, photos: Iterable[Path]) -> list[Path]:
 
 
 def _listing(folder: Path) -> dict[str, Path]:
-    """Return paths of what is in a folder by `_key` of their names."""
+    """Return the paths in a folder by `_key` of their names."""
     with reading(folder, "a folder of masks", "Name another."):
         return {_key(path.name): path for path in folder.iterdir()}
 

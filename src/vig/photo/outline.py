@@ -1,4 +1,4 @@
-"""The outline of what a window shows: distances to it, which can be drawn at any size."""
+"""The outline of a window's object: distances to it, which can be drawn at any size."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FINER = 4
 SMOOTH = 0.5
 """Pixels of the map within which staircases are smoothed."""
 REACH = 12
-"""Pixels of the map up to which distances are told; farther away they stay at that."""
+"""Pixels of the map up to which distances are measured; farther away they stay at that."""
 BESIDE = 5
 """Points from which distances are smoothed."""
 SMALLEST_PICTURE = 320
@@ -37,9 +37,9 @@ def outline_distance(share: np.ndarray, outside: float = REACH, inside: float = 
     """Return signed distance (4 S, 4 S) float32, in pixels of a map (S, S), to where the map is a half.
 
     Args:
-        share: In [0, 1], such as the share of each pixel that an object covers. Distances are negative where
-            it is more than a half.
-        outside: Up to which distance they are needed there, at most `REACH`; farther away they stay at that.
+        share: Values in [0, 1], such as the share of a pixel that an object covers. Distances are negative
+            where it is more than a half.
+        outside: Distance up to which they are needed there, at most `REACH`; farther away they stay at that.
         inside: The same of the other side.
     """
     size, reach = len(share), math.ceil(max(outside, inside)) + 1

@@ -29,7 +29,7 @@ def packed_picture(path: Path) -> Image.Image | None:
     """Return the largest page of a TIFF file of 9 to 16 bits a sample, scaled: mode I;16, RGB or RGBA.
 
     Pillow decompresses it as 8-bit grey, the bytes of each row, of whose bits samples are put together here.
-    None where that is not what the file is: tiles, planes, predictors, premultiplied alpha, signed samples.
+    None where the file is another kind: tiles, planes, predictors, premultiplied alpha, signed samples.
     """
     page = formats.largest_page(path)
     data = path.read_bytes()

@@ -14,7 +14,7 @@ import numpy as np
 from vig.scene import Camera
 
 STEPS = 10
-"""Of Gauss-Newton, at most; three are enough for most poses."""
+"""Gauss-Newton steps, at most; three are enough for most poses."""
 DIFFERENCE = 1e-4
 """Step of differences in radians, widths and logs."""
 
@@ -23,12 +23,12 @@ def turned_pose(camera: Camera, pose: np.ndarray, matrix: np.ndarray) -> np.ndar
     """Return the pose (4, 4) before a camera with intrinsics (3, 3), nearly: exact for objects small in the
     photo.
 
-    Seen by it, the object is turned with the ray that leads to it, and as far away as makes it as large.
+    In it the object is turned with the ray that leads to it, at the distance that keeps its size.
 
     Args:
-        camera: Of the fit; its principal point is where it sees the object's axis.
-        pose: (4, 4) camera_from_object before that.
-        matrix: Of a camera that sees the same picture.
+        camera: Camera of the fit, with the principal point on the object's axis.
+        pose: (4, 4) camera_from_object in its frame.
+        matrix: Intrinsics of a camera that sees the same picture.
     """
     focal_x, focal_y = matrix[0, 0], matrix[1, 1]
     ray = np.array([(camera.cx - matrix[0, 2]) / focal_x, (camera.cy - matrix[1, 2]) / focal_y, 1.0])
@@ -81,7 +81,7 @@ def pose_covariance(
 
 
 def outline_weights(vertices: np.ndarray, faces: np.ndarray, eye: np.ndarray) -> np.ndarray:
-    """Return (V,) 1 for vertices between faces that look towards the eye (3,) and faces that look away."""
+    """Return weights (V,): 1 on the outline from `eye` (3,), between faces towards it and away; else 0.1."""
     a, b, c = (vertices[corner] for corner in faces.T)
     (x, y, z), (u, v, w), (i, j, k) = (b - a).T, (c - a).T, (eye - a).T
     towards = (y * w - z * v) * i + (z * u - x * w) * j + (x * v - y * u) * k > 0
@@ -95,13 +95,13 @@ def outline_weights(vertices: np.ndarray, faces: np.ndarray, eye: np.ndarray) ->
 def reprojected(
     matrix: np.ndarray, pixels: np.ndarray, vertices: np.ndarray, weights: np.ndarray, start: np.ndarray
 ) -> np.ndarray:
-    """Return the pose before a camera under which points are seen nearest to given pixels.
+    """Return the pose before a camera that projects points nearest to given pixels.
 
     Gauss-Newton on the weighted squared distances of projections, over rotation and translation.
 
     Args:
         matrix: (3, 3) intrinsics.
-        pixels: (V, 2), where each point is to be seen.
+        pixels: (V, 2), target of each point's projection.
         vertices: (V, 3) metres, in the object's frame.
         weights: (V,) of each point's squared distance.
         start: (4, 4) camera_from_object to begin with; returned where no step makes it better.

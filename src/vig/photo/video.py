@@ -20,15 +20,15 @@ from vig.photo.colour import Encoding, coded_encoding
 from vig.photo.images import coded, coded_photo, write_png
 
 UNREAD_MATRICES = (8, 10, 12, 13, 14)
-"""Of H.273 (YCgCo, constant luminance, ICtCp): what ffmpeg takes for another, without an error."""
+"""Matrices of H.273 (YCgCo, constant luminance, ICtCp) that ffmpeg mistakes for others without an error."""
 ENDINGS = frozenset(".3gp .avi .flv .m2ts .m4v .mkv .mov .mp4 .mpeg .mpg .mts .ogv .ts .webm .wmv".split())
-"""Of files that are taken for videos."""
+"""Endings of files that are taken for videos."""
 PICTURE_CODECS = frozenset("bmp gif jpeg2000 mjpeg png tiff webp".split())
-"""Codecs of covers that are not marked as such, beside a film of another codec."""
+"""Codecs of covers that are not marked as such, in a film of another codec."""
 FORMAT = 2
-"""Of frames: others, of an earlier vig, are written anew."""
+"""Version of frames: others, of an earlier vig, are written anew."""
 WHOLE = "frames.json"
-"""Written when all frames are: from what file, and how many."""
+"""Written after all frames: their file, and their number."""
 
 
 def is_video(path: Path) -> bool:
@@ -39,7 +39,7 @@ def is_video(path: Path) -> bool:
 def frames_of(video: Path, folder: Path) -> list[Path]:
     """Write the frames of a video into a folder, one at a time, and return them in order.
 
-    They are named after the folder, `folder-000000.png` on, turned and mirrored as the video says, oblong
+    They are named after the folder, `folder-000000.png` on, turned and mirrored as the video states, oblong
     pixels made square, HDR and wide colours made sRGB. Frames of the same file that are there are not written
     again.
 
@@ -60,7 +60,7 @@ def frames_of(video: Path, folder: Path) -> list[Path]:
     _check_own(folder)
     paths = []
     for picture in _decoded(video, paths, folder):
-        if not paths:  # of another video of that name
+        if not paths:  # from another video of that name
             for path in folder.iterdir() if folder.is_dir() else ():
                 path.unlink()
         paths.append(folder / _name(folder, len(paths)))
@@ -71,7 +71,7 @@ def frames_of(video: Path, folder: Path) -> list[Path]:
 
 
 def _check_own(folder: Path) -> None:
-    """Raise UserError where a folder holds what is no frame: it is the user's."""
+    """Raise UserError where a folder holds anything but frames: it is the user's."""
     frame = re.compile(re.escape(folder.name) + r"-\d{6}\.png")
     for path in folder.iterdir() if folder.is_dir() else ():
         if path.name != WHOLE and not frame.fullmatch(path.name):
@@ -85,7 +85,7 @@ class Video:
 
     Attributes:
         file: PyAV's container.
-        stream: That of the pictures, no cover.
+        stream: Stream of the pictures, no cover.
     """
 
     def __init__(self, source: str, kind: str | None = None, timeout: float | None = None):
@@ -134,7 +134,7 @@ class Video:
 
 
 def av_errors() -> tuple[type[Exception], ...]:
-    """Return what PyAV raises where a source cannot be read."""
+    """Return the exceptions that PyAV raises where a source cannot be read."""
     try:
         from av.error import FFmpegError
     except ImportError:
@@ -180,7 +180,7 @@ def _stated_seconds(stream: Any) -> float:
 
 
 def _encoding(video: str | Path, codec: Any, frame: Any) -> Encoding | None:
-    """Return how samples stand for light where a video is HDR or has other primaries than sRGB's like;
+    """Return the encoding of samples where a video is HDR or has other primaries than sRGB's like;
     else None.
     """
     primaries, transfer, matrix = int(codec.color_primaries), int(codec.color_trc), int(frame.colorspace)
@@ -211,7 +211,7 @@ def _squared(picture: np.ndarray, aspect: Fraction | None) -> np.ndarray:
 
 
 def _turned(picture: np.ndarray, matrix: Any) -> np.ndarray:
-    """Turn and mirror a picture as a display matrix says: (x, y) goes to (a x + c y, b x + d y), in 16.16."""
+    """Turn and mirror a picture by a display matrix: (x, y) goes to (a x + c y, b x + d y), in 16.16."""
     if matrix is None:
         return picture
     a, b, _, c, d = np.frombuffer(bytes(matrix), np.int32)[:5]

@@ -22,7 +22,7 @@ WINDOW_OVER_BOX = 1.4
 """Side of the window over the longer side of the object's box, as in training images (median)."""
 
 BOX_BELOW_CENTRE = 0.033
-"""How far the box's centre lies below the window's, in sides of the window (median of training images)."""
+"""Distance of the box's centre below the window's, in sides of the window (median of training images)."""
 
 SMALLEST_BOX = 8
 """Pixels of a box's shorter side, at least."""
@@ -34,7 +34,7 @@ LINES = 256
 STRIP = 32
 """Lines of a half that are made at a time."""
 DISTANCE_RATIO_BOUNDS = (0.75, 25.0)
-"""From an eye just outside the object to one so far away that perspective does not show."""
+"""Bounds: a camera just outside the object, and one so far away that perspective does not show."""
 
 
 BESIDE = 4
@@ -49,7 +49,7 @@ class ImagePyramid:
     def __init__(self, photo: np.ndarray):
         self._levels, self.shape = [photo], photo.shape
         self.latest: tuple[tuple[Window, int], tuple[np.ndarray, np.ndarray]] | None = None
-        """The last window that was cut out, its size, and what it shows: windows are turned, then fitted."""
+        """The last window that was cut out, its size, and its crop: windows are turned, then fitted."""
 
     def level(self, reduction: float) -> tuple[np.ndarray, int]:
         """Return the photo at 1 / scale of its size, and the scale, a power of 2 that `PREFILTER_PIXELS`
@@ -72,9 +72,9 @@ class ImagePyramid:
 class Window:
     """A square of a photo: left and top corner and side, in the photo's pixels; it may reach beyond it.
 
-    It is turned about its centre, clockwise by `roll` radians, so that what it shows stands upright. With a
-    `lens` it is what a camera shows that is turned towards its centre, see `Intrinsics.turned_to`: the photo
-    as that lens would have taken it had it looked straight at the object.
+    It is turned about its centre, clockwise by `roll` radians, so that its content stands upright. With a
+    `lens` it is the picture of a camera that is turned towards its centre, see `Intrinsics.turned_to`: the
+    photo as that lens would have taken it had it looked straight at the object.
     """
 
     left: float
@@ -119,7 +119,7 @@ class Window:
         return Window(centre[0] - side / 2, centre[1] - side / 2, side, roll)
 
     def crop(self, photo: np.ndarray | ImagePyramid, size: int = IMAGE_SIZE) -> tuple[np.ndarray, np.ndarray]:
-        """Return resample the window: linear RGB (size, size, 3) float32, and (size, size) bool, where it
+        """Return the resampled window: linear RGB (size, size, 3) float32, and (size, size) bool, where it
         lies in the photo. photo (H, W, 3) as `coded_photo`. Beyond the photo its border is continued.
         """
         if isinstance(photo, ImagePyramid):
@@ -136,7 +136,7 @@ class Window:
         if whole:
             return linear_photo(photo), np.ones((size, size), bool)
         right, bottom = self.left + self.side, self.top + self.side
-        # Only what the resampling reads is made linear: the window, and what the bicubic takes beside it.
+        # Only pixels that the resampling reads are made linear: the window, and the bicubic's margin.
         margin = math.ceil(max(0, -self.left, -self.top, right - width, bottom - height))
         (x0, x1), (y0, y1) = (
             (max(math.floor(low) - BESIDE, -margin), min(math.ceil(high) + BESIDE, length + margin))
@@ -233,7 +233,7 @@ class Window:
         return Window(self.left * factor, self.top * factor, self.side * factor, self.roll, lens)
 
     def camera_distance_ratio(self, focal: float) -> float:
-        """Return how much longer a photo's focal length in pixels is than that of the window's standard
+        """Return the ratio of a photo's focal length in pixels to that of the window's standard
         camera, within `DISTANCE_RATIO_BOUNDS`.
         """
         return min(max(self.ratio(focal), DISTANCE_RATIO_BOUNDS[0]), DISTANCE_RATIO_BOUNDS[1])
@@ -244,18 +244,18 @@ class Window:
 
     @property
     def centre(self) -> tuple[float, float]:
-        """Return its middle in the photo's pixels."""
+        """Return the window's middle in the photo's pixels."""
         return self.left + self.side / 2, self.top + self.side / 2
 
     def to_photo(self, x: Place, y: Place) -> tuple[Place, Place]:
-        """Return a point of the photo from where it is in the window: pixels of the photo from its middle."""
+        """Return a point of the photo from its place in the window: pixels of the photo from the middle."""
         if self.lens is not None:
             return _mapped(self.photo_from_window, x, y)
         cos, sin = math.cos(self.roll), math.sin(self.roll)
         return self.centre[0] + cos * x - sin * y, self.centre[1] + sin * x + cos * y
 
     def to_window(self, x: Place, y: Place) -> tuple[Place, Place]:
-        """Return where a point of the photo is in the window: pixels of the photo from its middle."""
+        """Return the place in the window of a point of the photo: pixels of the photo from the middle."""
         if self.lens is not None:
             return _mapped(np.linalg.inv(self.photo_from_window), x, y)
         cos, sin, x, y = math.cos(self.roll), math.sin(self.roll), x - self.centre[0], y - self.centre[1]
@@ -333,7 +333,7 @@ class Window:
     ) -> Iterator[tuple[slice, slice]]:
         """Yield the part of a photo that the window touches, as rows and columns of a few lines at a time.
 
-        around: (S, S) bool, a map of the window; its box alone is wanted.
+        around: (S, S) bool, a map of the window; only its box is needed.
         """
         if around is None:
             bounds = self._bounds()
@@ -358,7 +358,7 @@ class Window:
     def _bounds(
         self, part: tuple[float, float, float, float] | None = None
     ) -> tuple[float, float, float, float]:
-        """Return left, right, top and bottom in the photo of what the window shows, or of a part of it.
+        """Return left, right, top and bottom in the photo of the window, or of a part of it.
 
         part: left, top, right, bottom in pixels of the photo from the window's corner.
         """

@@ -1,4 +1,4 @@
-"""Where the object is in a photo of any size: places of its map, looked at as windows."""
+"""Search of the object in a photo of any size: places of its map, tried as windows."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from vig.recognition.recognizer import Recognizer
 from vig.scene.functions import log_odds, sigmoid
 
 MOVED_WINDOWS = 2
-"""Places that are looked at where one object is sought, and windows moved onto what is there."""
+"""Places that are looked at where one object is sought, and windows moved onto the objects there."""
 LEAST_OF_BEST = 0.1
 """Probability of a place, over that of the likeliest, from which it is looked at."""
 CLUE_PROBABILITY = 0.5
-"""That an object's centre is in the middle of a window about clues, as if by the map."""
+"""Probability that an object's centre is in the middle of a window about clues, as if by the map."""
 MOVES = 2
-"""So often they are looked at, and moved each time. Windows of 60 real cars overlap the true ones by .79 as
+"""Looks at each window, which is moved each time. Windows of 60 real cars overlap the true ones by .79 as
 the map has them, by .95 after one move, by .97 after two."""
 PLACES_PER_OBJECT = 3
-"""The same for each of several objects."""
+"""Places that are looked at for each of several objects."""
 LEAST_ROLL = math.radians(5.0)
-"""A window is turned only where the network sees the object turned by more."""
+"""Roll, as the network sees it, from which a window is turned, radians."""
 TURNS = 3
-"""So often at most: of a large roll the network sees a part. Real pots rolled by 30 degrees are 8 off in the
+"""Turns, at most: the network sees a part of a large roll. Real pots rolled by 30 degrees are 8 off in the
 median after one turn, 2 after two."""
 UNTRAINED = (
     "expected a box or a mask of the object, as its class has no network to find it; got neither. Give --box"
@@ -42,9 +42,9 @@ UNPLACED = (
     " x,y,w,h in pixels, such as 120,80,300,240, or --mask FILE, or train it by `vig train --map-alone`."
 )
 WINDOW_SIZE_DEVIATION, WINDOW_PLACE_DEVIATION = 0.35, 0.2
-"""Of the logarithm of an object's size in a window over what it should be, and of its middle, in sides."""
+"""Deviations of the log of an object's size in a window over its usual one, and of its middle, in sides."""
 PRESENCE_WEIGHTS = -0.8, 1.2, 0.4, 0.7
-"""Of 1, of the log odds of the map and of the presence head, and of the logarithm of how well the window is
+"""Weights of 1, of the log odds of the map and of the presence head, and of the log of how well the window is
 filled, in the log odds that it shows an object: a logistic regression on 604 images of the studio that
 training did not see, of teapots, mugs, and things that are neither, rounded, and taken for all classes."""
 SHOWN = 0.5
@@ -56,7 +56,7 @@ class Candidate:
     """A place where the object may be.
 
     Attributes:
-        window: Round it, turned so that it stands upright.
+        window: Window round it, turned so that it stands upright.
         present: Estimated probability that an object of the class is there: the highest of the windows that
             were looked at on the way to this one.
     """
@@ -102,7 +102,7 @@ def _tried(
     clues: LocationHints | None = None,
     sides: Sequence[int] = PHOTO_SIDES,
 ) -> list[Candidate]:
-    """Return windows round the likeliest places, `most` of them, and about clues, moved onto what they show.
+    """Return windows round the likeliest places, `most` of them, and about clues, moved onto their objects.
 
     UserError for a recognizer that cannot find objects.
     """
@@ -138,10 +138,10 @@ def _tried(
 
 @dataclass(frozen=True, eq=False)
 class LocationHints:
-    """What is known of where the object is in a photo.
+    """Knowledge of the object's place in a photo.
 
     Attributes:
-        mask: (H, W) bool, where it is seen, or None.
+        mask: (H, W) bool, its visible pixels, or None.
         points: (N, 2) places x, y on it, hidden ones too; N may be 0.
     """
 
@@ -150,7 +150,7 @@ class LocationHints:
 
     @property
     def box(self) -> tuple[float, float, float, float]:
-        """Return x, y, w, h round all that is known."""
+        """Return x, y, w, h round all known places."""
         corners = [self.points]
         if self.mask is not None and (box := box_of(self.mask)) is not None:
             corners.append(np.array([box[:2], np.add(box[:2], box[2:])], float))
@@ -159,24 +159,24 @@ class LocationHints:
         return float(left), float(top), float(right - left), float(bottom - top)
 
     def windows(self) -> list[Window]:
-        """Return windows about what is known, as if it were all of the object, and larger ones for hidden
+        """Return windows about the known places, as if these were all of it, and larger ones for hidden
         parts.
         """
         x, y, w, h = self.box
         side = max(w, h, float(SMALLEST_BOX))
         x, y = x + w / 2, y + h / 2
-        # (1.0, 1.25, 1.6, 2.2): boxes of the object over those of what is known of it
+        # (1.0, 1.25, 1.6, 2.2): boxes of the object over those of its known parts
         sides = [side * grown for grown in (1.0, 1.25, 1.6, 2.2)]
         return [Window.round_box((x - s / 2, y - s / 2, s, s)) for s in sides]
 
     def within(self, window: Window) -> bool:
-        """Return whether a window shows all that is known."""
+        """Return whether a window shows all known places."""
         x, y, w, h = self.box
         corners = [window.to_window(x + right * w, y + down * h) for right in (0, 1) for down in (0, 1)]
         return max(max(map(abs, corner)) for corner in corners) <= window.side / 2
 
     def placed(self, photo: np.ndarray | ImagePyramid, window: Window, recognizer: Recognizer) -> Window:
-        """Return the window of the object's box: that of what is known, or with what the network sees hidden.
+        """Return the window of the object's box: that of the known parts, with those the network sees hidden.
 
         window: One that shows the object.
         """
@@ -198,7 +198,7 @@ class LocationHints:
         return upright(photo, Window.round_box((x, y, w, h)), recognizer)
 
     def agreement(self, window: Window, prediction: Prediction) -> float:
-        """Return from 0 to 1 how well the prediction for a window agrees with the marks."""
+        """Return the degree, 0 to 1, to which the prediction for a window agrees with the marks."""
         if not self.within(window):
             return 0.0
         if self.mask is None:
@@ -256,7 +256,7 @@ def box_in_window(prediction: Prediction) -> tuple[float, float, float, float] |
 
 
 def _moved(window: Window, prediction: Prediction) -> Window:
-    """Return the window of what one window's prediction (N = 1) shows of the object."""
+    """Return the window of the object in one window's prediction (N = 1)."""
     box = box_in_window(prediction)
     if box is None or max(box[2:]) < 0.05:
         return window
@@ -269,8 +269,8 @@ def _moved(window: Window, prediction: Prediction) -> Window:
 
 
 def _present(at_place: float, prediction: Prediction) -> float:
-    """Return the probability that a window shows an object, from that of its place and from what one (N =
-    1) shows.
+    """Return the probability that a window shows an object, from that of its place and from its
+    prediction (N = 1).
     """
     box = box_in_window(prediction)
     if box is None:

@@ -1,7 +1,7 @@
 """The recognition network as a model in ONNX's format, put together from its settings and weights.
 
 It does what `vig_train.network.network.RecognitionNetwork` does; weights have the names that they have there.
-ONNX Runtime is given what is written here alone: no file in ONNX's format is ever read.
+ONNX Runtime gets only models that are written here: no file in ONNX's format is ever read.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def weight_shapes(settings: NetworkSettings) -> dict[str, tuple[int, ...]]:
 
 
 def window_model(settings: NetworkSettings, weights: Mapping[str, np.ndarray]) -> bytes:
-    """Write the model from windows (N, 3, 150, 150) to what `window_outputs` names."""
+    """Write the model from windows (N, 3, 150, 150) to the outputs of `window_outputs`."""
     outputs: dict[str, Shape] = {name: ("N", *shape) for name, shape in window_outputs(settings).items()}
     return _window(settings).model(("N", 3, IMAGE_SIZE, IMAGE_SIZE), outputs, weights)
 
@@ -153,7 +153,7 @@ class _Writer:
         return _Array(self.op("Clip", x.name, self.constant(0.0), self.constant(6.0)), outputs)
 
     def residual(self, x: _Array, name: str) -> _Array:
-        """Return two convolutions beside the identity."""
+        """Return two convolutions with a skip connection."""
         change = self.block(x, f"{name}.first", x.channels, 3)
         return self.sum(x, self.normalised(change, f"{name}.second", x.channels, 3), "Relu")
 
@@ -181,7 +181,7 @@ class _Writer:
         return _Array(self.op("Flatten", x.name, axis=1), size * x.channels)
 
     def reshape(self, x: str, *shape: int) -> str:
-        """Reshape; 0 keeps a size, one -1 takes the rest."""
+        """Reshape a tensor; 0 keeps a size, one -1 takes the rest."""
         return self.op("Reshape", x, self.constant(shape))
 
     def cells(self, x: _Array) -> _Array:

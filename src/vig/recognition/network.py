@@ -1,4 +1,4 @@
-"""What a recognition network is: its sizes, its outputs, and their calibration."""
+"""Description of a recognition network: its sizes, its outputs, and their calibration."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from vig.scene.shape_model import MOST_MODES
 from vig_renderer.arrays import Array, like
 
 MASK_CLASSES = ("visible", "hidden", "background")
-"""What a pixel shows: the object; something before it; neither (the object is not there)."""
+"""Classes of a pixel: the object; something before it; neither (the object is not there)."""
 MASK_STRIDE = 2
 """Pixels a side of the mask head's cells."""
 ATTENTION_HEADS = 4
@@ -34,7 +34,7 @@ def layout_of_numbers(count: int) -> LatentLayout:
 
 
 def latents_of(numbers: Array, azimuth: Array) -> Latents:
-    """Return latents of regressed numbers (B, M) and azimuths (B,) radians, clipped to the bounds."""
+    """Return the latents of regressed numbers (B, M) and azimuths (B,) radians, clipped to the bounds."""
     layout = layout_of_numbers(numbers.shape[1])
     lower, upper = (like(numbers, bound) for bound in layout.bounds())
     parts = layout.split(numbers.clip(lower, upper))
@@ -79,30 +79,30 @@ def _doubled(rows: np.ndarray) -> np.ndarray:
 
 
 STRIDES = (1, 2, 2, 2, 1)
-"""Of the first convolution of each of the trunk's stages."""
+"""Strides of the first convolution of each of the trunk's stages."""
 KERNELS = (3, 3, 5, 3, 5)
 """Sides of the stages' depthwise kernels, pixels."""
 
 
 @dataclass(frozen=True)
 class NetworkSettings:
-    """Sizes of the network; written beside the weights so that they can be read again.
+    """Sizes of the network; written with the weights so that they can be read again.
 
     The trunk is that of EfficientNet-Lite0 (Tan and Le 2019) up to its eleventh block.
 
     Attributes:
         modes: K shape components.
         azimuth_bins: Equal bins of the circle.
-        channels: Of the first convolution, then of each of the trunk's five stages.
+        channels: Channels of the first convolution, then of each of the trunk's five stages.
         blocks: Inverted residual blocks of each stage.
         expansion: Channels within a block over those between blocks; the first stage has no expansion.
         decoder: Channels of the mask's decoder.
         context: Channels, from coarse to fine, of a decoder that sees the whole image, in its place; or
             none.
-        recalled: Channels that the dense layer adds to the decoder's coarsest map, so that what is hidden
-            can be drawn from what the whole looks like.
+        recalled: Channels that the dense layer adds to the decoder's coarsest map, so that hidden parts
+            can be drawn from the appearance of the whole.
         squeezed: Channels from which the dense layer reads.
-        features: Of the dense layer.
+        features: Features of the dense layer.
         dropout: Share of these features.
         object_map: Channels of the map of objects of a whole photo, or none.
         members: Dense layers side by side, each with as many of the squeezed channels and of the features:
@@ -184,7 +184,7 @@ class Heads:
         )
 
     def mean_with(self, other: Heads) -> Heads:
-        """Return the mean of two that speak of the same photos."""
+        """Return the mean of two outputs for the same photos."""
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)
         return Heads(*((mine + others) / 2 for mine, others in pairs))
 
@@ -195,7 +195,7 @@ class NetworkCalibration:
 
     Attributes:
         azimuth_temperature: () by which logits are divided (Guo et al. 2017).
-        mask_temperature: () likewise.
+        mask_temperature: () by which logits of the mask are divided.
         deviation: (M,) factors of the stated standard deviations.
     """
 
@@ -204,7 +204,7 @@ class NetworkCalibration:
     deviation: np.ndarray
 
     PREFIX: ClassVar[str] = "calibration."
-    """Of its arrays' names in a weights file."""
+    """Prefix of its arrays' names in a weights file."""
 
     @classmethod
     def of(cls, tensors: Mapping[str, np.ndarray], numbers: int) -> NetworkCalibration:

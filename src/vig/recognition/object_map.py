@@ -1,6 +1,6 @@
-"""Where in a whole photo objects of a class are: a map of their centres and boxes, read at a few scales.
+"""Places of a class's objects in a whole photo: a map of centres and boxes, read at a few scales.
 
-Each cell of the trunk's coarsest maps tells how sure it is that an object's centre lies in it, where in the
+Each cell of the trunk's coarsest maps gives the probability that an object's centre lies in it, where in the
 cell, and how large its box is, hidden parts included (Zhou et al. 2019, "Objects as points").
 """
 
@@ -26,27 +26,27 @@ MAP_STRIDE = 16
 PHOTO_SIDES = (128, 304)
 """Longer sides of the photo, pixels, at which it is read: objects of a twelfth of it and more are found."""
 SIDES_FOR_SEVERAL = (*PHOTO_SIDES, 608)
-"""The same where several objects are sought, some of them small: of a 23rd of the photo and more."""
+"""The same for several objects, some of them small: a 23rd of the photo and more."""
 BOX_SIDES = (26.0, 150.0)
-"""Longer sides of boxes, pixels, that the map tells."""
+"""Longer sides of boxes, pixels, that the map predicts."""
 LEAST_PROBABILITY = 0.02
-"""Of a centre that counts."""
+"""Probability from which a centre counts."""
 MOST_LOG_SIZE = 4.0
-"""Of a box, in cells, and of a cell, in boxes: beyond any that is trained."""
+"""Log size of a box, in cells, and of a cell, in boxes, at most: beyond any that is trained."""
 SAME_OBJECT = 0.4
 """Intersection over union of boxes from which they are of one object."""
 NUMBERS = 5
-"""Of a cell: the centre's logit; how far right and down of the cell's middle it is, in cells; the logarithms
-of the box's width and height, in cells."""
+"""Numbers of a cell: the centre's logit; how far right and down of the cell's middle it is, in cells; log
+width and height of the box, in cells."""
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where an object seems to be.
+    """A likely place of an object.
 
     Attributes:
-        box: x, y, w, h in the photo's pixels, round what of it is hidden as well, also beyond the photo.
-        probability: Uncalibrated, that its centre is there.
+        box: x, y, w, h in the photo's pixels, round its hidden parts as well, also beyond the photo.
+        probability: Uncalibrated probability that its centre is there.
     """
 
     box: tuple[float, float, float, float]
@@ -56,7 +56,7 @@ class Place:
 def places(
     photo: np.ndarray | ImagePyramid, recognizer: Recognizer, sides: Sequence[int] = PHOTO_SIDES
 ) -> list[Place]:
-    """Return where objects are in a photo (H, W, 3), as `coded_photo` gives it, the surest first.
+    """Return the places of objects in a photo (H, W, 3), as `coded_photo` gives it, the surest first.
 
     No two are of one object. The recognizer's network must have a map. sides: Longer ones of the photo,
     pixels, at which it is read.
@@ -76,7 +76,7 @@ def _at_scale(photo: np.ndarray | ImagePyramid, recognizer: Recognizer, side: in
     height, width = photo.shape[:2]
     whole = Window.of(width, height)
     cut, inside = whole.crop(photo, side)
-    if not inside.any():  # of a long narrow photo less than a line is left
+    if not inside.any():  # less than a line is left of a long narrow photo
         return []
     rows, columns = (np.flatnonzero(inside.any(axis)) for axis in (1, 0))
     top, left = int(rows[0]), int(columns[0])

@@ -21,21 +21,21 @@ START_STEP = 1 / 4096
 
 
 def bin_centres(bins: int, fold: int = 1) -> np.ndarray:
-    """Return azimuths (bins,) float32 in the middle of equal bins of the circle, or of a part of it."""
+    """Return the azimuths (bins,) float32 in the middle of equal bins of the circle, or of a part of it."""
     return (np.arange(bins, dtype=np.float32) + np.float32(0.5)) * np.float32(
         2 * math.pi / bins / max(fold, 1)
     )
 
 
 def round_to_grid(numbers: np.ndarray, step: float) -> np.ndarray:
-    """Return round to multiples of `step`, a power of two, so that results are exact."""
+    """Return the numbers rounded to multiples of `step`, a power of two, so that results are exact."""
     rounded: np.ndarray = np.round(numbers / step) * step
     return rounded
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """What the network predicts for N photos, before any fit.
+    """The network's predictions for N photos, before any fit.
 
     Attributes:
         azimuth: (N, bins) probabilities of equal bins, the first centred at half a bin, of the circle, or of
@@ -45,7 +45,7 @@ class Prediction:
         mask: (N, H, W, 3) probabilities of each pixel's `MASK_CLASSES`.
         roll: (N,) clockwise turn of the photo, radians.
         presence: (N,) probability that the photo shows the object.
-        symmetry: Of the class.
+        symmetry: Symmetry of the class.
     """
 
     azimuth: np.ndarray
@@ -61,12 +61,12 @@ class Prediction:
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
-        """Return all but the symmetry."""
+        """Return the arrays, without the symmetry."""
         return self.azimuth, self.numbers, self.deviation, self.mask, self.roll, self.presence
 
     def folded(self, symmetry: Symmetry) -> Prediction:
-        """Return the same for a class with a symmetry: bins of the whole circle that look the same are
-        added.
+        """Return the prediction for a class with a symmetry: the sums of bins of the circle that look the
+        same.
         """
         if symmetry is Symmetry.NONE:
             return self
@@ -116,7 +116,7 @@ class Prediction:
             high = np.take_along_axis(smooth, near, 1)
             high = high >= 0.5 * high[:, reach : reach + 1]
             high[:, reach - 2 : reach + 3] = True
-            # Of each side all bins up to the first that is lower.
+            # From each side all bins up to the first that is lower.
             before, after = (
                 high[:, reach::-1].cumprod(1)[:, ::-1],
                 high[:, reach:].cumprod(1),
@@ -189,11 +189,11 @@ class Prediction:
         return Prediction(*(array[index] for array in self.arrays), symmetry=self.symmetry)
 
     def clone(self) -> Prediction:
-        """Return the same in arrays of its own."""
+        """Return a copy with arrays of its own."""
         return Prediction(*(array.copy() for array in self.arrays), symmetry=self.symmetry)
 
     @staticmethod
     def joined(parts: Sequence[Prediction]) -> Prediction:
-        """Concatenate."""
+        """Concatenate the predictions of several batches."""
         columns = zip(*(part.arrays for part in parts), strict=True)
         return Prediction(*map(np.concatenate, columns), symmetry=parts[0].symmetry)

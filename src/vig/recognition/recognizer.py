@@ -50,9 +50,9 @@ def _session(model: bytes) -> onnxruntime.InferenceSession:
         if (session := _sessions.get(digest)) is None:
             options = onnxruntime.SessionOptions()
             options.intra_op_num_threads = options.inter_op_num_threads = 1
-            options.log_severity_level = 4  # what fails is raised
-            options.enable_cpu_mem_arena = False  # as fast, and what is not needed is given back
-            # As fast for windows, at once in half the time, and the weights are held but once.
+            options.log_severity_level = 4  # failures are raised
+            options.enable_cpu_mem_arena = False  # frees unneeded memory, as fast
+            # It is as fast for windows, at once in half the time, and the weights are held but once.
             options.add_session_config_entry("session.disable_prepacking", "1")
             session = onnxruntime.InferenceSession(model, options, ["CPUExecutionProvider"])
             _sessions[digest] = session
@@ -63,25 +63,25 @@ class Recognizer:
     """A trained recognition network, from `recognition.safetensors` of a class pack or a training run."""
 
     informed = True
-    """Whether it says something of a photo."""
+    """Whether its predictions depend on the photo."""
 
     @property
     def has_map(self) -> bool:
-        """Return whether it finds objects in whole photos."""
+        """Return whether the network finds objects in whole photos."""
         return bool(self.settings.object_map)
 
     kind = "vig"
     """Which networks this reads, as a weights file's metadata names them."""
     settings: Any
     weights: dict[str, np.ndarray]
-    """Of the network, by name, float32."""
+    """Weights of the network, by name, float32."""
     mean: np.ndarray
     """(M,) of the regressed numbers, in whose `deviation` they are predicted."""
     deviation: np.ndarray
     _latest: tuple[np.ndarray, Any, NetworkCalibration, Prediction] | None = None
     """The last photo that was asked for alone, how, by which calibration, and the answer."""
     symmetry, mirror = Symmetry.NONE, True
-    """Of the class; without mirror symmetry photos are not flipped."""
+    """Symmetry of the class; without mirror symmetry photos are not flipped."""
 
     def __init__(self, path: Path):
         pack = path.parent
@@ -119,7 +119,7 @@ class Recognizer:
 
     @functools.cached_property
     def _held(self) -> dict[str, onnxruntime.InferenceSession]:
-        """Return sessions of the models that were needed: `window`, of the whole photo `map`."""
+        """Return the sessions of the models used so far: `window`, of the whole photo `map`."""
         return {}
 
     def _session_of(self, which: str) -> onnxruntime.InferenceSession:
@@ -133,7 +133,7 @@ class Recognizer:
         return {name: value for name, value in vars(self).items() if name not in ("_held", "_latest")}
 
     def with_weights(self, changed: Mapping[str, np.ndarray]) -> Self:
-        """Return the same with other weights in the place of some, by name, of the same shapes."""
+        """Return the recognizer with some weights replaced, by name, by others of the same shapes."""
         other = copy.copy(self)
         other.weights = {**self.weights, **changed}
         other._session_of("window")
@@ -168,8 +168,8 @@ class Recognizer:
         """Predict from linear RGB photos (N, S, S, 3) in [0, 1], S = 150, as many batches at once as cores.
 
         Each batch is computed on one core, so that predictions do not depend on how many there are. `sides`:
-        what the network sees of each photo, mirror images (True) or not; the mean of both is better and takes
-        twice as long. A class that is not its own mirror image is seen as it is. A single photo asked for
+        which of a photo and its mirror image (True) the network sees; the mean of both is better and takes
+        twice as long. A class that is not its own mirror image is never mirrored. A single photo asked for
         twice in a row is answered from memory: windows are seen to turn them, then to fit.
         """
 
@@ -221,13 +221,13 @@ class Recognizer:
         return self._run("map", image, {"numbers": (1, NUMBERS, height, width)})[0]
 
     def _run(self, which: str, image: np.ndarray, shapes: Mapping[str, tuple[int, ...]]) -> list[np.ndarray]:
-        """Compute outputs of these names and shapes from an image; UserError where they are no numbers."""
+        """Compute outputs of these names and shapes from an image; UserError where they are not numbers."""
         try:
             found: list[np.ndarray] = self._session_of(which).run(list(shapes), {INPUT: image})
             got = [each.shape for each in found]
             if got != list(shapes.values()) or not all(np.isfinite(each).all() for each in found):
                 raise ValueError(f"outputs of shapes {got}, or some that are not finite")
-        except Exception as error:  # ONNX Runtime raises what it likes, without memory for one
+        except Exception as error:  # ONNX Runtime raises any type, without memory for one
             told = " ".join(str(error).split())[:200]
             if not np.isfinite(image).all():
                 raise UserError(

@@ -14,15 +14,15 @@ from vig.recognition.recognizer import Recognizer
 from vig.scene import ObjectClass, regressed_layout
 
 ELEVATION = math.radians(25.0), math.radians(20.0)
-"""Mean and standard deviation of the eye's elevation in photos, radians: people hold cameras there."""
+"""Mean and standard deviation of the camera's elevation in photos, radians: people hold cameras there."""
 ALBEDO = 0.4, 0.4
-"""Of each channel, likewise."""
+"""Mean and standard deviation of each channel of the albedo."""
 LIGHT_FACTOR = 3.0
 """Over the standard deviations of the class's lights, at an exposure that is not known."""
 
 
 class UninformedRecognizer(Recognizer):
-    """Says the same of every photo: any azimuth, and of numbers what photos have."""
+    """Recognizer with one prediction for all photos: any azimuth, and numbers as usual in photos."""
 
     informed = has_map = False
 

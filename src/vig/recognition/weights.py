@@ -12,17 +12,17 @@ import numpy as np
 from vig.io.checks import read_tensors, reading
 
 FORMAT = "4"
-"""Of weights files; 2 had another trunk, 3 a narrower decoder."""
+"""Version of weights files; 2 had another trunk, 3 a narrower decoder."""
 
 TRUNK_FILE = Path(__file__).with_name("trunk.safetensors")
 """The trunk that weights files of classes leave out, as all share it."""
 TRUNK_PREFIXES = ("stem.", "stages.")
-"""What the names of the trunk's weights begin with."""
+"""Prefixes of the names of the trunk's weights."""
 
 PACKED, STEPS = ".int4", ".steps"
-"""What the names of a packed matrix's two arrays end with."""
+"""Endings of the names of a packed matrix's two arrays."""
 COUNTER, VARIANCE = "num_batches_tracked", "running_var"
-"""What the names of a number end with that only training reads, and of variances."""
+"""Ending of the name of a number that only training reads, and of those of variances."""
 
 
 def network_weights(tensors: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

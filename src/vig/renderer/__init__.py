@@ -25,7 +25,7 @@ def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module 'vig.renderer' has no attribute '{name}'")
     renderer = import_module("vig_renderer")
-    _ = renderer.render  # which says what to install where torch is missing
+    _ = renderer.render  # which states the package to install where torch is missing
     return getattr(import_module("vig.renderer.explained") if name in _OWN else renderer, name)
 
 

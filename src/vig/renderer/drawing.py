@@ -26,7 +26,7 @@ class Drawn:
     Attributes:
         rgb: (H, W, 3) linear.
         coverage: (H, W) the share of a pixel that the mesh covers.
-        depth: (H, W) metres along the optical axis, inf where nothing is; likewise the next.
+        depth: (H, W) metres along the optical axis, inf where nothing is.
         normals: (H, W, 3) unit, world frame, 0 where nothing is.
         triangle_id: (H, W) int32, the face that is seen, or -1.
     """
@@ -44,8 +44,8 @@ def vertex_irradiance(
     """Return the irradiance of the vertices, Eq. 1, with self-shadowing and interreflection where the class
     has a table.
 
-    For one explanation (B = 1) and unit normals (V, 3) in the world frame: (V,), what a surface of albedo 1
-    reflects, not below 0; less where the class's `reflectance` says so. The table is `ObjectClass.transfer`;
+    For one explanation (B = 1) and unit normals (V, 3) in the world frame: (V,), light that albedo 1
+    reflects, not below 0; less by the class's `reflectance`. The table is `ObjectClass.transfer`;
     without `self_shadow` it is left out. Arrays or tensors, of the normals' dtype.
     """
     lobes = sh_basis(normals) * like(normals, COSINE_LOBE)

@@ -44,7 +44,7 @@ def render_latents(
 
 
 def _tensors(latents: Latents) -> Latents:
-    """Return the same as tensors, which may be differentiated if they were ones."""
+    """Return the latents as tensors, differentiable if they were tensors."""
     return Latents(*(torch.as_tensor(getattr(latents, each.name)) for each in fields(latents)))
 
 

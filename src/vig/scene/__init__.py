@@ -1,4 +1,4 @@
-"""What is explained: latents, shape model, light, camera, object class."""
+"""The explained scene: latents, shape model, light, camera, object class."""
 
 from vig.scene.camera import IMAGE_SIZE, Camera, angle_difference, camera_rotation
 from vig.scene.latents import (

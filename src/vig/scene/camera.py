@@ -28,9 +28,9 @@ MOST_PIXELS = 16_384
 
 @dataclass(frozen=True)
 class Camera:
-    """Intrinsics in pixels and the sphere on which the eye moves, in metres.
+    """Intrinsics in pixels and the sphere on which the camera moves, in metres.
 
-    The eye is `distance` from the point (0, 0, target_height) and looks at it; the image's up is the
+    The camera is `distance` from the point (0, 0, target_height) and looks at it; the image's up is the
     world's, turned clockwise by `roll` radians. OpenCV axes (x right, y down, z forward); pixel centres at
     half-integers.
 
@@ -75,7 +75,7 @@ class Camera:
         camera_distance_ratio: float = 1.0,
         distance: float = DISTANCE,
     ) -> Camera:
-        """Return the paper's camera for a square image of `size` pixels: f = 1.12 x width, eye at 0.4 m or
+        """Return the paper's camera for a square image of `size` pixels: f = 1.12 x width, at 0.4 m or
         another distance; or both `camera_distance_ratio` times as much, which shows the same with less
         perspective.
         """
@@ -115,7 +115,7 @@ class Camera:
         return np.array([[self.focal, 0.0, self.cx], [0.0, vertical, self.cy], [0.0, 0.0, 1.0]])
 
     def camera_from_world(self, azimuth: float, elevation: float) -> np.ndarray:
-        """Pose (4, 4) at an azimuth and elevation in radians, metres; float64."""
+        """Return the pose (4, 4) at an azimuth and elevation in radians, metres; float64."""
         sa, ca, se, ce = math.sin(azimuth), math.cos(azimuth), math.sin(elevation), math.cos(elevation)
         pose, (sin, cos) = np.eye(4), (math.sin(self.roll), math.cos(self.roll))
         pose[:3, :3] = [[ca, sa, 0.0], [se * sa, -se * ca, -ce], [-ce * sa, ce * ca, -se]]  # camera_rotation
@@ -131,7 +131,7 @@ class Camera:
     def pose(self, azimuth: Array, elevation: Array) -> tuple[Array, Array]:
         """Return camera_from_world rotation (B, 3, 3) and translation (B, 3), metres.
 
-        azimuth, elevation: (B,) radians. Azimuth 0 puts the eye on -Y, counter-clockwise about +Z.
+        azimuth, elevation: (B,) radians. Azimuth 0 puts the camera on -Y, counter-clockwise about +Z.
         """
         rotation = camera_rotation(azimuth, elevation)
         if self.roll:
@@ -151,7 +151,7 @@ def _real(number: object) -> bool:
 
 
 def camera_rotation(azimuth: Array, elevation: Array) -> Array:
-    """Return the rotation camera_from_world of an eye that looks at the vertical axis: (...) radians to
+    """Return the rotation camera_from_world of a camera that looks at the vertical axis: (...) radians to
     (..., 3, 3).
     """
     functions = namespace(azimuth)

@@ -26,7 +26,7 @@ def sigmoid(log_odds: np.ndarray) -> np.ndarray:
 
 
 def log_odds(probability: float) -> float:
-    """Return log odds of a probability, or of 0.001 or 0.999 where it is nearer to 0 or 1."""
+    """Return the log odds of a probability, or of 0.001 or 0.999 where it is nearer to 0 or 1."""
     bounded = min(max(probability, 1e-3), 1 - 1e-3)
     return math.log(bounded / (1 - bounded))
 

@@ -19,8 +19,8 @@ class Block:
     """A named run of neighbouring numbers.
 
     Attributes:
-        name: What other code asks for it by, such as `azimuth`.
-        size: How many numbers it has; 0 for one that this class or fit does without.
+        name: Name by which other code asks for it, such as `azimuth`.
+        size: Number of its numbers; 0 for a block that this class or fit does without.
         lower: Least value of each number; one for all, or `size` of them.
         upper: Greatest value of each; a number whose bounds are equal is held.
         labels: A name for each number, as written in tables; `name`, or `name_0`, `name_1`, ... by default.
@@ -78,7 +78,7 @@ class LatentLayout:
 
     @cached_property
     def size(self) -> int:
-        """Return p, how many numbers a vector has."""
+        """Return P, the number of numbers in a vector."""
         return sum(block.size for block in self.blocks)
 
     @cached_property
@@ -106,7 +106,7 @@ class LatentLayout:
         return int(self[name].start)
 
     def count(self, name: str) -> int:
-        """Return how many numbers a block has, 0 when it is absent."""
+        """Return the number of a block's numbers, 0 when it is absent."""
         return self._slices[name].stop - self._slices[name].start if name in self else 0
 
     def indices(self, *names: str) -> list[int]:
@@ -230,7 +230,7 @@ def point_layout(modes: int) -> LatentLayout:
 
 @dataclass(frozen=True)
 class Latents:
-    """What is inferred, batched over B images.
+    """Inferred quantities, batched over B images.
 
     Attributes:
         shape: (B, K) standard deviations along the shape model's components.

@@ -2,7 +2,7 @@
 
 Coefficients are of incident radiance in the orthonormal real basis, in the order (l, m) =
 (0,0), (1,-1), (1,0), (1,1), (2,-2), ..., (2,2), in the world frame (Z up); `vig_renderer.harmonics` has the
-basis and what a surface reflects.
+basis and the light that a surface reflects.
 """
 
 from __future__ import annotations

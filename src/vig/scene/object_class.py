@@ -42,10 +42,10 @@ class Family:
     """Shapes of one kind within a class, such as chairs with arms.
 
     Attributes:
-        name: Of the kind.
+        name: Name of the kind.
         mean: (K,) coefficients of the mean of its shapes.
         deviation: (K,) their standard deviations about it.
-        share: Of the class's shapes.
+        share: Share of the class's shapes.
     """
 
     name: str
@@ -60,7 +60,7 @@ class _LightPrior(msgspec.Struct, frozen=True):
 
 
 class _Description(msgspec.Struct, frozen=True, kw_only=True):
-    """What class.json holds: fields of `ObjectClass` by their names in the file, and what stands there alone.
+    """Content of class.json: fields of `ObjectClass` by their names in the file, and those of the file alone.
 
     `vig_world.assets.held_out` reads the designs.
     """
@@ -89,23 +89,23 @@ class _Description(msgspec.Struct, frozen=True, kw_only=True):
 @with_default_settings
 @dataclass(frozen=True, eq=False)
 class ObjectClass:
-    """What is known of a class before any photo.
+    """Prior knowledge of a class before any photo.
 
     Attributes:
-        name: Of a packaged class also its folder's.
+        name: Name of the class; for a packaged class also its folder's.
         shape_model: Metres, the front towards +X.
         target_height: Metres above the base at which the camera looks.
         light_prior_mean: (9,) of a Gaussian over SH lights in the world frame at the paper's exposure.
         light_prior_covariance: (9, 9) of it.
-        folder: Where it was read from, None when built in memory.
-        transfer: (K + 1, V, 9), or None: how self-shadow and light thrown from part to part change the nine
+        folder: Folder that it was read from, None when built in memory.
+        transfer: (K + 1, V, 9), or None: changes by self-shadowing and interreflection of the nine
             lobes of each vertex, for the mean shape and per component (`vig_train.packs.transfer`).
         families: Kinds of shapes with nothing between them; none where all shapes are of one kind.
         symmetry: Turn about Z under which all shapes look the same.
         mirror: Whether shapes are mirror images of themselves in y = 0.
-        front: What +X shows, such as "the spout".
+        front: Side that +X shows, such as "the spout".
         points: Vertices by names that a user may click, such as "spout".
-        viewing_distance: Metres from the eye in the standard camera; about 1.5 times the greatest extent.
+        viewing_distance: Metres from the camera in the standard view; about 1.5 times the greatest extent.
         places: Relative frequency of each zone of the generator's rooms as a place; none takes its own.
         fit_settings: Values of `vig.inference.ExplainSettings`, by name, where a user states none; see
             `vig.inference.resolve`.
@@ -113,7 +113,7 @@ class ObjectClass:
             class: a car's windows are dark. None where nothing is known.
         object_from_mesh: (4, 4) similarity from the coordinates of the file of a class of one mesh to the
             class's frame; None for other classes.
-        size_known: Whether its metres are more than assumed: a length was told, or the files are in metres.
+        size_known: Whether its metres are more than assumed: a length was given, or the files are in metres.
         up_known: Whether the axis that points up is more than estimated, for a class of one mesh.
     """
 
@@ -197,7 +197,7 @@ class ObjectClass:
 
     @cached_property
     def reflectance(self) -> np.ndarray:
-        """Return (V,) float32, that of each vertex's part."""
+        """Return (V,) float32, the reflectance of each vertex's part."""
         return np.asarray(self.reflectance_of_parts[self.shape_model.parts])
 
     def camera(self, size: int = IMAGE_SIZE, camera_distance_ratio: float = 1.0) -> Camera:
@@ -206,12 +206,12 @@ class ObjectClass:
 
     @property
     def scale(self) -> float:
-        """Return how large such things are, over things that suit the paper's camera."""
+        """Return the size of the class's things, over that of things that suit the paper's camera."""
         return self.viewing_distance / DISTANCE
 
     @cached_property
     def at_unit_scale(self) -> ObjectClass:
-        """Return the same class as small or large as suits the paper's camera: its `scale` is 1."""
+        """Return the class in the size that suits the paper's camera: its `scale` is 1."""
         if self.scale == 1:
             return self
         model, size, height = self.shape_model, np.float32(self.scale), self.target_height / self.scale
@@ -293,7 +293,7 @@ class ObjectClass:
                 shape_model=model,
                 light_prior_mean=mean,
                 light_prior_covariance=covariance,
-                folder=folder.absolute(),  # of use after another os.chdir
+                folder=folder.absolute(),  # usable after another os.chdir
                 transfer=transfer,
                 object_from_mesh=None if moved is None else np.array(moved, np.float64),
                 **shared,
@@ -305,7 +305,7 @@ _SHARED = tuple(
     for field in fields(ObjectClass)
     if field.name in _Description.__struct_fields__ and field.name != "object_from_mesh"
 )
-"""What `ObjectClass` and class.json hold alike."""
+"""Fields that `ObjectClass` and class.json have in common."""
 
 
 def _check_text(what: str, text: str) -> None:

@@ -10,11 +10,11 @@ from vig.io.checks import check_arrays, check_indices
 from vig_renderer.arrays import Array, floating, like
 
 MOST_MODES = 64
-"""Components of a shape model, so that a damaged file cannot ask for any memory; likewise the next two."""
+"""Components of a shape model, so that a damaged file cannot ask for any memory; the next two also."""
 MOST_VERTICES = 200_000
 MOST_FACES = 400_000
 LARGEST = 100.0
-"""Metres that a vertex may be from the origin, and move along one component."""
+"""Greatest distance of a vertex from the origin, and its greatest move along one component, metres."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class ShapeModel:
 
     @property
     def modes(self) -> int:
-        """Return k, how many components there are."""
+        """Return K, the number of components."""
         return len(self.basis)
 
     @property

@@ -11,7 +11,7 @@ from vig.search.optimizer import Budget, Descent, Optimizer, Problem
 
 @dataclass(frozen=True)
 class Annealed:
-    """Runs `optimizer` under each multiple of the noise in turn, each from where the last one ended.
+    """Runs of `optimizer` under each multiple of the noise in turn, each from where the last one ended.
 
     sigmas: falling multiples, the last one 1. They share the budget's iterations evenly. A search that ends
     lower, under the noise itself, than it began ends at its start.

@@ -51,7 +51,7 @@ class LevenbergMarquardt:
     def _search(
         self, objective: Problem, start: np.ndarray, photo: np.ndarray, sigma: float, budget: Budget
     ) -> tuple[np.ndarray, ...]:
-        """Return one search (1, P') of a problem that Python values: path, value, normal, evaluations,
+        """Return one search (1, P') of a problem evaluated in Python: path, value, normal, evaluations,
         converged.
         """
         noise = np.full(1, sigma, objective.dtype)

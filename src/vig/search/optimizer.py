@@ -1,4 +1,4 @@
-"""What every optimiser is given and returns."""
+"""The arguments and results of every optimiser."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ class Valued(Protocol):
 
     @property
     def value(self) -> np.ndarray:
-        """Return (B,) float64, NaN or -inf where there is none."""
+        """Return the values (B,) float64, NaN or -inf where there is none."""
 
     @property
     def gradient(self) -> np.ndarray | None:
-        """Return (B, P')."""
+        """Return the gradient (B, P')."""
 
     @property
     def normal(self) -> np.ndarray | None:
-        """Return (B, P', P'), the negative Gauss-Newton Hessian."""
+        """Return the negative Gauss-Newton Hessian (B, P', P')."""
 
 
 class Problem(Protocol):
@@ -37,7 +37,7 @@ class Problem(Protocol):
     def __call__(
         self, points: np.ndarray, photo: np.ndarray, sigma: np.ndarray, derivatives: bool = True
     ) -> Valued:
-        """Value points (B, P') within the bounds, of photos (B,) int, under noise sigma (B,)."""
+        """Evaluate points (B, P') within the bounds, of photos (B,) int, under noise sigma (B,)."""
         ...
 
 
@@ -48,7 +48,7 @@ class Budget:
     Attributes:
         iterations: Steps at most, tried or taken; line searches, where there are any.
         tolerance: Nats; a search has converged when a step that was taken gains less.
-        curvature: Whether the normal matrix at the end is wanted.
+        curvature: Whether the normal matrix at the end is needed.
     """
 
     iterations: int = 30
@@ -62,7 +62,7 @@ class Budget:
 
 @dataclass(frozen=True)
 class Descent:
-    """Where B searches ended.
+    """End points of B searches.
 
     Attributes:
         points: (B, P'), the best of all points that a search evaluated.
@@ -70,8 +70,8 @@ class Descent:
         evaluations: (B,) int, of the objective by each search.
         converged: (B,) bool, it stopped because nothing was gained, not because its budget ended.
         path: (T, B, P') the starts, then the best points after each step; None where these were not kept.
-        normal: (B, P', P') the negative Gauss-Newton Hessian at the points; None likewise, without
-            iterations, when starts are only compared, and where it is not wanted.
+        normal: (B, P', P') the negative Gauss-Newton Hessian at the points; None if not kept, without
+            iterations, when starts are only compared, and where it is not needed.
     """
 
     points: np.ndarray
@@ -88,7 +88,7 @@ class Optimizer(Protocol):
     def __call__(
         self, problem: Problem, starts: np.ndarray, photo: np.ndarray, sigma: float, budget: Budget, /
     ) -> Descent:
-        """Return starts (B, P') within the bounds, left alone; photo (B,) int; sigma: the noise's deviation.
+        """Maximise from starts (B, P') within the bounds; photo (B,) int; sigma: the noise's deviation.
 
         A search that begins where the problem has no finite value ends there, not converged.
         """

@@ -1,4 +1,4 @@
-"""From a photo of several objects to what explains them: by their boxes, or found."""
+"""Explanation of several objects in a photo: by their boxes, or found."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ def explain_together(
     """Explain several objects of one photo together.
 
     Args:
-        photo: As `Explainer.explain` takes it.
+        photo: A photo in any form of `Explainer.explain`.
         explainers: One for each object, that of its class; the same one may stand for several.
-        boxes: Round each whole object, hidden parts included.
-        focal: In pixels; see `Explainer.explain`.
-        camera: Intrinsics in place of that, likewise.
+        boxes: Boxes round each whole object, hidden parts included.
+        focal: Focal length in pixels; see `Explainer.explain`.
+        camera: Intrinsics in place of a focal length; see `Explainer.explain`.
 
     Raises:
-        UserError: As `Explainer.explain`, or there are more or fewer boxes than explainers, or too many.
+        UserError: See `Explainer.explain`; also for more or fewer boxes than explainers, or too many.
     """
     explainers, boxes = _explainers(explainers), list(boxes) if isinstance(boxes, Iterable) else []
     if not 1 <= len(boxes) <= MOST_OBJECTS or len(boxes) != len(explainers):
@@ -71,14 +71,14 @@ def explain_found(
     Less reliable than boxes: each network that is asked knows one class (docs/photographs.md has numbers).
 
     Args:
-        photo: As `Explainer.explain` takes it.
+        photo: A photo in any form of `Explainer.explain`.
         explainers: One for each class.
-        most: So many objects at most.
-        focal: In pixels; see `Explainer.explain`.
-        camera: Intrinsics in place of that, likewise.
+        most: Number of objects, at most.
+        focal: Focal length in pixels; see `Explainer.explain`.
+        camera: Intrinsics in place of a focal length; see `Explainer.explain`.
 
     Raises:
-        UserError: As `Explainer.explain`, or nothing is found.
+        UserError: See `Explainer.explain`; also if nothing is found.
     """
     explainers = _explainers(explainers)
     if not explainers:
@@ -117,8 +117,8 @@ def _explainers(value: Any) -> list[Explainer]:
 def find_together(
     picture: np.ndarray, explainers: Sequence[Explainer], most: int
 ) -> list[tuple[Explainer, Window, float]]:
-    """Return where objects of one or more classes are in a photo, as `coded_photo` gives it, and the
-    probability of each that it is there; the surest first.
+    """Return the windows of objects of one or more classes in a photo, as `coded_photo` gives it, and
+    the probability that each is there; the surest first.
     """
     pyramid = ImagePyramid(picture)
     candidates = [
@@ -147,5 +147,5 @@ class _PhotoLens:
         return None if self.lens is None else self.lens[0]
 
     def with_source(self, explanation: Explanation) -> Explanation:
-        """Return the explanation, which states where the focal length is from."""
+        """Return the explanation with the source of its focal length."""
         return explanation if self.lens is None else replace(explanation, focal_from=self.lens[1])

@@ -1,15 +1,15 @@
-"""Several objects in one photo, explained together: what hides what, one light, exclusive masks.
+"""Several objects in one photo, explained together: occlusion order, one light, exclusive masks.
 
-Each object is explained alone first. What hides what is told by the network's probabilities of the pixels
-that two silhouettes share, and by which object ends lower in the photo. Then each is fitted again, knowing of
+Each object is explained alone first. Which hides which follows from the network's probabilities of the pixels
+that two silhouettes share, and by which object ends lower in the photo. Then each is fitted again, given
 the others:
 
-- pixels that an object before it covers show that object, not this one: they say nothing of its silhouette;
-- pixels in which objects behind or beside it are seen are not its own;
+- pixels that an object before it covers show that object, not this one: they are no evidence of its outline;
+- pixels in which objects behind or beside it are visible are not its own;
 - its view is that of the fit alone; but of an object with others before it the network is asked twice, with
   the photo as it is and with the others painted out: a view that both find clearly likelier is taken;
-- light, in the camera's frame, and the camera's height above the horizon are those that the others tell, as
-  Gaussians beside what the network says.
+- light, in the camera's frame, and the camera's height above the horizon are those of the others, as
+    Gaussians beside the network's.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ TOUCHING = 0.3
 VIEW_SWITCH_NATS = 1.0
 """Nats by which another view must be likelier than that of the fit alone."""
 LIGHT_PRECISION = 2.0
-"""Of each other object's light, per coefficient: what is near a lamp is lit by it more."""
+"""Precision of each other object's light, per coefficient: things near a lamp are lit by it more."""
 
 
 def fit_jointly(alone: Sequence[Explanation], explainers: Sequence[Explainer]) -> SceneExplanation:
-    """Return the same from explanations of each object alone, of one photo."""
+    """Return the joint explanation of one photo from explanations of each object alone."""
     if len(alone) < 2:
         return SceneExplanation(tuple(alone), np.zeros((len(alone), len(alone)), bool))
     pyramid = ImagePyramid(alone[0].picture)
@@ -65,14 +65,14 @@ def fit_jointly(alone: Sequence[Explanation], explainers: Sequence[Explainer]) -
 def order(alone: Sequence[Explanation], predictions: Sequence[Prediction]) -> np.ndarray:
     """Return whether object i is before object j (N, N) bool, of pairs whose silhouettes overlap or touch.
 
-    By the sum, over the M pixels that both cover, of the difference of their log odds of being visible as the
-    network predicts them, over the root of M; and, as things stand on one ground, by which of them ends lower
+    By the sum, over the M pixels that both cover, of the difference of their predicted log odds of being
+    visible, over the root of M; and, as things stand on one ground, by which of them ends lower
     in the photo, `GROUND_ORDER_WEIGHT` times the difference over the less tall one's height.
     """
     gains: dict[tuple[int, int], float] = {}
     count, odds = len(alone), []
     for prediction in predictions:
-        # 0.02: floor of the probabilities whose odds tell the order
+        # 0.02: floor of the probabilities whose odds give the order
         logs = np.log(np.maximum(prediction.mask[0], 0.02))
         odds.append(logs[..., 0] - logs[..., 1])
     for i in range(count):
@@ -88,7 +88,7 @@ def order(alone: Sequence[Explanation], predictions: Sequence[Prediction]) -> np
 
 
 def _lower(one: Explanation, other: Explanation) -> float:
-    """Return by how much one object ends lower in the photo than another, of the less tall one's height."""
+    """Return the distance by which one object ends lower than another, over the less tall one's height."""
     if one.box is None or other.box is None:
         return 0.0
     return (one.box[1] + one.box[3] - other.box[1] - other.box[3]) / min(one.box[3], other.box[3])
@@ -113,13 +113,13 @@ def _without_cycles(gains: Mapping[tuple[int, int], float], count: int) -> np.nd
 
 
 def _focal_of(alone: Sequence[Explanation]) -> float:
-    """Return focal length in pixels of the photo, the vertical one of a lens."""
+    """Return the focal length in pixels of the photo, the vertical one of a lens."""
     if (lens := alone[0].window.lens) is not None:
         return lens.fy
     standard = [FOCAL_OVER_WIDTH * each.window.side for each in alone]
     if alone[0].focal_from == "assumed":
-        # 2.0: focal length of a photo of several things that does not tell its own, of the standard cameras'
-        # of their windows: what a photo frames is smaller than in one of its own
+        # 2.0: focal length of a photo of several things that does not state its own, over those of the
+        # windows' standard cameras: each thing is smaller in it than in a photo of its own
         return 2.0 * float(np.mean(standard))
     return float(
         np.mean([each.camera_distance_ratio * own for each, own in zip(alone, standard, strict=True)])
@@ -164,8 +164,8 @@ class _Refit:
         return replace(alone, fit=fit, camera_distance_ratio=distance_ratio)
 
     def _others(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return pixels (S, S) bool of the window that objects before this one cover; where others are
-        seen.
+        """Return the window's pixels (S, S) bool that objects before this one cover; those of visible
+        others.
         """
         here = self.alone[self.index].window
         covered = self.alone[self.index].fit.coverage > 0.5
@@ -183,7 +183,7 @@ class _Refit:
         return infront, elsewhere & ~own & ~infront
 
     def _level(self, prediction: Prediction) -> Prediction:
-        """Return the prediction with the elevation that the others tell as a second Gaussian: all stand
+        """Return the prediction with the others' elevation as a second Gaussian: all stand
         upright.
         """
         focal = _focal_of(self.alone)
@@ -195,7 +195,7 @@ class _Refit:
             for index, each in enumerate(self.alone)
             if index != self.index
         ]
-        # math.radians(5.0): standard deviation of an elevation as another object tells it
+        # math.radians(5.0): standard deviation of an elevation that follows from another object
         precision = len(elevations) / math.radians(5.0) ** 2
         return _with_gaussian(prediction, "elevation", np.mean(elevations), precision)
 
@@ -234,7 +234,7 @@ def _agreed(one: Prediction, other: Prediction) -> Prediction:
 
 
 def _of_view(prediction: Prediction, azimuth: np.floating[Any]) -> Prediction:
-    """Return the prediction without all views but one: what evidence tells of others, the fit alone told."""
+    """Return the prediction with one view only: the independent fit has compared it with the others."""
     fold, bins = prediction.symmetry.fold, prediction.azimuth.shape[1]
     if not fold:
         return prediction
@@ -244,7 +244,7 @@ def _of_view(prediction: Prediction, azimuth: np.floating[Any]) -> Prediction:
 
 
 def _without(cut: np.ndarray, infront: np.ndarray, elsewhere: np.ndarray) -> np.ndarray:
-    """Return a window (S, S, 3) without other objects: grey where one is before this, else what is round
+    """Return a window (S, S, 3) without other objects: grey where one is before this, else the colours round
     them.
     """
     painted, holes = cut.copy(), dilation(elsewhere, 2)
@@ -257,13 +257,13 @@ def _without(cut: np.ndarray, infront: np.ndarray, elsewhere: np.ndarray) -> np.
         colour_known = ~filled & (weight > 0.05)
         painted[colour_known] = colours[colour_known] / weight[colour_known, None]
         filled |= colour_known
-    # 0.18: linear grey of what stands before an object when the network is asked without it
+    # 0.18: linear grey of things before an object when the network is asked without them
     painted[infront] = 0.18
     return painted
 
 
 def _exclusive(explanations: Sequence[Explanation], occludes: np.ndarray) -> list[Explanation]:
-    """Return the same with masks that exclude each other: a pixel that two show is that of the one before."""
+    """Return explanations with masks that exclude each other: a pixel of two is that of the one before."""
     masks = [each.mask for each in explanations]
     result = []
     for index, each in enumerate(explanations):

@@ -20,7 +20,7 @@ from vig_renderer.defaults import with_default_settings
 @with_default_settings
 @dataclass(frozen=True, eq=False)
 class SceneExplanation:
-    """What explains several objects in one photo of H x W pixels.
+    """Explanations of several objects in one photo of H x W pixels.
 
     Attributes:
         objects: N of them, in the order in which they were given; their masks exclude each other.
@@ -58,7 +58,7 @@ class SceneExplanation:
 
     def overlay(self) -> np.ndarray:
         """Return the photo (H, W, 3) uint8, each object's visible pixels tinted in a colour of its own and
-        what it covers outlined in it.
+        its whole outline drawn in it.
         """
         picture: np.ndarray = output("scene_overlay")(self)
         return picture
@@ -90,13 +90,13 @@ class SceneExplanation:
         files: Sequence[str] | None = None,
         full_size: bool = False,
     ) -> Path:
-        """Write each object's results into a folder of its `names`, and what they have in common.
+        """Write each object's results into a folder of its `names`, and their common files.
 
         Args:
-            folder: Is made when it is missing; docs/photographs.md describes its files.
-            photo: What the photo is called in the reports.
+            folder: Folder, made when it is missing; docs/photographs.md describes its files.
+            photo: Name of the photo in the reports.
             export: Formats that are written of each object, too; see `Explanation.export`.
-            files: Which files are written of each object; see `Explanation.save`, as for full_size.
+            files: Files to write for each object; see `Explanation.save`, as for full_size.
             full_size: Whether pictures are as large as the photo.
 
         Raises:
@@ -107,7 +107,7 @@ class SceneExplanation:
 
     @property
     def order_note(self) -> str:
-        """Return which object is before which, in words."""
+        """Return the order of the objects in depth, in words."""
         pairs = [f"{self.names[i]} is before {self.names[j]}" for i, j in np.argwhere(self.occludes)]
         return ", ".join(pairs) or "none hides another"
 

@@ -1,4 +1,4 @@
-"""Follows the object from frame to frame: each frame is explained where the object is expected."""
+"""The object from frame to frame: each frame is explained at the object's expected place."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ from vig.recognition import Prediction, find
 from vig.scene import Camera, latent_layout, rotate_z
 
 MOST_HIDDEN = 0.85
-"""Share hidden from which a frame does not tell where the object is."""
+"""Share hidden from which a frame does not locate the object."""
 MOST_SHIFT = 0.35
-"""Sides of the predicted box by which the object may be off it; what is farther is another object."""
+"""Sides of the predicted box by which the object may be off it; farther ones are other objects."""
 MOST_LOG_SIZE = 0.4
-"""Likewise in the log of its side."""
+"""The same in the log of its side."""
 MOST_LOG_ALBEDO = 0.5
-"""Likewise in logs of albedo."""
+"""The same in logs of albedo."""
 PLACE_GAIN = 0.7
-"""Share of the way to what a frame shows that the predicted place goes, where all of the object is seen."""
+"""Share of the way to a frame's place that the predicted place goes, where all of the object is visible."""
 SPEED_GAIN = 0.2
-"""Likewise of the speed."""
+"""The same for the speed."""
 SIZE_GAIN = 0.4
-"""Likewise of the log size."""
+"""The same for the log size."""
 ROLL_GAIN = 0.3
-"""Likewise of the roll."""
+"""The same for the roll."""
 COLOUR_GAIN = 0.2
-"""Likewise of the albedo."""
+"""The same for the albedo."""
 SLOWING = 0.9
-"""Of the speed for each frame without the object."""
+"""Factor of the speed for each frame without the object."""
 NUMBERS_GAIN = 0.3
 """Share of the way from the numbers predicted so far to those of a frame."""
 SEEK_EVERY = 3
@@ -48,22 +48,22 @@ SEEK_EVERY = 3
 
 @dataclass(frozen=True)
 class Sighting:
-    """What is kept of a frame's explanation; angles in radians.
+    """The kept part of a frame's explanation; angles in radians.
 
     Attributes:
-        window: In which it was fitted.
-        camera: Of the whole frame, as one that looks straight at the object.
+        window: Window in which it was fitted.
+        camera: Camera of the whole frame, as one that looks straight at the object.
         azimuths: (N,) of the fit, and of the alternatives.
         probabilities: (N,) that each is right.
-        azimuth_deviation: Standard deviation.
-        elevation: Of the fit.
-        elevation_deviation: Likewise.
+        azimuth_deviation: Standard deviation of the fit's azimuth.
+        elevation: Elevation of the fit.
+        elevation_deviation: Standard deviation of the elevation.
         place: (3,) centre x, y and log of the longer side of the box of the whole object, pixels.
         hidden: Share hidden; None where the object is nowhere in the frame.
         albedo: (3,) linear RGB.
         shape: (K,) coefficients.
-        lost: Whether the frame does not tell where the object is.
-        network: (bins,) that the network gives to the views of the circle; None where it is not used.
+        lost: Whether the frame does not locate the object.
+        network: (bins,) the network's probabilities of the views of the circle; None where it is not used.
     """
 
     window: Window
@@ -120,7 +120,7 @@ class Sighting:
 class RunningPrediction:
     """The network's predictions of frame after frame, each seen once: every second frame as its mirror image.
 
-    What hardly changes from frame to frame, the numbers, is averaged over those that showed the object.
+    The regressed numbers, which hardly change, are averaged over the frames that showed the object.
     """
 
     recognizer: Any
@@ -151,17 +151,17 @@ def window_at(place: np.ndarray, roll: float) -> Window:
 
 @dataclass
 class Follower:
-    """Explains frame after frame; see `track` for what is given.
+    """Explains frame after frame; see `track` for the arguments.
 
     Attributes:
-        camera: Of all frames in place of a focal length, see `Explainer.explain`.
-        place: Where the object is expected, as `Sighting.place`; None before it was seen.
+        camera: Camera of all frames in place of a focal length, see `Explainer.explain`.
+        place: Expected place of the object, as `Sighting.place`; None before it was seen.
         speed: (2,) of its centre, pixels a frame.
-        roll: Of the window, radians.
-        albedo: Of the object so far; None before it was seen.
+        roll: Roll of the window, radians.
+        albedo: Albedo of the object so far; None before it was seen.
         missed: Number of frames since it was last seen.
         view: Azimuth and elevation, radians, that are expected in the next frame: it is then fitted from
-            these and from what the network sees, in less time. None: as a photo.
+            these and from the network's prediction, in less time. If None, it is fitted as a photo.
         latest: The last explanation that showed the object.
     """
 
@@ -190,7 +190,7 @@ class Follower:
             if not sighting.lost:
                 self.place, self.roll, self.albedo = sighting.place, sighting.camera.roll, sighting.albedo
                 self.latest = explanation
-            if box is not None:  # whatever is sighting there: the object may be hidden from the start
+            if box is not None:  # whatever is visible there: the object may be hidden from the start
                 x, y, w, h = box
                 self.place = np.array([x + w / 2, y + h / 2, math.log(max(w, h))])
                 # 0.5: probability of the view in the first frame from which the colour in its box is taken
@@ -236,7 +236,7 @@ class Follower:
         return ExpectedStart(latents, (left + 0.5, top + 0.5, wide, high), self.predict)
 
     def _found_again(self, frame: Photo, place: np.ndarray) -> Window | None:
-        """Return the window of what is found near the predicted place, if surely."""
+        """Return the window of an object near the predicted place, if it is surely there."""
         if not self.explainer.recognizer.has_map:
             return None
         # 3.0: sides of the square about the predicted place in which a lost object is sought
@@ -252,14 +252,14 @@ class Follower:
         return window if best.present >= LEAST_PRESENT else None
 
     def _is_object(self, sighting: Sighting) -> bool:
-        """Return whether what is seen may be the object: near the predicted place, as large, of its
+        """Return whether the sighting may be of the object: near the predicted place, as large, of its
         colour.
         """
         # 0.2: share by which each frame without the object widens these
         # 2.0: factor to which they are widened at most
         off, wider = sighting.place - self.place, min(1 + 0.2 * self.missed, 2.0)
-        # 0.8: probability of a view from which what is seen in the place is the object whatever its colour:
-        # the colour of the frames before may be that of what hid it
+        # 0.8: probability of a view from which an object in the place is the right one whatever its colour:
+        # the colour of the frames before may be that of an occluder
         return (
             not sighting.lost
             and math.hypot(*off[:2]) < wider * MOST_SHIFT * math.exp(self._side)
@@ -279,7 +279,7 @@ class Follower:
         return float(self.place[2])
 
     def _update(self, sighting: Sighting) -> None:
-        """Go on from a frame, the more the more of the object it shows."""
+        """Update the track by a sighting, weighted by the square of its visible share."""
         assert self.place is not None
         sure, off = sighting.visible_share**2, sighting.place - self.place
         self.place = self.place + sure * np.array([PLACE_GAIN, PLACE_GAIN, SIZE_GAIN]) * off
@@ -292,7 +292,7 @@ class Follower:
 
 
 def _box_of(explanation: Explanation) -> tuple[np.ndarray, np.ndarray]:
-    """Centre and size (2,) of the box of an explanation's vertices in the frame, and beyond it."""
+    """Return centre and size (2,) of the box of an explanation's vertices in the frame, or beyond it."""
     pose = explanation.camera_from_object
     points = (explanation.vertices @ pose[:3, :3].T + pose[:3, 3]) @ explanation.camera.K.T
     pixels = points[:, :2] / points[:, 2:]

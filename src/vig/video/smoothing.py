@@ -8,7 +8,7 @@ from collections import deque
 import numpy as np
 
 BINS = 180
-"""Of the circle, in which views are chosen; speeds are whole bins a frame."""
+"""Bins of the circle, in which views are chosen; speeds are whole bins a frame."""
 FASTEST = 15
 """Bins that an object turns by from one frame to the next, at most: 30 degrees."""
 SPEED_SPREAD = 1.0
@@ -16,10 +16,10 @@ SPEED_SPREAD = 1.0
 SPEED_OTHER = 0.02
 """Probability of any other change of the speed."""
 KEEPING = 4.0
-"""Nats by which a path must be likelier than those that go on from the last angle, to replace them.
+"""Nats by which a path must be likelier than those that continue from the last angle, to replace them.
 Chosen, as `vig.video.tracker`'s numbers, on videos of the validation split by benchmarks.tracking."""
 TAILS = 4.0
-"""Degrees of freedom of the Student distribution of what single frames measure."""
+"""Degrees of freedom of the Student distribution of single frames' measurements."""
 SPEEDS = np.arange(-FASTEST, FASTEST + 1)
 """(S,) bins a frame."""
 _USUAL = np.exp(-0.5 * ((SPEEDS[:, None] - SPEEDS) / SPEED_SPREAD) ** 2)
@@ -39,7 +39,7 @@ class LikeliestPath:
         self._steps: deque[np.ndarray] = deque(maxlen=memory)
 
     def add(self, log_evidence: np.ndarray) -> None:
-        """Go on by a frame of log likelihood (A,) by bins of the circle, constant where it says nothing."""
+        """Update by a frame's log likelihood (A,) by bins of the circle, constant without evidence."""
         bins = len(log_evidence)
         best = np.zeros((bins, len(SPEEDS)), np.int8)
         if not len(self._score):
@@ -80,12 +80,12 @@ def smoothed(
     acceleration: float | np.ndarray,
     speed: float | np.ndarray = math.inf,
 ) -> np.ndarray:
-    """Smooth what frames measure: Rauch, Tung and Striebel's smoother of a place with its speed.
+    """Smooth measurements of frames: Rauch, Tung and Striebel's smoother of a place with its speed.
 
     Single measurements may be far off: their noise is Student's, by iterated reweighting.
 
     Args:
-        values: (..., T) what is measured.
+        values: (..., T) measurements.
         deviation: (..., T) its standard deviations; inf where nothing was.
         acceleration: (...) standard deviation of the change of speed from a frame to the next.
         speed: (...) standard deviation of the speed in the first frame, at most 100 times that.

@@ -37,12 +37,12 @@ ALIKE = np.array([2.6, 1.3, 1.0, 1.0, 1.0, 1.3])
 
 @dataclass(frozen=True, eq=False)
 class TrackedPose(FramePose):
-    """What a `Tracker` says of a frame of H x W pixels.
+    """A `Tracker`'s pose of a frame of H x W pixels.
 
     Attributes:
         covariance: (6, 6) of `camera_from_object`: x, y, z in metres, then turns about these axes in radians.
-        seconds: That the step took.
-        explanation: Of the frame by itself, near the pose where this one is surer.
+        seconds: Duration of the step.
+        explanation: Explanation of the frame by itself, near the pose where this one is surer.
     """
 
     covariance: np.ndarray
@@ -62,7 +62,7 @@ class TrackedPose(FramePose):
 
 @with_default_settings
 class Tracker:
-    """Follows one object through the frames of a camera, each pose from the frames before it alone.
+    """Tracker of one object in the frames of a camera, each pose from the frames before it alone.
 
     Example:
         ```python
@@ -74,10 +74,10 @@ class Tracker:
     """
 
     def __init__(self, object_class: str | Path | ObjectClass | Explainer = "teapot", K: Any = None):
-        """Load a class, or take an explainer that is.
+        """Load a class, or take an explainer.
 
         Args:
-            object_class: As `Explainer` takes it, or one, which has settings.
+            object_class: A class as `Explainer` takes it, or an explainer, which has settings.
             K: Intrinsics of the camera: (3, 3), or as `Explainer.explain` takes a camera. Without them the
                 focal length is a guess, and so are the distance and the units of the pose.
         """
@@ -96,19 +96,19 @@ class Tracker:
     def start(
         self, frame: Photo, mask: np.ndarray | None = None, box: Box | None = None, K: Any = None
     ) -> TrackedPose | None:
-        """Begin, or begin anew: the object is explained as in a photo.
+        """Begin, or begin anew, by explaining the object as in a photo.
 
         Args:
-            frame: As `Explainer.explain` takes it; those that follow have its size.
-            mask: (H, W) bool, where the object is seen, or
+            frame: A photo as `Explainer.explain` takes it; those that follow have its size.
+            mask: (H, W) bool, the object's visible pixels, or
             box: x, y, width, height in pixels round the whole object; without either it is sought.
-            K: In place of the tracker's.
+            K: Intrinsics in place of the tracker's.
 
         Returns:
             The pose; None where neither is given and the frame does not show the object.
 
         Raises:
-            UserError: As `Explainer.explain`.
+            UserError: See `Explainer.explain`.
         """
         self._number += 1
         if (K := self._K if K is None else K) is not None:

@@ -26,28 +26,28 @@ from vig_renderer.defaults import with_default_settings
 LEAST_SPREAD = math.radians(3.0)
 """Standard deviation of azimuth about one view, at least."""
 MOST_SPREAD = math.radians(12.0)
-"""And at most."""
+"""Standard deviation of azimuth about one view, at most."""
 FAR = math.radians(25.0)
 """A frame whose own view is farther from the chosen one is fitted again near that."""
 OFF = 0.15
-"""So is one whose place, in sides, or log size is farther from the smoothed one."""
+"""A frame whose place, in sides, or log size is farther from the smoothed one is fitted again, too."""
 ALIKE = 2.0, 3.0
 """Factors of the smoothed deviations of azimuth and elevation, as neighbouring frames err alike: so that 90 %
 intervals held on videos of the validation split."""
 TURN = math.radians(0.7)
 """Standard deviation of the change of the speed of azimuth from frame to frame, radians."""
 TILT = math.radians(0.05)
-"""Likewise of elevation and roll."""
+"""Standard deviation of the change of the speed of elevation and roll, radians."""
 SHIFT = 0.003
-"""Likewise of place, in sides of the box, and log size."""
+"""Standard deviation of that of place, in sides of the box, and log size."""
 TILT_SPEED = math.radians(0.1)
 """Standard deviation of the speed of elevation and roll in the first frame: cameras are held still."""
 PLACES = [2, 3, 4, 6, 7, 8]
 """Columns of `Trajectory.numbers` that are neither angles nor roll."""
 PLACE_NOISE = (0.02, 0.3)
-"""Deviations of one frame's place and log size when all is seen, and what is added when all is hidden."""
+"""Deviations of one frame's place and log size when all is visible, and their increase when all is hidden."""
 ANGLE_NOISE = (math.radians(3.0), math.radians(30.0))
-"""Likewise of elevation and roll, radians."""
+"""Deviations of elevation and roll when all is visible, radians, and their increase when all is hidden."""
 
 
 @dataclass(frozen=True)
@@ -55,14 +55,14 @@ class FramePose:
     """The object's pose in one frame; angles in degrees.
 
     Attributes:
-        number: Of the frame, from 0.
-        azimuth_deg: In [0, 360).
+        number: Number of the frame, from 0.
+        azimuth_deg: Azimuth of the camera, in [0, 360).
         azimuth_deviation_deg: Its standard deviation.
-        elevation_deg: Of the eye above the object's horizon.
+        elevation_deg: Elevation of the camera above the object's horizon.
         elevation_deviation_deg: Its standard deviation.
-        camera: Of the whole frame.
-        hidden_fraction: Of the frame's fit; None where it shows nothing of the object.
-        lost: Whether the frame does not tell where the object is: place and view are those of other frames.
+        camera: Camera of the whole frame.
+        hidden_fraction: Share hidden in the frame's fit; None where it shows nothing of the object.
+        lost: Whether the frame does not locate the object: place and view are those of other frames.
     """
 
     number: int
@@ -76,18 +76,18 @@ class FramePose:
 
     @property
     def camera_from_object(self) -> np.ndarray:
-        """Pose (4, 4) float64, metres, as that of `Explanation`."""
+        """Return the pose (4, 4) float64, metres, as that of `Explanation`."""
         return self.camera.camera_from_world(math.radians(self.azimuth_deg), math.radians(self.elevation_deg))
 
 
 @dataclass(frozen=True)
 class TrackedFrame(FramePose):
-    """What the whole video says of one frame: smoothed numbers; the focal length is the same in all frames.
+    """A frame's pose by the whole video: smoothed numbers; the focal length is the same in all frames.
 
     Attributes:
-        alone_azimuth_deg: Of the frame's own fit.
-        alone_elevation_deg: Likewise.
-        refitted: Whether its neighbours told another view or place, so that it was fitted again.
+        alone_azimuth_deg: Azimuth of the frame's own fit.
+        alone_elevation_deg: Elevation of the frame's own fit.
+        refitted: Whether its neighbours gave another view or place, so that it was fitted again.
     """
 
     alone_azimuth_deg: float
@@ -97,12 +97,12 @@ class TrackedFrame(FramePose):
 
 @dataclass(frozen=True)
 class Track:
-    """What a video says of its object.
+    """A video's explanation of its object.
 
     Attributes:
-        frames: Of each frame.
-        shape: (K,) coefficients, the mean of the frames' by what each shows and how sure it is.
-        albedo: (3,) linear RGB, likewise.
+        frames: Poses of all frames.
+        shape: (K,) coefficients, the mean of the frames', weighted by visible share and confidence.
+        albedo: (3,) linear RGB, the same mean.
     """
 
     frames: tuple[TrackedFrame, ...]
@@ -128,7 +128,7 @@ class Trajectory:
 
     @property
     def elevation(self) -> np.ndarray:
-        """Return (2, T) likewise."""
+        """Return (2, T) means and deviations."""
         return self.numbers[:, 1]
 
     @property
@@ -179,7 +179,7 @@ class Trajectory:
         return sighting.lost or turned > FAR or away > OFF
 
     def expected(self, number: int, hints: Hints | None = None) -> tuple[Window, Hints]:
-        """Return where and from which side a frame shows the object, and what else is known of it."""
+        """Return the window that a frame is expected to show the object in, and hints on its view."""
         azimuth, elevation = np.degrees(self.numbers[0, :2, number]).tolist()
         window = window_at(self.place[number], float(self.numbers[0, 5, number]))
         return window, replace(hints or Hints(), azimuth_deg=azimuth % 360, elevation_deg=elevation)
@@ -212,24 +212,24 @@ def track(
 ) -> Track:
     """Explain the frames of a video as one object that moves and turns smoothly.
 
-    Each frame is explained where the object is expected; what is elsewhere, of another size or colour is not
+    Each frame is explained where the object is expected; things elsewhere, of another size or colour are not
     the object. Its view and the others that fit are then chosen together for all frames, frames that had
     chosen otherwise are fitted again, and angles and place are smoothed.
 
     Args:
         frames: Two or more of one size, in order. Those of a list are read one at a time, some of them twice;
             an iterator is exhausted first, and an array (T, H, W, 3) is T frames.
-        explainer: Of the object's class, or the class, as `Explainer` takes it.
+        explainer: Explainer of the object's class, or the class, as `Explainer` takes it.
         box: x, y, width, height in pixels round the whole object in the first frame; else it is sought.
         focal: Focal length in pixels of all frames; see `Explainer.explain`.
-        hints: What is known in all frames.
-        on_frame: Is called with the number and the explanation of each frame, and of those fitted again.
+        hints: Prior knowledge in all frames.
+        on_frame: Called with the number and the explanation of each frame, and of those fitted again.
         camera: Intrinsics of all frames in place of a focal length, see `Explainer.explain`; poses are then
             in the frame of this camera.
 
     Raises:
         UserError: There are fewer than two frames, one cannot be read or is of another size, the object is
-            seen in none, or as `Explainer.explain`.
+            seen in none; see also `Explainer.explain`.
     """
     frames = _listed(frames)
     if not isinstance(explainer, Explainer):
@@ -282,10 +282,10 @@ def _check_seen(sightings: Sequence[Sighting], explainer: Explainer, box: Box | 
 
 
 def _slowed(numbers: np.ndarray) -> np.ndarray:
-    """Return slow down numbers (2, N, 1 + G), seen in the first frame and extrapolated in the others; (2, N,
-    G).
+    """Return numbers (2, N, G), slowed down, from (2, N, 1 + G): seen in the first frame and extrapolated in
+    the others.
 
-    The object may go on as fast as before, or stand: the way that it would go is added to the deviations.
+    The object may keep its speed, or stand: the way that it would move is added to the deviations.
     """
     count = np.arange(1, numbers.shape[-1])
     way = numbers[0, :, 1:] - numbers[0, :, :1]
@@ -335,7 +335,7 @@ def view_evidence(sighting: Sighting, fold: int = 1) -> np.ndarray:
     if (seen := sighting.network) is not None:
         bins = (np.arange(len(seen)) + 0.5) * (2 * math.pi / len(seen))
         elsewhere = np.interp(centres, bins, seen * len(seen) * uniform, period=2 * math.pi)
-    # 0.05: probability that a view is none of a frame's, beside what its confidence leaves
+    # 0.05: probability that a view is none of a frame's, in addition to its confidence's rest
     evidence: np.ndarray = np.log(sighting.probabilities @ density + rest * elsewhere + 0.05 * uniform)
     return evidence
 

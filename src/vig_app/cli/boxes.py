@@ -1,4 +1,4 @@
-"""`--box`, `--boxes`, `--objects` and `--class`: where objects are, and what they are."""
+"""`--box`, `--boxes`, `--objects` and `--class`: places and classes of objects."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def boxes_of(
 def check_place(
     place: PlaceOptions, hints: HintOptions, track: bool = False, folders: Sequence[Path] = ()
 ) -> None:
-    """Raise UserError where nothing tells where the object of --mesh is, before the mesh is made ready;
+    """Raise UserError where nothing locates the object of --mesh, before the mesh is made ready;
     corrections by hand in folders of earlier results do.
     """
     places = (place.box, place.boxes, place.objects, hints.mask, hints.marks)

@@ -22,7 +22,7 @@ REMEDY = 'Write {"photo.jpg": [fx, fy, cx, cy]}, one camera for all, or name BOP
 def cameras_of(options: CameraOptions, photos: Sequence[Path]) -> list[Any]:
     """Return the camera of each photo as `vig.photo.Intrinsics.of` takes it; None where none is given.
 
-    UserError where a file cannot be used, has no camera for a photo, or what is given does not go together.
+    UserError where a file cannot be used, has no camera for a photo, or options exclude each other.
     """
     if options.intrinsics is None and options.cameras is None:
         return [None] * len(photos)

@@ -125,7 +125,7 @@ MESH_GROUP = "vig.meshes"
 
 
 def pack_of_mesh(mesh: Path, length: float | None, say: Callable[[str], None], up: str | None) -> Path:
-    """Return the class pack of a mesh file; UserError where it is no mesh, or what makes packs is missing."""
+    """Return the class pack of a mesh file; UserError for no mesh, or without a maker of packs."""
     for point in entry_points(group=MESH_GROUP):
         folder: Path = point.load()(mesh, length, say, up)
         return folder

@@ -82,7 +82,7 @@ def demo(settings: Demo) -> int:
     )
     hard = photos[HARD_PHOTO]
     commands = [line.format(photo=hard.photo, elevation=hard.elevation_deg) for line in COMMANDS_TO_TRY]
-    if which("vig") is None:  # of an environment that is not active
+    if which("vig") is None:  # in an environment that is not active
         vig = shlex.join([sys.executable, "-m", "vig"])
         commands = [line.replace("vig ", f"{vig} ", 1) for line in commands]
     lines = [f"The page: {page}", "Try next:", *(f"    {line}" for line in commands)]
@@ -113,7 +113,7 @@ def demo_card(photo: DemoPhoto, out: Path, link: str = "") -> Card:
 
 
 def has_screen() -> bool:
-    """Return whether somebody sits before it: a terminal, and a display where the system has such."""
+    """Return whether the session is interactive: a terminal, and a display where the system has such."""
     displays = sys.platform in ("win32", "darwin") or any(
         os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
     )
@@ -154,7 +154,7 @@ def _enlarged(entry: Entry, explanation: Explanation) -> Entry:
 
 
 def _table(rows: Sequence[Mapping[str, Any]]) -> Table:
-    """Return truth beside estimate; of a photo of another thing there is no truth."""
+    """Return a table of truth and estimate; photos of other things have no truth."""
     table = Table(title="truth | estimate", title_justify="left")
     for name in ("photo", "asked", *NUMBERS, "verdict"):
         table.add_column(name, justify="right" if name in NUMBERS else "left")
@@ -174,7 +174,7 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def _compared(photo: DemoPhoto, explanation: Explanation, described: Mapping[str, Any]) -> dict[str, Any]:
-    """Return truth and estimate of a photo as plain numbers; null where it does not show what it is asked
+    """Return truth and estimate of a photo as plain numbers; null where it does not show the class asked
     for.
     """
     row = {

@@ -1,4 +1,4 @@
-"""`vig doctor`: what a bug report needs, whether native code works here, and what is slow."""
+"""`vig doctor`: data of a bug report, a check of the native code, and causes of slowness."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from vig_native import ISA
 def doctor() -> dict[str, Any]:
     """Collect versions, and draw one triangle with the renderer.
 
-    Returns what `machine` does and `{"instruction_set": str, "classes": {name: "ok" or what is wrong with its
+    Returns the fields of `machine` and `{"instruction_set": str, "classes": {name: "ok" or the defect of its
     pack}, "renderer": {"ok", "detail"}, "speed": [{"what", "state", "do"}], "extras": {name: {"missing":
-    [modules], "brings", "install"}}, "ok"}`, ready for JSON. Nothing is raised: what fails is a line in the
+    [modules], "brings", "install"}}, "ok"}`, ready for JSON. Nothing is raised: a failure is a line in the
     place of its result.
     """
     described = machine()
@@ -33,7 +33,7 @@ def doctor() -> dict[str, Any]:
 
 
 def check_classes() -> dict[str, str]:
-    """Return each packaged class's name with "ok", or with what is missing or damaged of its pack."""
+    """Return each packaged class's name with "ok", or with the missing or damaged part of its pack."""
     from vig.inference import calibration_of
     from vig.recognition import Recognizer
     from vig.scene import ObjectClass

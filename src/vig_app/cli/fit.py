@@ -56,7 +56,7 @@ def fit(command: FitCommand) -> int:
 
     def finish() -> None:
         if len(rows):
-            for name in run_formats().values() if made_anew else ():  # of the results before
+            for name in run_formats().values() if made_anew else ():  # from the results before
                 (out / name).unlink(missing_ok=True)
             write_table(out, rows)
             write_run_page(out, rows)
@@ -87,7 +87,7 @@ def fit(command: FitCommand) -> int:
 
 
 def _next(plan: Plan, out: Path, track: bool, explained: int) -> str:
-    """Return what was made, and what to do with it."""
+    """Return a summary of the results, and the next steps."""
     count = len(plan.tasks)
     folder = plan.tasks[0].folder if count == 1 else out
     page = folder / "report.html"
@@ -139,7 +139,7 @@ def _line(row: dict[str, Any]) -> str:
         return f"absent: {name_of(row)}; {row['reason']} ({when})"
     hidden, mask_confidence = row["hidden_fraction"], row["mask_confidence"]
     trust = ", trusted" if row["mask_trusted"] else ", not trusted"
-    trust = "" if row["mask_trusted"] == row["view_trusted"] else trust  # as the verdict says of the view
+    trust = "" if row["mask_trusted"] == row["view_trusted"] else trust  # the verdict is of the view
     mask = "" if mask_confidence is None else f" (mask {mask_confidence:.0%} likely right{trust})"
     visible = "nothing seen" if hidden is None else f"{hidden:.0%} hidden{mask}"
     if row["focal_from"] == "assumed":

@@ -18,9 +18,9 @@ from vig.photo.masks import mask_files
 from vig_app.cli.options import HintOptions, given
 
 MARK_CHANNELS = ((0, PixelLabel.IN_FRONT), (1, PixelLabel.SEEN), (2, PixelLabel.NOTHING))
-"""What a pixel of marks means whose red, green or blue stands out."""
+"""Labels of a pixel of marks whose red, green or blue stands out."""
 OF_ONE_PHOTO = ("marks", "points", "azimuth", "pose")
-"""Options that say something of a single photo."""
+"""Options for a single photo."""
 
 
 def hints_of(options: HintOptions, photos: Sequence[Path]) -> Hints | None:
@@ -41,7 +41,7 @@ def hints_of(options: HintOptions, photos: Sequence[Path]) -> Hints | None:
 
 
 def mask_of(path: Path | None, photos: Sequence[Path]) -> Callable[[Path], Path | None]:
-    """Return what gives a photo's mask file, read with the photo; UserError for one mask of several."""
+    """Return the function from a photo to its mask file; UserError for one mask of several photos."""
     if path is None or not path.is_dir():
         if path is not None and len(photos) > 1:
             raise UserError(f"expected --mask FOLDER for {len(photos)} photos; got '{path}'. Name one.")

@@ -69,5 +69,5 @@ def fit_live(command: FitCommand) -> int:
 
 
 def _interrupt(number: int, frame: object) -> None:
-    """Take a signal as Ctrl-C."""
+    """Handle a signal like Ctrl-C."""
     raise KeyboardInterrupt(number)

@@ -107,7 +107,7 @@ def _print_error(line: str) -> None:
 
 
 def _check_verb(names: set[str], arguments: list[str]) -> None:
-    """Raise UserError where the arguments begin with no verb, with the one that is most alike."""
+    """Raise UserError where the arguments begin with no verb, with the most similar one."""
     for depth in (1, 2):
         given = " ".join(arguments[:depth])
         if given in names or len(arguments) < depth or arguments[depth - 1].startswith("-"):

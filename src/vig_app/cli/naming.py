@@ -56,7 +56,7 @@ def by_photo(
         entries: By those names.
         photos: All of them.
         what: The entries are, such as "boxes".
-        path: Of the file.
+        path: Path of the file.
 
     Raises:
         UserError: A name is that of several photos, or no entry is of any photo.
@@ -102,7 +102,7 @@ class PhotoNames:
         self._by_end: dict[int, dict[Parts, list[Parts]]] = {}
 
     def __call__(self, name: str) -> list[Parts]:
-        """Return the paths of which a name is the end, in any composition unless they differ in that
+        """Return the paths that end with a name, in any composition unless they differ in that
         alone.
         """
         end = _parts(name)

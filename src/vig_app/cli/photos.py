@@ -32,7 +32,7 @@ TAKEN = {"report.html", sheet_name(0), LEDGER, FRAMES, *TABLES, *run_formats().v
 MOST_NAME_BYTES = 200
 """Bytes of the name of a photo's folder, at most: file systems take 255, with a number and a suffix."""
 SYSTEM_FILES = {"Thumbs.db", "desktop.ini", "__MACOSX"}
-"""What systems put into folders of photos."""
+"""Files that systems put into folders of photos."""
 
 
 def photos_of(images: tuple[Path, ...], out: Path) -> list[Path]:
@@ -56,7 +56,7 @@ def photos_of(images: tuple[Path, ...], out: Path) -> list[Path]:
 
 
 def _photos_in(folder: Path) -> list[Path]:
-    """Return the photos in a folder; what else is there is named in a line, UserError where that is all.
+    """Return the photos in a folder; other files are named in a line, UserError where there are only such.
 
     Hidden files are passed over, such as those that macOS puts beside others (._photo.jpg).
     """
@@ -65,7 +65,7 @@ def _photos_in(folder: Path) -> list[Path]:
         if path.name.startswith(".") or path.name in SYSTEM_FILES:
             continue
         suffix = path.suffix.lower()
-        # What has a photo's ending and is none is an error of its own, not passed over.
+        # A file with a photo's ending that is none is an error of its own, not passed over.
         is_heic = suffix in (".heic", ".heif", ".hif") and find_spec("pillow_heif") is not None
         is_photo = is_heic or extensions.get(suffix) in FORMATS
         (photos if is_photo else others).append(path)

@@ -1,4 +1,4 @@
-"""What makes vig slow on this machine, and what the optional packages would bring: lines of `vig doctor`."""
+"""Causes of vig's slowness on this machine, and gains by the optional packages: lines of `vig doctor`."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ CGROUPS = (
     ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory.current"),
     ("/sys/fs/cgroup/memory/memory.limit_in_bytes", "/sys/fs/cgroup/memory/memory.usage_in_bytes"),
 )
-"""Where a container's limit of memory and what it uses of it stand, version 2 and 1."""
+"""Files with a container's limit of memory and its use of it, version 2 and 1."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What one thing is like, and what to do about it; nothing where it is well."""
+    """One finding: aspect, state, remedy; no remedy where all is well."""
 
     what: str
     state: str
@@ -29,7 +29,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Extra:
-    """Packages of an extra of pyproject.toml, by the names of their imports, and what they bring."""
+    """Packages of an extra of pyproject.toml, by the names of their imports, and their benefits."""
 
     modules: tuple[str, ...]
     brings: str
@@ -59,14 +59,12 @@ EXTRAS = {
 
 
 def findings(cpus: int) -> list[Finding]:
-    """Return the findings on how fast vig is here, with so many processors that it may use, as it stands
-    now.
-    """
+    """Return the findings on vig's speed at present, with the number of processors that it may use."""
     return [threads(cpus), load(cpus), memory(cpus)]
 
 
 def threads(cpus: int) -> Finding:
-    """Return how many of the processors a fit uses."""
+    """Return the finding on the number of processors that a fit uses."""
     from vig.parallel import thread_count
 
     count = thread_count()
@@ -81,7 +79,7 @@ def threads(cpus: int) -> Finding:
 
 
 def load(cpus: int) -> Finding:
-    """Return whether other processes take the processors' time."""
+    """Return the finding on other processes' load of the processors."""
     try:
         running = os.getloadavg()[0]
     except (AttributeError, OSError):
@@ -91,7 +89,7 @@ def load(cpus: int) -> Finding:
 
 
 def memory(cpus: int) -> Finding:
-    """Return how many processes of `vig fit` there is memory for."""
+    """Return the finding on the number of processes of `vig fit` that fit into memory."""
     there = memory_of()
     if there is None:
         return Finding("memory", "unknown on this system")
@@ -111,7 +109,7 @@ def memory(cpus: int) -> Finding:
 def memory_of(root: Path = Path("/")) -> tuple[int, int] | None:
     """Return bytes in all and those free without swapping, within a container's limit; None where unknown.
 
-    root: Of the files that state it.
+    root: Root of the files that state it.
     """
     try:
         lines = (root / "proc/meminfo").read_text().splitlines()
@@ -153,7 +151,7 @@ def extra_of(module: str) -> str | None:
 def rows(
     speed: Sequence[Mapping[str, str]], optional: Mapping[str, Mapping[str, Any]]
 ) -> list[tuple[str, str]]:
-    """Return the lines of a report: a name, and what there is to say."""
+    """Return the lines of a report: names and texts."""
     lines = [(each["what"], "; ".join(filter(None, (each["state"], each["do"])))) for each in speed]
     for name, each in optional.items():
         missing = f"without {', '.join(each['missing'])} no {each['brings']}; {each['install']}"

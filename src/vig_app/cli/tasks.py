@@ -1,4 +1,4 @@
-"""The options of `vig fit` resolved, once: a task for each photo, and what is the same for all."""
+"""The options of `vig fit` resolved, once: a task for each photo, and the settings of all."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ WITHOUT_TRACK = {"boxes", "objects", "cluster", "mask", "marks", "points", "azim
 
 @dataclass(frozen=True)
 class Plan:
-    """What a command is to do: a task for each photo, in their order, and the settings of all."""
+    """A command's plan: a task for each photo, in their order, and the settings of all."""
 
     tasks: tuple[Task, ...]
     settings: RunSettings
@@ -84,7 +84,7 @@ def plan_of(command: FitCommand) -> Plan:
 
 
 def explain_settings(model: ModelOptions) -> ExplainSettings:
-    """Return how to fit."""
+    """Return the settings of a fit."""
     return ExplainSettings(
         LIKELIHOODS[model.likelihood],
         self_shadow=not model.no_self_shadow,
@@ -104,7 +104,7 @@ def files_of(run: RunOptions) -> tuple[str, ...] | None:
 
 
 def _check_track(command: FitCommand) -> None:
-    """Raise UserError where what was given does not go with `--track`."""
+    """Raise UserError for options that do not go with `--track`."""
     images = command.images
     if len(images) != 1 or not (images[0].is_dir() or is_video(images[0])):
         names = f"{len(images)} names" if len(images) != 1 else f"'{images[0]}'"
@@ -123,7 +123,7 @@ def _check_track(command: FitCommand) -> None:
 def _note_corrected(
     by_hand: dict[Path, tuple[Correction, ...]], track: bool, out: Path, say: Callable[[str], None]
 ) -> None:
-    """Say what was corrected by hand of photos of an earlier run; UserError where frames are tracked, which
+    """Report corrections by hand of photos of an earlier run; UserError where frames are tracked, which
     would lose it.
     """
     edited = [folder.name for folder, corrections in by_hand.items() if corrections]
@@ -146,7 +146,7 @@ def is_quick(pack: Path) -> bool:
     try:
         with safe_open(pack / WEIGHTS_FILE, "np") as weights:
             return (weights.metadata() or {}).get("quick") == "yes"
-    except (OSError, SafetensorError):  # missing or damaged, which is said where they are read
+    except (OSError, SafetensorError):  # missing or damaged, which is reported where they are read
         return False
 
 

@@ -1,4 +1,4 @@
-"""The photos that `vig demo` explains, path traced, and their truth (README.md says how they were made)."""
+"""The photos that `vig demo` explains, path traced, and their truth (README.md describes their making)."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ class DemoPhoto(PackagedPhoto):
     """A JPEG of 800 x 800 pixels.
 
     Attributes:
-        title: What is to be seen, in words.
-        shows: The class of the object in it; where that is another one, vig has to say so.
-        azimuth_deg: Of the eye, in degrees, as the next.
-        elevation_deg: Of the eye.
+        title: Description of the photo, in words.
+        shows: The class of the object in it; where that is another one, vig has to report so.
+        azimuth_deg: Azimuth of the camera, degrees.
+        elevation_deg: Elevation of the camera, degrees.
         albedo: (3,) mean of the object, linear RGB.
     """
 
@@ -30,7 +30,7 @@ class DemoPhoto(PackagedPhoto):
 
     @property
     def present(self) -> bool:
-        """Return whether the photo shows what it is asked for."""
+        """Return whether the photo shows the class that it is explained as."""
         return self.class_name == self.shows
 
 

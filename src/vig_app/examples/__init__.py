@@ -1,4 +1,4 @@
-"""Photos of partly hidden teapots, path-traced with Cycles, and their truth (README.md says how made)."""
+"""Photos of partly hidden teapots, path-traced with Cycles, and their truth (README.md describes both)."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ FOLDER = Path(__file__).parent
 
 @dataclass(frozen=True, kw_only=True)
 class PackagedPhoto:
-    """A photo that comes with vig, and what is true of it.
+    """A photo that comes with vig, and its truth.
 
     Attributes:
-        name: Of the file.
-        class_name: What is to be looked for in it.
+        name: Name of the file.
+        class_name: Class to look for in it.
         photo: 8-bit sRGB file.
         visible_mask: 8-bit PNG, 255 where at least half of the pixel shows the object.
-        amodal_mask: The same without what is before the object.
+        amodal_mask: The same without the things before the object.
         occlusion: 1 - visible / amodal pixels, in [0, 1].
         vertices: (V, 3) float32, metres, the object's own, which the class's shape model does not reach.
     """
@@ -41,9 +41,9 @@ class PackagedPhoto:
 
 @dataclass(frozen=True, kw_only=True)
 class Example(PackagedPhoto):
-    """A PNG of 150 x 150 pixels, taken with `Camera.standard` of the class, and all that is true of it.
+    """A PNG of 150 x 150 pixels, taken with `Camera.standard` of the class, and its truth.
 
-    truth: One set of latents (B = 1); the light is what arrives at the object's place with the object
+    truth: One set of latents (B = 1); the light is that at the object's place with the object
     removed, and the shape the model's nearest to the object's.
     """
 
@@ -51,7 +51,7 @@ class Example(PackagedPhoto):
 
 
 def described_photos(folder: Path, ending: str) -> list[tuple[dict[str, Any], dict[str, Any]]]:
-    """Return what truth.json of a folder says of each photo, and its fields of `PackagedPhoto` but class."""
+    """Return truth.json's fields of each photo in a folder, and its fields of `PackagedPhoto` but class."""
     shapes = load_file(folder / "shapes.safetensors")
     described = json.loads((folder / "truth.json").read_text())
     return [

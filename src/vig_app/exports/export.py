@@ -1,4 +1,4 @@
-"""Writes explanations and runs in any of the formats, and removes what was written."""
+"""Writes explanations and runs in any of the formats, and removes written files."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FORMATS = tuple(sorted(path.stem for path in _FILES if path.stem != "__init__"))
 
 @cache
 def run_formats() -> dict[str, str]:
-    """Return the formats that have one file for all photos of a run, and what it is called."""
+    """Return the formats that have one file for all photos of a run, and its name."""
     return {name: _module(name).RUN_FILE for name in FORMATS if hasattr(_module(name), "RUN_FILE")}
 
 
@@ -83,7 +83,7 @@ def formats_in(folder: Path) -> tuple[str, ...]:
 
 
 def _check(formats: Sequence[str]) -> None:
-    """Raise UserError for a text in place of a list, or what is no format."""
+    """Raise UserError for a text in place of a list, or an unknown format."""
     wrong = [formats] if isinstance(formats, str) else [name for name in formats if name not in FORMATS]
     if wrong:
         raise UserError(

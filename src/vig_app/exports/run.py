@@ -1,4 +1,4 @@
-"""A finished run as its exports need it: what was found, with the numbers of photos and classes."""
+"""A finished run as its exports need it: found objects, with the numbers of photos and classes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vig_app.results import read_results
 FILE_NUMBERS = (r"()(?:^|/)([0-9]+)", r"()(?:^|/|[^0-9])([0-9]{1,18})")
 """Ends of paths that number the image: files named by a number, or with one at the end."""
 SCENE_NUMBERS = (r"([0-9]+)/(?:rgb|gray)/([0-9]+)", *FILE_NUMBERS)
-"""And before these BOP's, which number the scene, too."""
+"""The same preceded by BOP's, which number the scene, too."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class ExportedRun:
     """The results of many photos.
 
     Attributes:
-        folder: Of the run.
+        folder: Folder of the run.
         photos: Paths of all photos, each once.
         objects: Rows of results.csv of the objects that were found, with a "score": the confidence, 1 where
             none was learned.
@@ -57,7 +57,7 @@ class ExportedRun:
         place.
 
         Args:
-            patterns: Of the ends of paths, with a group for the scene and one for the image.
+            patterns: Patterns of the ends of paths, with a group for the scene and one for the image.
         """
         for pattern in patterns:
             ends = [re.search(rf"{pattern}\.\w+$", PurePath(photo).as_posix()) for photo in self.photos]

@@ -1,4 +1,4 @@
-"""Where each face of a class lies in a texture: its mean shape cut into charts, seen along the axes.
+"""Texture coordinates of a class's faces: its mean shape cut into charts, seen along the axes.
 
 Made once for a class. A chart is a connected piece whose faces look along the same of the six directions of
 the axes; it is seen from there, so that lengths are shortened by 1.7 at most.
@@ -25,21 +25,21 @@ AXES = np.repeat(np.eye(3), 2, 0) * np.array([[1], [-1]] * 3)
 SMOOTHINGS = 3
 """Times that a face takes its neighbours' mean direction, so that charts have few, smooth borders."""
 LEAST_COSINE = 0.25
-"""Of a face's normal and its chart's direction, at least: else it takes the one that it looks along most."""
+"""Cosine of a face's normal and its chart's direction, at least: else it takes the one nearest its normal."""
 SPLITS = 4
-"""Times that what lies below another part of its chart is made a chart of its own."""
+"""Times that faces below another part of their chart are made a chart of their own."""
 
 
 @dataclass(frozen=True, eq=False)
 class Atlas:
-    """The texture coordinates of a mesh of V vertices and F faces, and what its texels show.
+    """The texture coordinates of a mesh of V vertices and F faces, and the surface points of its texels.
 
     Attributes:
         source: (U,) the vertex of each of the atlas's own vertices, which are doubled along charts' borders.
         faces: (F, 3) of these, in the mesh's order.
         coordinates: (U, 2) float32 in [0, 1], right and down from the image's corner, as glTF has them.
         texels: (SIDE^2,) int, of each pixel of the image, row by row, the texel that it shows: its own,
-            beside a chart one of the nearest, far from all the first.
+            next to a chart one of the nearest, far from all the first.
         face: (T,) of each texel.
         weights: (T, 3) float32 of the corners of its face at the texel's middle.
     """
@@ -111,7 +111,7 @@ def _joined(place: np.ndarray, faces: np.ndarray, chart: np.ndarray, seen: np.nd
 
 
 def _widened(number: np.ndarray) -> np.ndarray:
-    """Return numbers (SIDE, SIDE), -1 for none, taken over by what is up to `WIDENED` texels beside; 0
+    """Return numbers (SIDE, SIDE), -1 for none, spread by up to `WIDENED` texels; 0
     elsewhere.
     """
     number = number.copy()
@@ -152,7 +152,7 @@ def _charts(faces: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Return (F,) the number of each face's chart."""
     pairs = _neighbours(faces)
     one, other = pairs[direction[pairs[:, 0]] == direction[pairs[:, 1]]].T
-    first = np.arange(len(faces))  # of each face the first face that it is known to be connected to
+    first = np.arange(len(faces))  # first face that each face is known to be connected to
     while (apart := first[one] != first[other]).any():
         low, high = np.sort([first[one[apart]], first[other[apart]]], axis=0)
         np.minimum.at(first, high, low)

@@ -1,7 +1,7 @@
-"""An object's own colours from the photo: what it shows of the surface, divided by the light on it.
+"""An object's own colours from the photo: visible surface divided by the light on it.
 
-What is hidden takes the colours of its mirror image, where the class has one and that is seen; what neither
-shows has the colour of its part.
+Hidden parts take the colours of their mirror image, where the class has one and that is visible; others
+have the colour of their part.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ from vig_renderer.edges import smooth_normals
 SEEN, MIRRORED, INVENTED = 255, 128, 0
 """Values of the map of where a texel's colour is from."""
 LEAST_IRRADIANCE = 0.05, 0.15
-"""What a white surface reflects, of 1, from which a colour begins to count, and from which it counts in full;
-likewise the next."""
+"""Light of a white surface, of 1, from which a colour begins to count, and from which it counts in full;
+`LEAST_FACING` likewise."""
 LEAST_FACING = 0.15, 0.45
 """Cosine of normal and sight."""
 BLEEDS = 2
-"""Pixels of the window beside an outline that may show what is beyond it, and do not count."""
+"""Pixels of the window beside an outline that may show things beyond it, and do not count."""
 BORDER = 7
 """Pixels beside an outline from which colours count in full."""
 JUMP = 0.03
 """Difference in depth of neighbouring pixels, over the object's length, that is an outline within it."""
 NEAR = 0.02
-"""How far from the surface that a pixel shows a texel may be to have its colour, over the object's length."""
+"""Distance of a texel from the surface in a pixel up to which it has its colour, over the object's length."""
 LEAST_ALBEDO = 0.01
-"""From which the light is taken from the rendering."""
+"""Albedo from which the light is taken from the rendering."""
 MIRROR = np.array([1.0, -1.0, 1.0], np.float32)
 LEVELS = srgb8_from_linear(np.linspace(0, 1, 1 << 12))
 """8-bit sRGB of linear values in steps."""
@@ -49,9 +49,9 @@ class Texture:
     """The surface of an explained object, as `atlas` lays it out.
 
     Attributes:
-        atlas: Of its class.
+        atlas: Atlas of its class.
         colours: (T, 3) float32, linear RGB of each texel, in [0, 1].
-        origin: (T,) uint8, where it is from: SEEN, MIRRORED or INVENTED.
+        origin: (T,) uint8, source of each colour: SEEN, MIRRORED or INVENTED.
     """
 
     atlas: Atlas
@@ -99,14 +99,14 @@ def bake(explanation: Explanation) -> Texture | None:
 
 @dataclass(frozen=True, eq=False)
 class _Shown:
-    """What the part of the window that the object covers shows of it.
+    """The object's surface in the part of the window that it covers.
 
     Attributes:
-        layers: (5, h, w) float32: colour without the light, linear RGB; how far it counts, in [0, 1]; one
+        layers: (5, h, w) float32: colour without the light, linear RGB; its weight, in [0, 1]; one
             over the depth of the surface, 0 where nothing is.
-        place_from_object: (3, 4), to where a point is in the layers, from -1 to 1 each way.
-        eye: (3,) in the object's frame.
-        near: How far from the surface that a pixel shows a point may be to have its colour, over its depth.
+        place_from_object: (3, 4), from a point to its place in the layers, from -1 to 1 each way.
+        eye: (3,) camera's position in the object's frame.
+        near: Distance of a point from the surface in a pixel up to which it has its colour, over its depth.
     """
 
     layers: np.ndarray
@@ -116,7 +116,7 @@ class _Shown:
 
     @staticmethod
     def of(explanation: Explanation) -> _Shown | None:
-        """Return none where the window shows nothing of it."""
+        """Return the surface in an explanation's window; None where it shows nothing of the object."""
         shown, latents = close_up(explanation), explanation.latents
         camera = shown.camera
         box = box_of(shown.visible & (shown.part >= 0))
@@ -133,7 +133,7 @@ class _Shown:
         layers[3] *= _ramp(_facing(shown.normals[part], camera, part), LEAST_FACING)
         layers[3] *= _ramp(light, LEAST_IRRADIANCE)
         layers[4] = 1 / depth
-        layers[:3] /= np.maximum(layers[:3].max(0), 1)  # what is too bright keeps its hue
+        layers[:3] /= np.maximum(layers[:3].max(0), 1)  # colours that are too bright keep their hue
         across, down = -1 - 2 * x / width, -1 - 2 * y / height
         to_place = np.array([[2 / width, 0, across], [0, 2 / height, down], [0, 0, 1]])
         return _Shown(
@@ -144,15 +144,15 @@ class _Shown:
         )
 
     def placed(self, vertices: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """Return where vertices with normals are, (V, 4) float32: x, y and 1, times their depth; above 0
-        where they face the eye. All are linear in the place on a face.
+        """Return the places of vertices with normals, (V, 4) float32: x, y and 1, times their depth; above 0
+        where they face the camera. All are linear in the place on a face.
         """
         places = vertices @ self.place_from_object[:, :3].T + self.place_from_object[:, 3]
         facing = ((self.eye - vertices) * normals).sum(1)
         return np.column_stack([places, facing]).astype(np.float32)
 
     def paint(self, colours: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """Give texels (T, 3) at `placed` (T, 4) the colours that are shown there; returns which have them."""
+        """Give texels (T, 3) at `placed` (T, 4) the colours of the photo there; returns which have one."""
         texels = np.flatnonzero(at[:, 3] > 0)
         x, y, depth, _ = at[texels].T
         where = np.stack([x / depth, y / depth], axis=1)
@@ -196,7 +196,7 @@ def _light(explanation: Explanation) -> np.ndarray:
 
 @functools.lru_cache(maxsize=8)
 def _uniform(object_class: ObjectClass) -> ObjectClass:
-    """Return the class with parts that all reflect alike."""
+    """Return the class with parts of the same reflectance."""
     return replace(object_class, part_reflectance=None)
 
 
@@ -211,7 +211,7 @@ def _facing(normals: np.ndarray, camera: Camera, part: tuple[slice, slice]) -> n
 
 
 def _visible(explanation: Explanation, part: tuple[slice, slice]) -> np.ndarray:
-    """Return where nothing hides the object, (h, w) bool of a part of the window."""
+    """Return the pixels where nothing hides the object, (h, w) bool of a part of the window."""
     visible = close_up(explanation).visible[part]
     if explanation.others is not None:
         others = np.repeat(explanation.others[..., None].astype(np.float32), 3, axis=2)
@@ -220,7 +220,7 @@ def _visible(explanation: Explanation, part: tuple[slice, slice]) -> np.ndarray:
 
 
 def _inside(visible: np.ndarray, depth: np.ndarray, jump: float) -> np.ndarray:
-    """Return how far pixels (h, w) are from outlines, of what is seen and of what is nearer: 0 to 1 at
+    """Return distances (h, w) to the outlines of visible pixels and of nearer things: 0 to 1 at
     `BORDER`.
     """
     inside = np.zeros(np.add(visible.shape, 2 * BORDER), np.uint8)

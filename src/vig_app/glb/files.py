@@ -17,7 +17,7 @@ from vig_app.glb.write import GlbObject, write_glb
 from vig_app.pictures import part_albedo
 
 MOST_SCALED = 1.5
-"""By what an object of a scene is scaled at most, so that it stands on the ground of the others."""
+"""Greatest scale of an object of a scene, so that it stands on the ground of the others."""
 
 
 def write_object(path: Path, explanation: Explanation, texture: Texture | None) -> None:
@@ -46,8 +46,8 @@ def _object(
 def write_scene(path: Path, scene: SceneExplanation, textures: Sequence[Texture | None]) -> None:
     """Write the objects of a photo on one ground, and the camera that took it, which all are seen by.
 
-    The ground is y = 0. The photo tells size and distance of each object only as their ratio: each is moved
-    along its sight until it stands there, and scaled likewise (`scale` of its node), which leaves the picture
+    The ground is y = 0. The photo gives size and distance of each object only as their ratio: each is moved
+    along its sight until it stands there, and scaled along (`scale` of its node), which leaves the picture
     as it is; by `MOST_SCALED` at most, as something may stand on a shelf.
     """
     poses = [pose for _, pose in scene.poses]
@@ -65,20 +65,20 @@ def write_scene(path: Path, scene: SceneExplanation, textures: Sequence[Texture 
 
 
 def on_one_ground(poses: Sequence[np.ndarray]) -> tuple[list[float], np.ndarray]:
-    """Return how objects before a camera come to stand on one ground without a change of what the camera
-    sees.
+    """Return the scales with which objects before a camera stand on one ground without a change of the
+    camera's picture.
 
     Args:
         poses: (4, 4) camera_from_object of each, metres; the object stands on its z = 0.
 
     Returns:
-        By what each is scaled about the camera, about 1 in the mean, and world_from_camera (4, 4): Y up, the
+        Scale of each about the camera, about 1 in the mean, and world_from_camera (4, 4): Y up, the
         ground at y = 0, the camera above the origin and looking towards -Z.
     """
     up = np.mean([pose[:3, 2] for pose in poses], axis=0)
     up /= np.linalg.norm(up)
-    heights = np.array([-up @ pose[:3, 3] for pose in poses])  # of the camera above each object's foot
-    # 0.05: height of the camera above an object's foot, over the distance, from which it tells where the
+    heights = np.array([-up @ pose[:3, 3] for pose in poses])  # heights of the camera above the objects' feet
+    # 0.05: height of the camera above an object's foot, over the distance, from which it shows where the
     # ground is
     above = heights > 0.05 * np.linalg.norm([pose[:3, 3] for pose in poses], axis=1)
     height = float(np.exp(np.log(heights[above]).mean())) if above.any() else float(heights.mean())

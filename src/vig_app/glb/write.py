@@ -27,7 +27,7 @@ JPEG_QUALITY = 92
 FLOATS, WHOLE = 5126, 5125
 VERTICES, CORNERS = 34962, 34963
 LINEAR, MIPMAPS, CLAMPED = 9729, 9987, 33071
-"""glTF's numbers of types, of what a view of the buffer is for, and of how textures are read."""
+"""glTF's numbers of types, of uses of a view of the buffer, and of ways to read textures."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,13 +35,13 @@ class GlbObject:
     """An object of the file.
 
     Attributes:
-        name: Of its node and mesh.
+        name: Name of its node and mesh.
         object_class: Its faces and parts; each part is a primitive with a matte material of its name.
         vertices: (V, 3) metres, in the object's frame, in which they are stored.
         colours: (parts, 3) linear RGB in [0, 1].
         node: (4, 4), from there to glTF's frame, Y up.
-        texture: In place of the parts' colours.
-        extras: What its node says beside that.
+        texture: Texture in place of the parts' colours.
+        extras: Further entries of its node.
     """
 
     name: str
@@ -59,9 +59,9 @@ def write_glb(
     """Write objects and the camera that saw them.
 
     Args:
-        path: Of the file.
+        path: Path of the file.
         objects: Each becomes a node and a mesh.
-        camera: That of the photo.
+        camera: Camera of the photo.
         world_from_camera: (4, 4) its pose in glTF's frame; camera axes as in OpenCV.
     """
     file = _File()
@@ -124,7 +124,7 @@ class _File:
         """Add an object's node, mesh, materials and texture."""
         model, texture = each.object_class.shape_model, each.texture
         normals = smooth_normals(each.vertices, model.faces)
-        normals[~normals.any(1)] = 0, 0, 1  # glTF wants length one of vertices without area, too
+        normals[~normals.any(1)] = 0, 0, 1  # glTF needs length one at vertices without area, too
         source = slice(None) if texture is None else texture.atlas.source
         attributes = {
             "POSITION": self.add_floats(each.vertices[source], bounds=True),
@@ -156,7 +156,7 @@ class _File:
         return self.add("materials", {"name": name, "pbrMetallicRoughness": matte, "extras": extras})
 
     def _add_texture(self, texture: Texture) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return how materials name the texture, and the mesh's `extras` on it."""
+        """Return the materials' reference to the texture, and the mesh's `extras` on it."""
         photo = io.BytesIO()
         Image.fromarray(texture.picture).save(photo, "JPEG", quality=JPEG_QUALITY, subsampling=0)
         files = (

@@ -19,7 +19,7 @@ from vig_app.report.html import filled, png_url
 PAGE_SIDE = 768
 """Pixels of the longer side of a page's photo."""
 COARSER = 2
-"""How many times fewer points a side the distances to the outlines have on a page."""
+"""Factor by which the distances to the outlines have fewer points a side on a page."""
 
 
 def report(explanation: Explanation, photo: str) -> str:
@@ -31,9 +31,9 @@ def page_of(explanation: Explanation, photo: str, described: dict[str, Any], red
     """Return HTML of an explanation's page.
 
     Args:
-        explanation: What it shows.
-        photo: What the photo is called there.
-        described: What explanation.json holds.
+        explanation: Explanation to show.
+        photo: Name of the photo in the page.
+        described: Content of explanation.json.
         reduced: Its `page_photo`.
     """
     part_names = explanation.object_class.shape_model.part_names
@@ -89,10 +89,10 @@ def page_photo(photo: np.ndarray) -> np.ndarray:
 
 
 def _outline_maps(explanation: Explanation) -> np.ndarray:
-    """Return distances to the outlines of what is covered and of what is seen, one above the other, (2 S, S)
+    """Return distances to the outlines of covered and of visible pixels, one above the other, (2 S, S)
     uint8.
 
-    128 is on the outline and 1 to 255 are within `REACH` pixels of what was fitted, inside and outside.
+    128 is on the outline and 1 to 255 are within `REACH` pixels of the fitted window, inside and outside.
     """
     size = len(explanation.outlines[0]) // COARSER
     maps = np.stack([(each[::2, ::2] + each[1::2, 1::2]) / 2 for each in explanation.outlines])
@@ -105,7 +105,7 @@ def _outline_maps(explanation: Explanation) -> np.ndarray:
 
 
 def _outline_data(explanation: Explanation, scale: tuple[float, float], line: float) -> dict[str, Any]:
-    """Return how the page draws outlines as overlay.png has them, on a photo reduced by a scale across
+    """Return the data for drawing outlines as in overlay.png, on a photo reduced by a scale across
     and down.
     """
     window, size = explanation.window, len(explanation.outlines[0]) // COARSER

@@ -1,4 +1,4 @@
-"""What report.html draws by WebGL: the object's mesh, and how each view and step of the fit differs from it.
+"""Data that report.html draws by WebGL: the object's mesh, and each view's and step's difference from it.
 
 Numbers are quantised to far less than a pixel and travel as base64; templates/page.html reads them.
 """
@@ -21,12 +21,12 @@ from vig_app.report import words
 STEPS = 8
 """Steps of the fit that a page shows at most."""
 NEAREST = 0.5
-"""Where drawing begins, of the depth of the object's nearest vertex; it ends as much beyond the farthest."""
+"""Near plane, of the depth of the object's nearest vertex; it ends as much beyond the farthest."""
 
 
 @dataclass(frozen=True)
 class Pose:
-    """What a picture shows: `words` say which, latents (B = 1) and framing (4,) place the object."""
+    """Pose of a picture: `words` describe it, latents (B = 1) and framing (4,) place the object."""
 
     words: str
     latents: Latents
@@ -106,9 +106,9 @@ def clip_matrix(camera: Camera, pose: np.ndarray, vertices: np.ndarray) -> list[
     """Return (16,) by columns: clip coordinates of OpenGL from the object's frame.
 
     Args:
-        camera: Whose picture fills the canvas.
+        camera: Camera whose picture fills the canvas.
         pose: (4, 4) camera_from_object.
-        vertices: (V, 3) between which and the eye, and beyond which, there is room.
+        vertices: (V, 3) between which and the camera, and beyond which, there is room.
     """
     depth = vertices @ pose[2, :3] + pose[2, 3]
     near, far = NEAREST * max(float(depth.min()), 1e-3), (2 - NEAREST) * float(depth.max())
@@ -127,7 +127,7 @@ def clip_matrix(camera: Camera, pose: np.ndarray, vertices: np.ndarray) -> list[
 def _differences(
     explanation: Explanation, latents: Latents
 ) -> tuple[list[dict[str, Any] | None], list[dict[str, Any] | None]]:
-    """Return for B poses the vertices (V, 3) less the fit's, and what self-shadowing adds to irradiance (V,).
+    """Return for B poses the vertices (V, 3) less the fit's, and self-shadowing's irradiance (V,).
 
     Each is rounded to 8 bits of its own largest number; None where all are 0.
     """

@@ -28,9 +28,9 @@ from vig_app.report.html import write_page
 FILES = (
     FILE, "overlay.png", "thumbnail.jpg", "mask.png", "render.png", "object.glb", "report.html",
 )  # fmt: skip
-"""What an explanation's folder holds; the first in any case."""
+"""Files of an explanation's folder; the first in any case."""
 OPTIONAL_FILES = ("texture_seen.png",)
-"""What it holds only where it is asked for."""
+"""Files that it holds only on request."""
 TEXTURED = {"object.glb", *OPTIONAL_FILES}
 """Files that need the texture."""
 PICTURE_SIDE = 2048
@@ -139,7 +139,7 @@ def save_scene(
     write_page(folder / "report.html", folder_html(entries, title=photo, picture=picture, note=note))
     if "object.glb" in files:
         write_scene(folder / "scene.glb", scene, textures)
-    else:  # of an earlier result
+    else:  # from an earlier result
         (folder / "scene.glb").unlink(missing_ok=True)
     write_json(folder / "scene.json", scene.to_dict())
     return folder
@@ -155,7 +155,7 @@ def _write_numbers(path: Path, numbers: np.ndarray) -> None:
 
 
 def _remove_stale_files(folder: Path, described: dict[str, Any], files: Sequence[str]) -> None:
-    """Remove exports and files that are not written anew where explanation.json is not what is described."""
+    """Remove exports and files that are not written anew where explanation.json differs from `described`."""
     with suppress(OSError, ValueError):
         if json.loads((folder / FILE).read_text()) != json.loads(json.dumps(described)):
             remove_exports(folder)

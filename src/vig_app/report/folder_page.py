@@ -25,13 +25,13 @@ MOST_ENTRIES = 200
 MOST_ERRORS = 200
 """Photos that are listed as not explained."""
 WHOLE = 1200
-"""And of the picture of several objects."""
+"""Pixels of the longer side of the picture of several objects, at most."""
 THUMBNAIL_FILE = "thumbnail.jpg"
 COLUMNS = {
     "verdict": "verdict", "azimuth": "azimuth_deg", "elevation": "elevation_deg", "hidden": "hidden_fraction",
     "view right": "confidence", "mask right": "mask_confidence",
 }  # fmt: skip
-"""Of the table after the photo's name: heading, and what it shows of `Entry.described`."""
+"""Columns of the table after the photo's name: heading, and its entry of `Entry.described`."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,9 @@ class Entry:
     """A photo, or an object, of the page.
 
     Attributes:
-        name: What it is called.
-        folder: Of its results, beside the page.
-        described: What explanation.json or results.csv holds.
+        name: Name of the photo or object.
+        folder: Folder of its results, beside the page.
+        described: Content of explanation.json or results.csv.
         picture: (H, W, 3) uint8.
         has_page: Whether report.html is among its files.
     """
@@ -54,7 +54,7 @@ class Entry:
 
     @property
     def link(self) -> str:
-        """Return address of its own page, or of its folder where it has none."""
+        """Return the address of its own page, or of its folder where it has none."""
         return quote(os.fsencode(self.folder)) + ("/report.html" if self.has_page else "/")
 
 
@@ -70,11 +70,11 @@ def folder_html(
 
     Args:
         entries: The photos that are shown.
-        total: How many were explained, if more than are shown.
-        errors: Why others were not; the first `MOST_ERRORS` are shown.
-        title: In place of their number.
+        total: Number of explained photos, if more than are shown.
+        errors: Reasons why others were not; the first `MOST_ERRORS` are shown.
+        title: Title in place of their number.
         picture: (H, W, 3) uint8, of all of them.
-        note: Under the title.
+        note: Line under the title.
     """
     entries = sorted(entries, key=lambda entry: review_order(entry.described))
     total = len(entries) if total is None else total
@@ -107,7 +107,7 @@ def write_run_page(out: Path, rows: Iterable[Mapping[str, Any]]) -> None:
             errors.append(row["error"])
     entries = []
     for row in heapq.nsmallest(MOST_ENTRIES, (row for row in rows if row["error"] is None), review_order):
-        folder = row["folder"].split("/")[0]  # of several objects the page of all
+        folder = row["folder"].split("/")[0]  # the page of all for several objects
         picture = np.full((24, 32, 3), 128, np.uint8)  # where no thumbnail was asked for
         with suppress(Exception), Image.open(out / row["folder"] / THUMBNAIL_FILE) as thumbnail:
             picture = np.asarray(thumbnail)
@@ -119,7 +119,7 @@ def write_run_page(out: Path, rows: Iterable[Mapping[str, Any]]) -> None:
 
 
 def review_order(row: Mapping[str, Any]) -> tuple[int, float]:
-    """Sort key of photos: errors, then `VERDICTS`; within each the least confidence first."""
+    """Return the sort key of photos: errors, then `VERDICTS`; within each the least confidence first."""
     if row.get("error") is not None:
         return -1, 0.0
     return VERDICTS.index(row["verdict"]), row["confidence"] or 0.0

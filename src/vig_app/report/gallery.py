@@ -1,4 +1,4 @@
-"""A gallery: of each photo what vig explains, to slide over it, and the object to turn; one page, offline."""
+"""A gallery: each photo with its explanation, to slide over it, and the object to turn; one page, offline."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ class Card:
     """A photo of the gallery.
 
     Attributes:
-        name: What it is called.
-        described: What explanation.json holds.
-        badge: What of it is trusted, in words.
-        probabilities: What they are of, and what they are.
+        name: Name of the photo.
+        described: Content of explanation.json.
+        badge: Trusted parts, in words.
+        probabilities: Names and values of its probabilities.
         pictures: `photo` and `outlines-of` of its report.html, as addresses of images.
-        data: How its object is drawn: `mesh`, `view`, `clip`, `outline`.
-        note: One line under what was found.
+        data: Drawing data of its object: `mesh`, `view`, `clip`, `outline`.
+        note: One line under the result.
         link: Address of its report.html beside the page, or nothing.
     """
 
@@ -86,7 +86,7 @@ def cards_of(results: Path, out: Path) -> tuple[list[Card], int]:
 
 
 def _link(folder: Path, out: Path) -> str:
-    """Return address of a result's report.html from a page in `out`."""
+    """Return the address of a result's report.html from a page in `out`."""
     page = folder.resolve() / "report.html"
     try:
         return quote(os.fsencode(Path(os.path.relpath(page, out.resolve())).as_posix()))
@@ -95,7 +95,7 @@ def _link(folder: Path, out: Path) -> str:
 
 
 def gallery_html(cards: Sequence[Card], title: str, note: str = "") -> str:
-    """Return the page; what is not in a photo is shown as its photo alone."""
+    """Return the page; photos without the object are shown alone."""
     shown = [card for card in cards if card.described["verdict"] != "absent"]
     return filled(
         "gallery.html",

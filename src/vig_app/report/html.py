@@ -15,11 +15,11 @@ from vig.io.files import atomic_write
 from vig.photo.images import png_bytes
 
 QUALITY = 88
-"""Of JPEG files, of at most 100."""
+"""Quality of JPEG files, of at most 100."""
 
 
 def filled(template: str, **content: Any) -> str:
-    """Return a page. Whatever it shows is escaped: no text of a photo's name or class becomes markup or
+    """Return a page. All its text is escaped: no text of a photo's name or class becomes markup or
     script.
     """
     return _PAGES.get_template(template).render(content)

@@ -40,7 +40,7 @@ BACKGROUND = (255, 255, 255)
 TEXT = (27, 31, 36)
 BEHIND_PICTURE = (138, 144, 153)
 LETTERS = 26
-"""Of a tile's line, at most."""
+"""Letters of a tile's line, at most."""
 
 
 def sheet_name(number: int) -> str:
@@ -53,7 +53,7 @@ def write_sheets(out: Path, rows: Iterable[Mapping[str, Any]]) -> list[Path]:
 
     Args:
         out: Folder of the run, which holds that of each photo.
-        rows: Of the photos, see `vig_app.runs.run`.
+        rows: Rows of the photos, see `vig_app.runs.run`.
 
     Returns:
         The files, `MOST_SHEETS` at most; further ones of an earlier run are removed.
@@ -112,5 +112,5 @@ def _tile(out: Path, row: Mapping[str, Any]) -> Image.Image:
 
 
 def _printable(text: str) -> str:
-    """Return the text as the font has it: what is not printable is replaced."""
+    """Return the text as the font has it: unprintable characters are replaced."""
     return "".join(letter if letter.isprintable() else "?" for letter in text)

@@ -1,4 +1,4 @@
-"""What an explanation's page says in words."""
+"""The words of an explanation's page."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from vig.scene.light import srgb8_from_linear
 
 
 def view_words(latents: Latents, probability: float) -> str:
-    """Return a view (B = 1), and how likely it is right."""
+    """Describe a view (B = 1) and the probability that it is right."""
     azimuth, elevation = (math.degrees(float(angle[0])) for angle in (latents.azimuth, latents.elevation))
     words = f"azimuth {azimuth % 360:.0f}°, elevation {elevation:.0f}°, {likely_right(probability)}"
     return words.removesuffix(", ")
 
 
 def likely_right(probability: float) -> str:
-    """Return how likely a view is right; nothing for a NaN."""
+    """Return the probability that a view is right, in words; nothing for a NaN."""
     return "" if math.isnan(probability) else f"{probability:.0%} likely right"
 
 
 def table_rows(described: dict[str, Any]) -> list[tuple[str, str]]:
-    """Name and words of each line of the page's table."""
+    """Return name and words of each line of the page's table."""
     deviation, camera = described["deviation"], described["camera"]
     hidden, absent = described["hidden_fraction"], described["verdict"] == "absent"
     rows = []
@@ -49,7 +49,7 @@ def table_rows(described: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def badge(described: dict[str, Any]) -> str:
-    """Return the verdict, which is of the view, with what else of the answer can or cannot be trusted."""
+    """Return the verdict, which is of the view, and that on the mask where it differs."""
     verdict, mask = described["verdict"], "mask" in described["trusted"]
     if described["mask_confidence"] is None or (verdict == "trusted") == mask:
         return str(verdict)
@@ -57,7 +57,7 @@ def badge(described: dict[str, Any]) -> str:
 
 
 def summary(described: dict[str, Any]) -> str:
-    """Return class, what is trusted with which probability, and the share hidden."""
+    """Return class, trusted parts with their probabilities, and the share hidden."""
     confidence, hidden = described["confidence"], described["hidden_fraction"]
     if described["verdict"] == "absent":
         return (
@@ -113,7 +113,7 @@ def css_colour(colour: np.ndarray) -> str:
 
 
 def _light(light: list[float]) -> str:
-    """Return where most light comes from, by the first order of its SH coefficients, in the object's
+    """Return the direction of most light, by the first order of its SH coefficients, in the object's
     frame.
     """
     y, z, x = light[1:4]

@@ -1,4 +1,4 @@
-"""The ledger of a run: which photos are done, as what."""
+"""The ledger of a run: its finished photos, with their keys and rows."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FORMAT = 3
 def ledger_of(out: Path) -> Iterator[Any]:
     """Open results.jsonl, to be added to by this run alone.
 
-    Where a run is refused before anything is done, the folder that was made for it goes again.
+    Where a run is refused before anything is done, the folder that was made for it is removed.
     """
     path, made = out / LEDGER, not out.exists()
     try:
@@ -59,7 +59,7 @@ def ledger_of(out: Path) -> Iterator[Any]:
 
 def rows_done(ledger: Any) -> dict[str, tuple[str, Rows]]:
     """Return key and rows of photos that were explained, by their folders, the last of each; half a line,
-    as a kill leaves it, is ended.
+    as after a kill, is completed.
     """
     ledger.seek(0)
     done: dict[str, tuple[str, Rows]] = {}

@@ -32,18 +32,18 @@ CAMERAS = {
     "darwin": ("avfoundation", "{}"),
     "win32": ("dshow", "video={}"),
 }
-"""Of each system: ffmpeg's input format, and what it calls a camera."""
+"""For each system: ffmpeg's input format, and its name of a camera."""
 LIVE_COLUMNS = (
     "frame", "seconds", "lost", "hidden_fraction", "azimuth_deg", "azimuth_deviation_deg", "elevation_deg",
     "elevation_deviation_deg", "focal_px", "center_x", "center_y", *POSE,
     *(f"{number}_deviation" for number in ("x", "y", "z", "turn_x", "turn_y", "turn_z")), "step_seconds",
 )  # fmt: skip
-"""Of track.csv; deviations of the place in metres, of turns in radians."""
+"""Columns of track.csv; deviations of the place in metres, of turns in radians."""
 OVERLAY, CURVES = "overlay.mp4", "track.png"
 CODECS = {"libx264": {"tune": "zerolatency"}, "mpeg4": {}}
 """Codecs of the overlay video with options that keep no frame back; the first that exists is taken."""
 CONTAINER = {"movflags": "hybrid_fragmented+frag_every_frame", "flush_packets": "1"}
-"""Options of the overlay video's file: what a kill leaves of it plays, too."""
+"""Options of the overlay video's file: it plays even after a kill."""
 TIMEOUT = 10.0
 """Seconds without a frame after which a source is given up."""
 CLOCK = Fraction(1, 1000)
@@ -66,7 +66,7 @@ class LatestFrame:
         """Open a camera by its number, an address, a file, or "-" for standard input; wait for a frame.
 
         Args:
-            source: One of these.
+            source: A camera, an address, a file or "-".
             timeout: Seconds without a frame after which it is given up.
 
         Raises:
@@ -148,7 +148,7 @@ class LatestFrame:
         """Yield frames, those of a file at its own speed; a clock may begin anywhere, jump, or be missing."""
         paced = not self._source.isdecimal() and Path(self._source).is_file()
         usual, longest = float(1 / (video.stream.average_rate or 25)), self._timeout / 2
-        due, before = time.monotonic(), None  # of the frame before, on this machine's clock and its own
+        due, before = time.monotonic(), None  # times of the frame before, on this machine's clock and its own
         for packet in video.file.demux(video.stream):
             try:
                 frames = packet.decode()
@@ -187,7 +187,7 @@ class OverlayVideo:
         self._container.mux(self._stream.encode(frame))
 
     def close(self) -> None:
-        """Write what is left."""
+        """Write the rest."""
         if self._container is not None:
             self._container.mux(self._stream.encode())
             self._container.close()
@@ -198,8 +198,8 @@ class LiveRun:
     """A run over a camera or stream that ended.
 
     Attributes:
-        poses: Of the frames from the first in which the object was found.
-        problem: What ended it before the stream's end, in a line; None if nothing did.
+        poses: Poses of the frames from the first in which the object was found.
+        problem: Why it ended before the stream's end, in a line; None if it did not.
         signal: Number of the signal that ended it; None if none did.
     """
 
@@ -221,16 +221,16 @@ def run_live(
     KeyboardInterrupt ends it, too: Ctrl-C, or a handler that raises it with its signal's number.
 
     Args:
-        source: As `LatestFrame` takes it.
-        tracker: Not started.
+        source: A source as `LatestFrame` takes it.
+        tracker: Tracker that was not started.
         out: Folder of the files; made where it is missing.
-        box: Round the object in the first frame; else it is sought, frame after frame.
-        say: Is called with a line about a frame, once a second.
+        box: Box of the object in the first frame; else it is sought, frame after frame.
+        say: Called with a line about a frame, once a second.
         timeout: Seconds without a frame after which the source is given up.
 
     Raises:
         UserError: The source cannot be opened or sends no frame, `out` cannot be written, or, in the first
-            frame, as `Tracker.start`.
+            frame, see `Tracker.start`.
     """
     poses: list[TrackedPose] = []
     problem = stopped_by = None

@@ -1,6 +1,6 @@
 """A run over photos: a folder of results for each, a ledger to resume from, one table.
 
-What is done stays, whatever ends the run: a photo's folder appears when it is complete, and its row in
+Finished photos stay, whatever ends the run: a photo's folder appears when it is complete, and its row in
 `results.jsonl` after that. A photo whose row is there is not fitted again while photo, settings and class are
 the same.
 """
@@ -36,15 +36,15 @@ def run(
 
     Args:
         tasks: Any number, with folders within `out`; they are taken as they are needed.
-        out: Holds the ledger.
-        settings: For all photos.
+        out: Folder that holds the ledger.
+        settings: Settings for all photos.
         workers: Processes; with 1 it is done in this one, in order. One that is killed is replaced.
         resume: Keep a ledger, which no other run may be writing to. Photos that it has are not fitted again;
             their rows have "done_before".
         cluster: Address of a Ray cluster in place of workers, `auto` for the one of this machine. Photos are
             sent to its nodes and results come back: they need vig and the class, but no shared disk.
-        finish: Is called last, however the run ends, while no other run can write to `out`; close the
-            iterator where it is left before its end. Not without a ledger.
+        finish: Called last, however the run ends, while no other run can write to `out`; close the
+            iterator where it is left before its end. It needs a ledger.
 
     Raises:
         UserError: The class cannot be loaded, `out` cannot be written, another run writes there, or there is

@@ -93,7 +93,7 @@ def _put(path: Path, data: bytes) -> Path:
 
 
 def _store(task: Task, files: dict[str, bytes]) -> None:
-    """Write files that a node sent; the photo that corrections.json names is here, not where it was sent."""
+    """Write a node's files; the photo that corrections.json names is on this machine, not on the node."""
     with beside_folder(task) as beside:
         for name, data in files.items():
             path = beside / name
@@ -106,6 +106,6 @@ def _store(task: Task, files: dict[str, bytes]) -> None:
 
 
 def taken(waiting: deque[Item]) -> Iterator[Item]:
-    """Take all that is there."""
+    """Yield all waiting items, removing them."""
     while waiting:
         yield waiting.popleft()

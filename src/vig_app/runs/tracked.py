@@ -32,13 +32,13 @@ def run_tracked(
 
     Args:
         tasks: In the frames' order; the box is that of the first, the camera that of all.
-        out: As in `run`.
-        settings: For all frames.
-        take: Is called with the row of a frame as it is done, once more where it is fitted again.
-        finish: As in `run`.
+        out: Folder of the run, see `run`.
+        settings: Settings for all frames.
+        take: Called with the row of a frame as it is done, once more where it is fitted again.
+        finish: See `run`.
 
     Raises:
-        UserError: As `vig.track`, or `out` cannot be written, or another run writes there.
+        UserError: See `vig.track`; also if `out` cannot be written, or another run writes there.
     """
     explainer = Explainer(settings.object_class, settings.explain)
     work, started = Work(explainer, settings), time.monotonic()
@@ -70,7 +70,7 @@ def run_tracked(
 
 
 def row_of_pose(pose: FramePose, columns: Iterable[str]) -> dict[str, Any]:
-    """Return what columns of a table say of the object in a frame."""
+    """Return the columns of a table for the object in a frame."""
     camera, matrix = pose.camera, pose.camera_from_object[:3].ravel().tolist()
     row = vars(pose) | {"frame": pose.number, "roll_deg": math.degrees(camera.roll), "focal_px": camera.focal}
     row |= {"center_x": camera.cx, "center_y": camera.cy, **dict(zip(POSE, matrix, strict=True))}

@@ -1,4 +1,4 @@
-"""What a run does with one photo: its folder, complete or not there, and its rows."""
+"""A run's work on one photo: its folder, complete or not there, and its rows."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ FILES = (
     "explanation.json", "scene.json", CORRECTIONS, "mask.png", "object.glb", "overlay.png", "render.png",
     "report.html", "scene.glb", "texture_seen.png", "thumbnail.jpg",
 )  # fmt: skip
-"""Of a photo's results, whether of one object or of several."""
+"""Files of a photo's results, whether of one object or of several."""
 SAME_OBJECT = 0.5
 """Intersection over union of boxes of one object, at least: as detections are counted as right."""
 
@@ -48,17 +48,17 @@ class Task:
 
     Attributes:
         photo: Its file.
-        folder: Within that of the run.
-        box: Round its one object; None where that is to be found.
-        focal: In pixels, where it is known.
-        hints: On its one object.
+        folder: Folder of its results within that of the run.
+        box: Box of its one object; None to find it.
+        focal: Focal length in pixels, where it is known.
+        hints: Hints on its one object.
         mask: A file, read with the photo.
         objects: Class and box of each of several objects, which are explained together.
-        most: So many objects, of any of the run's classes, are to be found and explained together.
+        most: Number of objects, of any of the run's classes, to find and explain together.
         camera: Its intrinsics in place of the focal length, as `vig.photo.Intrinsics.of` takes them.
-        corrected: By hand, see `vig_app.corrections.corrected_in`; in place of box, focal length, camera and
-            hints of the one object, or of that of several.
-        key: Of all that the results depend on, written beside them; see `vig_app.runs.ledger.key_of`.
+        corrected: Corrections by hand, see `vig_app.corrections.corrected_in`; in place of box, focal
+            length, camera and hints of the one object, or of that of several.
+        key: Key of all that the results depend on, written with them; see `vig_app.runs.ledger.key_of`.
     """
 
     photo: Path
@@ -75,19 +75,19 @@ class Task:
 
 
 Rows = list[dict[str, Any]]
-"""Of one photo: a row for each object, or one with the error."""
+"""Rows of one photo: one for each object, or one with the error."""
 
 
 @dataclass(frozen=True)
 class RunSettings:
-    """What a run does with each photo.
+    """Settings of a run for each photo.
 
     Attributes:
         object_class: A packaged class or the folder of a pack.
         others: Further classes that objects may be of, where a photo has several.
-        explain: How to fit.
+        explain: Settings of the fit.
         export: Formats that are written, too; see `Explanation.export`.
-        files: Which files are written; see `Explanation.save`, as for full_size.
+        files: Files to write; see `Explanation.save`, as for full_size.
         full_size: Whether pictures are as large as the photos.
     """
 
@@ -105,7 +105,7 @@ def prepare(settings: RunSettings) -> Callable[[Task], Rows]:
 
 
 class Work:
-    """Explains a photo, writes its folder, and returns its rows, one for each object."""
+    """Worker that explains a photo, writes its folder, and returns its rows, one for each object."""
 
     def __init__(self, explainer: Explainer, settings: RunSettings):
         self.explainer, self.settings = explainer, settings
@@ -159,7 +159,7 @@ class Work:
             scene = explain_found(task.photo, explainers, task.most, task.focal, task.camera)
         states, places = _states(task, scene), [place_of(each) for each in scene.objects]
         for number, (name, explanation) in enumerate(zip(scene.names, scene.objects, strict=True)):
-            if name in states:  # of the class that its name has
+            if name in states:  # explained with the class in its name
                 others = np.any(np.delete(scene.masks, number, axis=0), axis=0, keepdims=True)[0]
                 explainer = next(each for each in explainers if each.object_class is explanation.object_class)
                 again = states[name].explained(explainer, task.photo, explanation.picture, others)
@@ -230,10 +230,10 @@ def _lens(task: Task, explanation: Explanation) -> tuple[float, float, float, fl
 
 @contextmanager
 def beside_folder(task: Task) -> Iterator[Path]:
-    """Give a folder to write into; when the block ends well it takes the place of the photo's, else it goes.
+    """Yield a folder to write into; when the block ends well it replaces the photo's, else it is removed.
 
     Where the photo's folder is there its files are replaced one by one, those of earlier results that are not
-    made anew go, and what else is there stays. Without `KEY`, which goes first and comes last, a folder is
+    made anew are removed, and other files stay. Without `KEY`, which goes first and comes last, a folder is
     not taken for done.
     """
     beside = task.folder.with_name(f".{task.folder.name}{PARTIAL}")
@@ -248,7 +248,7 @@ def beside_folder(task: Task) -> Iterator[Path]:
         for name in (KEY, *FILES):
             (task.folder / name).unlink(missing_ok=True)
         remove_exports(task.folder)
-        for path in task.folder.glob("[0-9]*-*/explanation.json"):  # of several objects
+        for path in task.folder.glob("[0-9]*-*/explanation.json"):  # folders of several objects
             shutil.rmtree(path.parent)
         for path in sorted(beside.iterdir(), key=lambda path: path.name == KEY):
             os.replace(path, task.folder / path.name)

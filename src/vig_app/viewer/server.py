@@ -40,7 +40,7 @@ HOST = "127.0.0.1"
 SENT_SIDE = 1600
 """Pixels of the longer side of the photo that is sent."""
 MOST_BYTES = 1 << 22
-"""Of what a page posts."""
+"""Bytes of a page's post, at most."""
 COMMANDS = ("save", "find", "step", "open")
 """Actions that are no corrections."""
 FAULT = "That went wrong; the terminal says more."
@@ -48,7 +48,7 @@ FAULT = "That went wrong; the terminal says more."
 
 @dataclass(frozen=True)
 class Action:
-    """What a user does: `at` are pixels of the photo, x, y or x, y, width, height; `value` is an angle in
+    """A user's action: `at` are pixels of the photo, x, y or x, y, width, height; `value` is an angle in
     degrees, whether nothing hides the object, a step through a run, or the number of an item.
     """
 
@@ -98,12 +98,12 @@ class Viewer:
         """Open the first photo and serve the page at the port of a host, or at the next free one.
 
         Args:
-            walk: What is shown and corrected.
+            walk: Photos or results to show and correct.
             port: 1 to 65535.
-            host: The address that is listened at.
+            host: Address to listen at.
 
         Raises:
-            UserError: No port can be had, or no photo be opened.
+            UserError: No port is free, or no photo can be opened.
         """
         self.walk = walk
         self._server = _bound(port, host, partial(_Handler, self))
@@ -121,14 +121,14 @@ class Viewer:
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
 
     def stop(self) -> None:
-        """End serving, after what is being done."""
+        """End serving, after the current action."""
         self._server.shutdown()
         self._server.server_close()
         self._thread.shutdown()
         self.walk.close()
 
     def on_thread(self, work: Callable[[], Any]) -> Any:
-        """Do some work after that before it; return or raise its outcome."""
+        """Do some work after the previous work; return or raise its outcome."""
         return self._thread.submit(work).result()
 
     def page(self) -> str:
@@ -155,7 +155,7 @@ class Viewer:
         return self._sizes[session.path]
 
     def state(self) -> dict[str, Any]:
-        """Return all that the page shows."""
+        """Return the page's content."""
         walk, session = self.walk, self.walk.session
         explanation = session.explanation
         described, views = explanation.to_dict(), views_of(explanation)
@@ -275,8 +275,8 @@ class Viewer:
             self._say(str(error) if len(changes) == 1 else self._one_by_one(changes), refused=True)
 
     def _one_by_one(self, changes: list[Change | None]) -> str:
-        """Return each by itself; the messages of those that are refused. Taking one of these back does
-        nothing.
+        """Make each correction by itself; return the messages of refused ones. Taking one of these back
+        does nothing.
         """
         messages: list[str] = []
         refused = 0
@@ -338,7 +338,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(200, work(), kind)
         except ConnectionError:
             raise
-        except ValueError as error:  # of an action that our page does not send
+        except ValueError as error:  # an action that our page does not send
             self._send(400, _json({"error": str(error)}), "application/json")
         except Exception:  # a fault of ours must not leave the page without its server
             traceback.print_exc()

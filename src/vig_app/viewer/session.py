@@ -1,4 +1,4 @@
-"""What a user does with one photo: every correction is a state, fitted anew, and can be taken back."""
+"""A user's corrections of one photo: each is a state, fitted anew, and can be taken back."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from vig_app.corrections import State, box_of
 from vig_app.report.folder import save_explanation
 
 Change = Callable[[State], State]
-"""What one correction makes of a state."""
+"""A correction's change of a state."""
 Places = Sequence[tuple[float, float]]
 
 
@@ -43,13 +43,13 @@ class Session:
         """Open a photo and explain it with the hints of a state.
 
         Args:
-            explainer: Of the object's class.
+            explainer: Explainer of the object's class.
             photo: A file.
-            state: What is known already.
-            others: (H, W) bool, pixels in which other objects are seen, where these were explained.
+            state: Prior knowledge.
+            others: (H, W) bool, pixels in which other objects are visible, where these were explained.
 
         Raises:
-            UserError: As `Explainer.explain` does.
+            UserError: See `Explainer.explain`.
         """
         self.explainer = explainer
         self.path = Path(photo)
@@ -76,7 +76,7 @@ class Session:
         """Make corrections in their order and fit once; None takes the last one back, where there is one.
 
         Raises:
-            UserError: As `Explainer.explain` does; then none of them was made.
+            UserError: See `Explainer.explain`; then none of them was made.
         """
         states = [*self.states]
         for change in changes:
@@ -93,8 +93,8 @@ class Session:
         return self.explanation
 
     def boxed(self, x: float, y: float, width: float, height: float) -> Change:
-        """Return a box round the whole object, cut at the photo's edges, in place of the one that was
-        found.
+        """Return the correction to a box round the whole object, cut at the photo's edges, in place of the
+        one that was found.
         """
         photo_height, photo_width = self.photo.shape[:2]
         left, top = max(x, 0.0), max(y, 0.0)
@@ -102,7 +102,7 @@ class Session:
         return lambda state: replace(state, box=(left, top, right - left, bottom - top), found=None)
 
     def save(self, folder: str | Path, files: Sequence[str] | None = None) -> Path:
-        """Write what `vig fit` writes, see `Explanation.save`; returns the folder."""
+        """Write the files of `vig fit`, see `Explanation.save`; returns the folder."""
         folder = save_explanation(self.explanation, folder, self.path.name, files)
         self.state.write(folder, self.path, self.explainer.object_class, corrected=True)
         self.saved = self.state
@@ -126,22 +126,22 @@ class Session:
 
 
 def placed(name: str, x: float, y: float) -> Change:
-    """Return where a named point of the class is."""
+    """Return the correction that sets a named point of the class."""
     return lambda state: replace(state, points={**state.points, name: (x, y)})
 
 
 def marked(label: PixelLabel, x: float, y: float, radius: float, path: Places = ()) -> Change:
-    """Mark the pixels under a stroke of a brush, set down at a place and moved along a path."""
+    """Return the correction that adds a stroke of a brush, set down at a place and moved along a path."""
     return lambda state: replace(state, strokes=(*state.strokes, Stroke(x, y, radius, label, tuple(path))))
 
 
 def changed(**values: Any) -> Change:
-    """Return other values of fields of the state: a view, whether nothing hides the object; None leaves
+    """Return the correction of fields of the state: a view, whether nothing hides the object; None leaves
     one open.
     """
     return lambda state: replace(state, **values)
 
 
 def cleared(state: State) -> State:
-    """Take all back but the box."""
+    """Return the state without corrections but the box."""
     return State(box=state.box, focal=state.focal, camera=state.camera, found=state.found)

@@ -1,4 +1,4 @@
-"""What the page of `vig view` goes through: one photo, a result, or a run's photos in review order."""
+"""The items of `vig view`: one photo, a result, or a run's photos in review order."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ class Item:
     """A photo's object.
 
     Attributes:
-        name: What it is called.
-        folder: Of its results.
-        found: `verdict` and `confidence`, and what else a row of the run's table has; empty for a new photo.
-        photo: Its file, class and what is known of it, where no file in the folder says so.
-        corrected: By hand, and saved.
-        box: In place of the one that is known.
+        name: Name of the item.
+        folder: Folder of its results.
+        found: `verdict` and `confidence`, and further columns of the run's table; empty for a new photo.
+        photo: Its file, class and prior knowledge, where no file in the folder has them.
+        corrected: Whether it was corrected by hand, and saved.
+        box: Box in place of the known one.
     """
 
     name: str
@@ -71,7 +71,7 @@ class Walk:
     """Some items, of which one is open."""
 
     def __init__(self, items: list[Item], run: Path | None = None):
-        """Begin before the first; `run` is the folder of the run that the items are of, if any."""
+        """Begin before the first item; `run` is the folder of the items' run, if any."""
         self.items, self.run = items, run
         self.place = -1
         self.session: Session
@@ -86,7 +86,7 @@ class Walk:
 
     @staticmethod
     def of_folder(folder: Path) -> Walk:
-        """Walk results: of a photo or an object, of several objects in a photo, or of a run.
+        """Walk results: those of a photo or an object, of several objects in a photo, or of a run.
 
         Raises:
             UserError: It holds none, or they cannot be read.
@@ -111,12 +111,12 @@ class Walk:
         return Walk(sorted(map(_of_result, sorted(paths)), key=lambda item: review_order(item.found)))
 
     def open(self, place: int) -> None:
-        """Open one; UserError where it cannot be, and the one before stays open."""
+        """Open an item; UserError where it cannot be, and the one before stays open."""
         self.session = self._session(place)
         self.place = place
 
     def prepare(self) -> None:
-        """Fit the next one already."""
+        """Fit the next item in advance."""
         following = self.place + 1
         if following < len(self.items):
             with suppress(UserError):  # which is reported when it is opened
@@ -132,8 +132,8 @@ class Walk:
         return Session(self._explainers[object_class], photo, state, item.others())
 
     def step(self, by: int) -> str:
-        """Open the next one in a direction, +1 or -1, that can be; returns why others could not be, and what
-        is not as it was fitted.
+        """Open the next item in a direction, +1 or -1, that can be; returns why others could not be, and
+        which of its hints are left out.
 
         Raises:
             UserError: There is none.
@@ -147,15 +147,15 @@ class Walk:
                     failures.append("It was fitted with a mask, marks or a pose, which are left out here.")
                 return " ".join(failures)
             except UserError as error:
-                if self.place < 0 and place == len(self.items) - 1:  # of several the last one's is enough
+                if self.place < 0 and place == len(self.items) - 1:  # the last one of several is enough
                     raise
                 failures.append(f"{self.items[place].name} is left out: {error}")
                 place += by
         raise UserError(" ".join([*failures, f"That was the {'last' if by > 0 else 'first'} one."]))
 
     def save(self) -> Path:
-        """Write what is open into its folder, the files and exports that are there, and into the table of the
-        run, whose exports are written anew, too.
+        """Write the open result into its folder, the files and exports that are there, and into the table of
+        its run, whose exports are written anew, too.
 
         Raises:
             UserError: Something cannot be written; exports are written last.

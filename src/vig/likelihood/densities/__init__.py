@@ -1,4 +1,4 @@
-"""Densities of the noise at a visible pixel, a file each, beside the header of native code.
+"""Densities of the noise at a visible pixel, a file each, with a header in native code.
 
 A density is p(error) = exp(log_density(s)) / normaliser, with s = |error|^2 / (2 sigma^2) over the three
 channels of linear RGB. NAME.py has
@@ -7,7 +7,7 @@ channels of linear RGB. NAME.py has
     log_density(s)    as above, a function of arrays: the reference of native code
 
 and vig_native/densities/NAME.h a struct of that name with `log_density(s)` and `pull(s)`, which is
-- d log_density / d s: 1 for a Gaussian, less for what forgives large errors. It weighs a pixel in the
+- d log_density / d s: 1 for a Gaussian, less for one that forgives large errors. It weighs a pixel in the
 gradient and in the Gauss-Newton matrix (iteratively reweighted least squares).
 """
 
@@ -20,7 +20,7 @@ from vig_native import engine
 
 DEFAULT_DENSITY = "gaussian"
 NAMES = tuple(engine.DENSITIES)
-"""Of all densities: `PixelModel.density`."""
+"""Names of all densities: `PixelModel.density`."""
 
 
 def density_of(name: str) -> ModuleType:

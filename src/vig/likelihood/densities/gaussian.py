@@ -8,5 +8,5 @@ LOG_UNIT = 3 * math.log(math.sqrt(2 * math.pi))
 
 
 def log_density(s: np.ndarray) -> np.ndarray:
-    """Return -s."""
+    """Return the log density -s."""
     return -s

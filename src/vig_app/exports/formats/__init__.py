@@ -3,7 +3,7 @@
 NAME.py has
 
     FILES                               all files that `write` may make, within the folder of an explanation
-    write(folder, explanation, photo)   makes them; `photo` is what the photo is called in them
+    write(folder, explanation, photo)   makes them; `photo` is the photo's name in them
 
 and, where the format has one file for all photos of a run,
 

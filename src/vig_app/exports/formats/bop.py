@@ -20,7 +20,7 @@ from vig.record import read_explanation
 from vig_app.exports.run import SCENE_NUMBERS, ExportedRun
 
 MILLIMETRES = 1000.0
-"""In a metre."""
+"""Millimetres in a metre."""
 OBJECT_ID = 1
 """BOP and COCO count classes from 1; an explanation has one."""
 MODEL = f"bop/models/obj_{OBJECT_ID:06}.ply"

@@ -73,7 +73,7 @@ def write_run(path: Path, run: ExportedRun) -> None:
 def annotation_of(
     number: int, image: int, category: int, amodal: np.ndarray, visible: np.ndarray, score: float | None
 ) -> dict[str, Any]:
-    """Return an object: its whole mask (H, W) bool, and what is seen of it."""
+    """Return an object: its whole mask (H, W) bool, and its visible pixels."""
     return {
         "id": number,
         "image_id": image,

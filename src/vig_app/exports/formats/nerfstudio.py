@@ -1,6 +1,6 @@
 """nerfstudio: the photo's camera in the object's frame, the photo and its mask.
 
-Where the mask is 0 nerfstudio does not train: on what hides the object and what is around it.
+Where the mask is 0 nerfstudio does not train: on occluders and surroundings.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ def write(folder: Path, explanation: Explanation, photo: str) -> None:
     vertices, colours = explanation.vertices, part_albedo(explanation)
     part_of_face = model.parts[model.faces[:, 0]]
     normals = smooth_normals(vertices, model.faces)
-    normals[~normals.any(1)] = 0, 0, 1  # of vertices without area
+    normals[~normals.any(1)] = 0, 0, 1  # at vertices without area
     for number in np.unique(part_of_face).tolist():
         used, faces = np.unique(model.faces[part_of_face == number], return_inverse=True)
         path = root.GetPath().AppendChild(_identifier(model.part_names[number]))
