@@ -563,6 +563,14 @@ def authors_page(rows: list[ModelRow]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def write_authors(rows: list[ModelRow]) -> None:
+    """Write the page of authors and licences, for the site and for the wheel."""
+    page = authors_page(rows)
+    PAGE.write_text(page, encoding="utf-8")
+    text = page.replace("[generator](world.md#packaged-models)", "generator of vig")
+    (FOLDER / "LICENSES.md").write_text(text, encoding="utf-8")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("catalogues", type=Path, help="the folder of .sh3f files")
@@ -587,7 +595,7 @@ def main() -> None:
                     print(f"{role} {family} {split} {name}: {model.row.faces} faces, "
                           f"{len(model.parts)} parts, {len(model.supports)} supports")  # fmt: skip
     write(pack(models), models, arguments.out)
-    PAGE.write_text(authors_page([model.row for model in models]), encoding="utf-8")
+    write_authors([model.row for model in models])
     size = (arguments.out / "models.npz").stat().st_size
     print(f"{len(models)} models, {sum(int(m.row.faces) for m in models):,} faces, {size / 1e6:.2f} MB")
 

@@ -48,17 +48,17 @@ class Alternative:
 
     @property
     def azimuth_deg(self) -> float:
-        """Return `Explanation.azimuth_deg`."""
+        """Return the view's azimuth, as `Explanation.azimuth_deg`."""
         return math.degrees(float(self.latents.azimuth[0])) % 360
 
     @property
     def elevation_deg(self) -> float:
-        """Return `Explanation.elevation_deg`."""
+        """Return the view's elevation, as `Explanation.elevation_deg`."""
         return math.degrees(float(self.latents.elevation[0]))
 
     @property
     def camera_from_object(self) -> np.ndarray:
-        """Return `Explanation.camera_from_object`."""
+        """Return the view's pose, as `Explanation.camera_from_object`."""
         return self.camera.camera_from_object(self.latents)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from importlib.metadata import entry_points
+from importlib.util import find_spec
 from typing import Any
 
 from vig.io.errors import UserError
@@ -17,8 +18,9 @@ GROUP = "vig.outputs"
 def output(name: str) -> Callable[..., Any]:
     """Return the function that makes an output; UserError where no package that is installed brings it."""
     for point in entry_points(group=GROUP, name=name):
-        function: Callable[..., Any] = point.load()
-        return function
+        if find_spec(point.module.partition(".")[0]) is not None:
+            function: Callable[..., Any] = point.load()
+            return function
     raise UserError(
         f"expected the package vig_app, which makes '{name}'; it is not installed. Install vig anew."
     )

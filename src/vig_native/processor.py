@@ -12,7 +12,7 @@ NEEDED = {
 
 
 def instruction_sets(cpuinfo: Path = Path("/proc/cpuinfo")) -> list[str]:
-    """Return those that the native library is built for, the widest first; "plain" runs anywhere."""
+    """Return the instruction sets of the native library, the widest first; "plain" runs anywhere."""
     try:
         lines = cpuinfo.read_text().splitlines()
     except OSError:

@@ -35,6 +35,9 @@ def test_every_output_has_a_function() -> None:
 
 
 def test_an_output_that_no_package_makes_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(outputs, "entry_points", lambda **_: ())
-    with pytest.raises(UserError, match="expected the package vig_app, which makes 'poster'"):
-        outputs.output("poster")
+    """Where nothing is registered, and where the metadata name a package that is not there."""
+    missing = EntryPoint("poster", "vig_posters:poster", outputs.GROUP)
+    for points in ((), (missing,)):
+        monkeypatch.setattr(outputs, "entry_points", lambda points=points, **_: points)
+        with pytest.raises(UserError, match="expected the package vig_app, which makes 'poster'"):
+            outputs.output("poster")

@@ -127,8 +127,9 @@ MESH_GROUP = "vig.meshes"
 def pack_of_mesh(mesh: Path, length: float | None, say: Callable[[str], None], up: str | None) -> Path:
     """Return the class pack of a mesh file; UserError for no mesh, or without a maker of packs."""
     for point in entry_points(group=MESH_GROUP):
-        folder: Path = point.load()(mesh, length, say, up)
-        return folder
+        if find_spec(point.module.partition(".")[0]) is not None:
+            folder: Path = point.load()(mesh, length, say, up)
+            return folder
     raise UserError("expected the package vig_train, to read --mesh; it is not installed. Install vig anew.")
 
 

@@ -23,7 +23,7 @@ COARSER = 2
 
 
 def report(explanation: Explanation, photo: str) -> str:
-    """Return `Explanation.report`."""
+    """Return the page of `Explanation.report`."""
     return page_of(explanation, photo, explanation.to_dict(), page_photo(coded(explanation.picture)))
 
 

@@ -161,22 +161,6 @@ def make_dataset(
     return root
 
 
-def remove_split(out: str | Path, split: str) -> None:
-    """Remove a split, complete or not, of a dataset in folder `out`, if there is one.
-
-    Raises:
-        UserError: `out` holds something else, or another run is making the split.
-    """
-    root = Path(out)
-    if not (root / INFO).exists():
-        return
-    with alone(root, split):
-        info = read_info(root)
-        if info["splits"].pop(split, None) is not None:
-            write_json(root / INFO, info)
-        shutil.rmtree(root / split, ignore_errors=True)
-
-
 def _require(tier: str, ray: str | None) -> None:
     """Raise UserError for options that cannot run here, before anything is written."""
     if ray is not None:

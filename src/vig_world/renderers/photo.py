@@ -92,7 +92,7 @@ def photograph(
 
 
 def _through_lens(linear: np.ndarray, settings: PhotoSettings) -> np.ndarray:
-    """Return vignetting and blur; edge pixels are repeated beyond the frame."""
+    """Apply vignetting and blur; edge pixels are repeated beyond the frame."""
     height, width = linear.shape[:2]
     rows, columns = np.ogrid[: float(height), : float(width)]
     away = ((rows - (height - 1) / 2) ** 2 + (columns - (width - 1) / 2) ** 2) / (height**2 + width**2) * 4

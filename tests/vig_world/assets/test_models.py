@@ -40,6 +40,8 @@ def test_every_model_has_an_author_and_a_licence_and_one_split() -> None:
     assert {row.licence for row in rows()} <= LICENCES
     page = (ROOT / "docs/models.md").read_text(encoding="utf-8")
     assert all(f"| {row.author} | " in page and row.title in page for row in rows())
+    table = (ROOT / "src/vig_world/assets/models/LICENSES.md").read_text(encoding="utf-8")
+    assert table.partition("\n| ")[2] == page.partition("\n| ")[2], "the wheel has the same table"
     sizes = [(row.width, row.depth, row.height, row.faces) for row in rows()]
     assert len(set(sizes)) == len(sizes), "no model is there twice under two names"
     selection = tomllib.loads((ROOT / "tools/models.toml").read_text())

@@ -105,7 +105,7 @@ def _by_family(role: str, split: Split) -> dict[str, list[tuple[int, ModelRow]]]
 
 @functools.cache
 def _arrays() -> dict[str, np.ndarray]:
-    """Return the arrays of `models.npz`: ends (M, 2), boxes (M, 6), parts (P, 5), colours (P, 3) sRGB,
+    """Return the arrays of `models.npz`: ends (M, 2), boxes (M, 6), parts (P, 6), colours (P, 3) sRGB,
     vertices (V, 3), faces (F, 3), uv (U, 2), uv_boxes (P, 4), pictures (T, S, S), palettes (T, C, 3) sRGB,
     supports (S, 9).
     """

@@ -35,7 +35,7 @@ _FINISHES = {
     "fabric": "cloth cloth cloth paint stripes floral leather speckle weave",
 }
 FINISHES: dict[str, tuple[str, ...]] = {slot: tuple(kinds.split()) for slot, kinds in _FINISHES.items()}
-"""Kinds of texture that suit each slot of `props.Material`; one that occurs twice is drawn twice as often."""
+"""Kinds of texture for each slot of `things.Material`; one that stands twice is drawn twice as often."""
 
 
 def texture(kind: str, rng: np.random.Generator, size: int = 128, base: ArrayLike | None = None) -> Array:

@@ -122,7 +122,7 @@ def add(
     arrays: dict[str, np.ndarray],
     pictures: dict[str, bpy.types.Image],
 ) -> bpy.types.Object:
-    """Return thing `number` of the scene, with its normals and material and its ray-visibility flags set."""
+    """Add thing `number` to the scene, with its normals and material and its ray-visibility flags set."""
     name = f"{number:04d}"
     vertices, faces = arrays[f"{number}_vertices"], arrays[f"{number}_faces"]
     mesh = bpy.data.meshes.new(name)
@@ -164,7 +164,7 @@ def pinhole(scene: bpy.types.Scene, about: dict[str, Any], turn: np.ndarray) -> 
 
 
 def probe(scene: bpy.types.Scene, about: dict[str, Any]) -> bpy.types.Object:
-    """Return a camera at (0, 0, `z`) that sees all directions, the panorama's +X in the middle."""
+    """Add a camera at (0, 0, `z`) that sees all directions, the panorama's +X in the middle."""
     scene.render.resolution_x, scene.render.resolution_y = 2 * about["height"], about["height"]
     data = bpy.data.cameras.new("probe")
     data.type, data.panorama_type = "PANO", "EQUIRECTANGULAR"
