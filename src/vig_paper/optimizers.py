@@ -8,6 +8,7 @@ knows no curvature yet has a sensible length.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
@@ -17,7 +18,7 @@ import scipy  # which loads `optimize` where that is first used
 from vig.search.optimizer import Budget, Descent, Problem
 
 
-class _OneByOne:
+class _OneByOne(ABC):
     """An `Optimizer` that runs one search after the other."""
 
     per_step: ClassVar[int] = 20
@@ -44,9 +45,9 @@ class _OneByOne:
             np.array([search.converged for search in searches]),
         )
 
+    @abstractmethod
     def run(self, search: _Search) -> None:
         """Run one search."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True)

@@ -54,11 +54,11 @@ class ReproductionSettings:
     ablation_images: int | None = None
     """Rasterised test photos that are fitted with each part of the method switched off."""
     seed: int = 0
-    """Of the data and the training."""
+    """Seed of the data and the training."""
     net: Network = "vig"
     """The recognition model: vig's one network, or the paper's four."""
     objects: Objects = "designs"
-    """What test and validation photos show: `model`, shapes drawn from the shape model as in the paper; or
+    """Shapes of test and validation photos: `model`, shapes drawn from the shape model as in the paper; or
     `designs`, which the model was not made of. Training photos show the model's."""
     methods: tuple[Method, ...] = METHODS
     """Methods to compare."""

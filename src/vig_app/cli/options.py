@@ -59,7 +59,7 @@ class VideoOptions:
 
 @dataclass(frozen=True)
 class PlaceOptions:
-    """Where objects are, and what they are."""
+    """Places and classes of the objects."""
 
     box: str | None = None
     """x,y,w,h in pixels: a box round the whole object, hidden parts included; with several photos, the same
@@ -83,7 +83,7 @@ class PlaceOptions:
 
 @dataclass(frozen=True)
 class HintOptions:
-    """What is known of one object."""
+    """Knowledge about one object."""
 
     mask: Path | None = None
     """A mask of where the object is seen, of the photo's size: white there, black elsewhere; or a folder with
@@ -107,7 +107,7 @@ class HintOptions:
 
 @dataclass(frozen=True)
 class RunOptions:
-    """What is written and printed, and by how many processes."""
+    """Output files, printed lines and number of processes."""
 
     out: Path = Path("vig-fit")
     """Folder for the results, one folder per photo."""

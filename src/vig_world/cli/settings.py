@@ -73,9 +73,9 @@ class Groups:
     classes: tuple[str, ...] = ("teapot", "mug")
     """Packaged classes or folders of class packs; each object is of one of them."""
     width: int = 480
-    """Pixels of the photos."""
+    """Width of the photos, pixels."""
     height: int = 360
-    """Likewise."""
+    """Height of the photos, pixels."""
     json: bool = False
     """Print one JSON object at the end."""
 
