@@ -319,24 +319,6 @@ nb::tuple search_function(nb::callable function, Input<R> starts, Input<R> lower
                          [&](Workspace<R>&) { return call; });
 }
 
-template <class R>
-nb::tuple damped_steps(Input<R> points, Input<R> gradient, Input<R> normal, Input<R> damping, Input<R> lower,
-                       Input<R> upper) {
-    check_shape("points", points, {-1, -1});
-    const size_t count = points.shape(0), n = points.shape(1);
-    check_shape("gradient", gradient, {(int64_t)count, (int64_t)n});
-    check_shape("normal", normal, {(int64_t)count, (int64_t)n, (int64_t)n});
-    check_shape("damping", damping, {(int64_t)count});
-    check_shape("lower", lower, {(int64_t)n});
-    check_shape("upper", upper, {(int64_t)n});
-    const auto step = make<R>({count, n});
-    const auto gain = make<double>({count});
-    for (size_t s = 0; s < count; ++s)
-        gain.data()[s] = damped_step((int)n, points.data() + s * n, gradient.data() + s * n, normal.data() + s * n * n,
-                                     damping.data()[s], lower.data(), upper.data(), step.data() + s * n);
-    return nb::make_tuple(step, gain);
-}
-
 // Draw one mesh of points (V, 3) before a camera at the origin: face (H, W), weights of its corners (H, W, 3) and depth
 // (H, W), -1, 0 and infinity where nothing is seen. Faces nearer than `near` to the camera's plane are not drawn.
 template <class R>
@@ -435,7 +417,6 @@ template <class R> void bind(nb::module_& m, const char* geometry, const char* p
     m.def("search_function", &search_function<R>, "function"_a, "starts"_a, "lower"_a, "upper"_a, "iterations"_a,
           "tolerance"_a, "damping"_a, "give_up"_a);
     m.def("rasterize", &rasterize<R>, "points"_a, "faces"_a, "camera"_a, "near"_a, "cull"_a);
-    m.def("damped_steps", &damped_steps<R>);
 }
 
 }  // namespace

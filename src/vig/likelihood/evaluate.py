@@ -11,6 +11,7 @@ from vig.likelihood.densities import DEFAULT_DENSITY, density_of
 from vig.likelihood.geometry import Geometry
 from vig.parallel.threads import thread_count
 from vig.scene import Camera, Latents, latent_layout
+from vig.search.optimizer import Evaluation
 from vig_native import engine
 
 CURVATURE_LINES = 75
@@ -61,27 +62,6 @@ class Photos:
                 f"photos must be linear RGB in [0, 1]; got a maximum of {most:g}."
                 " Are these 8-bit values? Decode them first."
             )
-
-
-@dataclass(frozen=True)
-class Evaluation:
-    """Eq. 4 at B points of P' numbers each: latents, then framing. Results not requested are None.
-
-    Attributes:
-        value: (B,) log-likelihood in nats, float64.
-        gradient: (B, P') its derivative.
-        normal: (B, P', P') its negative Gauss-Newton Hessian.
-        posterior: (B, H, W) of a covered pixel being visible.
-        coverage: (B, H, W) of the silhouette, in [0, 1].
-        irradiance: (B, H, W); the rendered colour is albedo times this.
-    """
-
-    value: np.ndarray
-    gradient: np.ndarray | None
-    normal: np.ndarray | None
-    posterior: np.ndarray | None
-    coverage: np.ndarray | None
-    irradiance: np.ndarray | None
 
 
 class Likelihood:

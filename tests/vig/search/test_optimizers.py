@@ -9,11 +9,18 @@ import pytest
 
 from vig.inference import Objective
 from vig.scene import Latents, ObjectClass
-from vig.search.annealing import Annealed
 from vig.search.levenberg_marquardt import LevenbergMarquardt
-from vig.search.optimizer import Budget
+from vig.search.optimizer import Budget, Descent
 
 SIGMA = 0.03
+
+
+def descend(objective: Objective, points: np.ndarray, photo: np.ndarray) -> Descent:
+    """Descents at falling noise, as the stages of a fit: a wide basin is searched before a narrow one."""
+    for multiple in (4.0, 2.0, 1.0):
+        end = LevenbergMarquardt()(objective, points, photo, SIGMA * multiple, Budget(30))
+        points = end.points
+    return end
 
 
 def start_near(studio, rng: np.random.Generator, truth: Latents) -> Latents:
@@ -36,7 +43,7 @@ def test_the_best_of_several_descents_finds_occluded_teapots(studio, teapot: Obj
         objective = Objective(studio.likelihood(studio.photo(rng, truth, noise=0.01)), teapot)
         eight = truth[np.zeros(8, np.int64)]
         starts = objective.point(start_near(studio, rng, eight))
-        end = Annealed(LevenbergMarquardt())(objective, starts, studio.whose(8)[0], SIGMA, Budget(90))
+        end = descend(objective, starts, studio.whose(8)[0])
         best = int(end.value.argmax())
         found = objective.latents(end.points[best : best + 1])
         azimuth = (found.azimuth - truth.azimuth + math.pi) % (2 * math.pi) - math.pi
@@ -58,7 +65,7 @@ def test_a_free_framing_finds_shifts_of_two_pixels(studio, teapot: ObjectClass) 
         objective = Objective(studio.likelihood(shown), teapot, free_framing=True)
         start = objective.point(start_near(studio, rng, truth))
         assert not objective.framing(start).any()
-        end = Annealed(LevenbergMarquardt())(objective, start, studio.whose(1)[0], SIGMA, Budget(90))
+        end = descend(objective, start, studio.whose(1)[0])
         found.append(objective.framing(end.points)[0, :2] * 150)
     # Upright shifts trade against elevation, height and magnification, all a priori likely.
     across, down = np.median(found, axis=0)
