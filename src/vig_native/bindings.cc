@@ -190,26 +190,6 @@ nb::tuple evaluate_points(const Geometry<R>& geometry, const Photos<R>& photos, 
     return nb::make_tuple(value, gradient, normal, posterior, coverage, irradiance);
 }
 
-// Results of the stages of one evaluation of a point (P',), for tests against their references.
-template <class R>
-nb::dict stages(const Geometry<R>& geometry, const Photos<R>& photos, Input<R> point, double sigma) {
-    const size_t vertices = geometry.vertices, width = geometry.width;
-    check_shape("point", point, {geometry.layout.size});
-    if (!photos.count)
-        throw std::invalid_argument("there must be a photo; got none");
-    Workspace<R> work;
-    std::vector<R> gradient(point.size()), normal(point.size() * point.size());
-    evaluate(geometry, photos, work, point.data(), 0, sigma, 2, true, gradient.data(), normal.data());
-    nb::dict out;
-    out["face"] = make_copy(work.visible.face, {(size_t)photos.camera.height, (size_t)photos.camera.width});
-    out["points"] = make_copy(work.points, {vertices, 4});
-    out["used"] = make_copy(work.used, {vertices});
-    out["normals"] = make_copy(work.normals, {vertices, 4});
-    out["shape_rows"] = make_copy(work.shape_rows, {vertices, width});
-    out["rest_rows"] = make_copy(work.rest_rows, {vertices, (size_t)REST});
-    return out;
-}
-
 template <class R>
 Prior<R> make_prior(Input<R> mean, Input<R> precision, Input<R> heading_mean, Input<R> heading_precision,
                     Input<R> azimuths, double azimuth_precision, double fold, int azimuth, int light) {
@@ -410,7 +390,6 @@ template <class R> void bind(nb::module_& m, const char* geometry, const char* p
     m.def("prior", &make_prior<R>);
     m.def("evaluate", &evaluate_points<R>, "geometry"_a, "photos"_a, "points"_a, "photo"_a, "sigma"_a, "order"_a,
           "images"_a, "threads"_a);
-    m.def("stages", &stages<R>);
     m.def("search", &search_photo<R>, "geometry"_a, "photos"_a, "prior"_a, "photo"_a, "sigma"_a, "starts"_a, "lower"_a,
           "upper"_a, "iterations"_a, "tolerance"_a, "damping"_a, "give_up"_a, "curvature"_a,
           "threads"_a);

@@ -10,7 +10,7 @@ import numpy as np
 from vig.likelihood.densities import DEFAULT_DENSITY, density_of
 from vig.likelihood.geometry import Geometry
 from vig.parallel.threads import thread_count
-from vig.scene import Camera, Latents, latent_layout
+from vig.scene import Camera
 from vig.search.optimizer import Evaluation
 from vig_native import engine
 
@@ -101,8 +101,6 @@ class Likelihood:
             raise ValueError(f"photos of {size} do not fit a camera of {(camera.height, camera.width)}")
         self.geometry, self.camera, self.silhouette, self.stride = geometry, camera, silhouette, stride
         self.layout, self.density = geometry.layout, density
-        names = [block.name for block in latent_layout(self.layout.count("shape")).blocks]
-        self._columns = self.layout.indices(*names, "framing")
         shape = len(photos.linear), camera.height * camera.width, 3
         self.observed = np.ascontiguousarray(photos.linear, geometry.dtype).reshape(shape)
         self.log_prior = np.ascontiguousarray(photos.log_prior, geometry.dtype).reshape(shape)
@@ -118,25 +116,6 @@ class Likelihood:
         )
         """The same photos for the native library."""
 
-    def __call__(
-        self,
-        latents: Latents,
-        framing: np.ndarray,
-        photo: np.ndarray,
-        sigma: np.ndarray,
-        derivatives: bool = True,
-        images: bool = True,
-        curvature: bool = True,
-    ) -> Evaluation:
-        """Evaluate B guesses; photo (B,) int is the photo of each, sigma (B,) its noise.
-
-        Numbers of further blocks of the layout are 0.
-        """
-        numbers = np.concatenate([latents.to_vector(), framing], axis=1)
-        points = np.zeros((len(numbers), self.layout.size), numbers.dtype)
-        points[:, self._columns] = numbers
-        return self.at(points, photo, sigma, derivatives, images, curvature)
-
     def at(
         self,
         points: np.ndarray,
@@ -146,7 +125,7 @@ class Likelihood:
         images: bool = False,
         curvature: bool = True,
     ) -> Evaluation:
-        """Evaluate points (B, P'), latents followed by framing; otherwise like `__call__`.
+        """Evaluate points (B, P'), latents then framing, of photos (B,) int under noise sigma (B,).
 
         Without curvature there is a gradient but no normal matrix, for searches of first order.
 

@@ -29,7 +29,6 @@ _PRIMARIES = {
     11: (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.314, 0.351),
     12: (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, *D65),
 } | dict.fromkeys((1, 2, 5, 6, 7, 22), REC709)
-ADOBE_RGB = (0.64, 0.33, 0.21, 0.71, 0.15, 0.06, *D65)
 PQ = 16
 """Number of the perceptual quantiser among transfer characteristics (ITU-T H.273)."""
 HLG = 18
@@ -40,8 +39,6 @@ WHITE_POINT = 318
 PRIMARIES = 319
 SDR_WHITE = 203.0
 """cd/m2 of diffuse white in HDR pictures (ITU-R BT.2408), which becomes 1."""
-PEAK_QUANTILE = 0.999
-"""Quantile of a picture's pixels above which they are clipped: few highlights must not darken the rest."""
 _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 Profile = ImageCms.ImageCmsProfile
 Curve = Callable[[np.ndarray], np.ndarray]
@@ -170,7 +167,8 @@ def coded_encoding(primaries: int, transfer: int) -> Encoding | None:
 
 def peak_of(light: np.ndarray) -> float:
     """Return the light (..., C) that is mapped to white: nearly the brightest, at least 1."""
-    return max(1.0, float(np.quantile(light.max(-1), PEAK_QUANTILE)))
+    # 0.999: quantile of pixels above which they are clipped: few highlights must not darken the rest
+    return max(1.0, float(np.quantile(light.max(-1), 0.999)))
 
 
 def tone_mapped(light: np.ndarray, peak: float) -> np.ndarray:
@@ -228,7 +226,7 @@ def encoding_of(image: Image.Image, stated: Codes | bytes | None) -> Encoding | 
     elif PRIMARIES in tags and WHITE_POINT in tags:
         chromaticities = tuple(float(value) for value in (*tags[PRIMARIES], *tags[WHITE_POINT]))
     elif _is_adobe_rgb(image):
-        curve, chromaticities = gamma(563 / 256), ADOBE_RGB
+        curve, chromaticities = gamma(563 / 256), (0.64, 0.33, 0.21, 0.71, 0.15, 0.06, *D65)
     try:
         like_srgb = grey or np.abs(rec709_from(chromaticities) - np.eye(3)).max() < 0.01
     except ValueError:  # no colour space: left aside, as readers of PNG do

@@ -35,7 +35,7 @@ def test_kernels_compute_the_reference_and_its_gradient(name: str, studio: Any) 
     likelihood = Likelihood(studio.geometry, studio.camera, Photos(photo, log_prior[None]), density=name)
     guess = studio.near(rng, latents)
     whose = studio.whose(1, SIGMA)
-    seen = likelihood(guess, np.zeros((1, 4)), *whose)
+    seen = likelihood.at(points_of(guess), *whose, images=True)
     inside = seen.coverage[0] == 1
     rendered = seen.irradiance[0, ..., None] * guess.albedo[0]
     _, visible = mixture(photo[0], rendered, log_prior, SIGMA, name)
