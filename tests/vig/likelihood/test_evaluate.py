@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from tests.support import assert_close, points_of
-from tests.vig.likelihood.mixture import mixture
 from vig.likelihood import Geometry, Likelihood, Photos
 from vig.recognition.network import latents_of, mirrored
 from vig.scene import EXPOSURE_L00, Latents
@@ -22,23 +21,6 @@ def covered_centres(studio, latents: Latents, factor: int = 1) -> np.ndarray:
     vertices = model.vertices(latents.shape)[0]
     camera = studio.camera.scaled(factor)
     return rasterize(vertices, model.faces, rotation[0], translation[0], camera).face >= 0
-
-
-def test_with_the_papers_silhouette_the_value_is_eq_4_summed_plainly(studio) -> None:
-    rng = np.random.default_rng(0)
-    latents = studio.latents(rng)
-    photo = studio.photo(rng, studio.near(rng, latents))
-    log_prior = np.log(rng.dirichlet((5, 2, 3), (1, studio.camera.height, studio.camera.width)))
-    likelihood = Likelihood(studio.geometry, studio.camera, Photos(photo, log_prior), "paper")
-    found = likelihood.at(points_of(latents), *studio.whose(1), images=True)
-    inside = covered_centres(studio, latents)
-    rendered = latents.albedo * found.irradiance[0, inside][:, None]
-    value, posterior = mixture(photo[0, inside], rendered, log_prior[0, inside], studio.pixels.sigma)
-    expected = value.sum() + log_prior[0, ~inside][:, 2].sum()
-    assert found.value == pytest.approx(expected, rel=1e-10)
-    assert_close(found.posterior[0, inside], posterior)
-    assert not found.posterior[0, ~inside].any() and not found.irradiance[0, ~inside].any()
-    assert_close(found.coverage[0], inside.astype(np.float64))
 
 
 def test_coverage_is_the_area_of_the_silhouette(studio) -> None:

@@ -38,6 +38,8 @@ def density_of(shape: tuple[int, ...]) -> np.ndarray:
         (lambda: photos(prior=np.zeros((1, 4, 5, 3))), "log_prior must be"),
         (lambda: photos(prior=np.full((1, 4, 4, 3), NAN)), "log_prior must be finite"),
         (lambda: photos(NAN), "NaN or infinity"),
+        (lambda: photos(-1.5), "minimum of -1.5"),
+        (lambda: Photos(*np.zeros((2, 1, 4, 4, 3), np.uint8)), "floating-point linear RGB; got uint8"),
         (lambda: photos(214.0), "maximum of 214. Are these 8-bit"),
         *(
             (lambda setting=setting: SpatialMask(**setting), "must be")
