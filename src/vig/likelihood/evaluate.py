@@ -131,18 +131,20 @@ class Likelihood:
 
         Points are shared out to `vig.parallel.thread_count` threads.
         """
-        arrays = (
-            np.ascontiguousarray(points, self.geometry.dtype),
-            np.asarray(photo),
-            np.ascontiguousarray(sigma, np.float64),
-        )
-        self._check(*arrays)
+        photo, points = np.asarray(photo), np.ascontiguousarray(points, self.geometry.dtype)
+        sigma = np.ascontiguousarray(sigma, np.float64)
+        if not np.isfinite(points).all():
+            raise ValueError("points must be finite; got NaN or infinity")
+        if photo.dtype.kind not in "iu":
+            raise ValueError(f"photo must be whole numbers, indices of photos; got {photo.dtype}")
+        if len(sigma) and not (sigma.min() > 0 and sigma.max() < math.inf):
+            raise ValueError(f"sigma must be positive deviations in linear RGB; got {sigma.tolist()}")
         value, *results = engine.evaluate(
             self.geometry.native,
             self.native,
-            arrays[0],
-            np.ascontiguousarray(arrays[1], np.int32),
-            arrays[2],
+            points,
+            np.ascontiguousarray(photo, np.int32),
+            sigma,
             int(derivatives) + int(derivatives and curvature),
             images,
             thread_count(),
@@ -150,31 +152,3 @@ class Likelihood:
         wanted = derivatives, derivatives and curvature, images, images, images
         asked = (each if want else None for each, want in zip(results, wanted, strict=True))
         return Evaluation(value, *asked)
-
-    def _check(self, points: np.ndarray, photo: np.ndarray, sigma: np.ndarray) -> None:
-        """Raise ValueError for input that native code does not check: out-of-range indices, NaN."""
-        size, count = self.layout.size, len(points)
-        if points.ndim != 2 or points.shape[1] != size:
-            raise ValueError(f"points must be (B, {size}), latents and framing; got {points.shape}")
-        if not np.isfinite(points).all():
-            row, column = np.argwhere(~np.isfinite(points))[0]
-            raise ValueError(
-                f"points must be finite; got {points[row, column]} in column {column} of point {row}"
-            )
-        if photo.shape != (count,) or sigma.shape != (count,):
-            raise ValueError(
-                f"photo and sigma must be ({count},) like the points; got {photo.shape} and {sigma.shape}"
-            )
-        if photo.dtype.kind not in "iu":
-            raise ValueError(f"photo must be whole numbers, indices of photos; got {photo.dtype}")
-        if not count:
-            return
-        if photo.min() < 0 or photo.max() >= len(self.observed):
-            raise ValueError(
-                f"photo must be indices of the {len(self.observed)} photos;"
-                f" got {photo.min()} to {photo.max()}"
-            )
-        if not (sigma.min() > 0 and sigma.max() < math.inf):
-            raise ValueError(
-                f"sigma must be positive standard deviations in linear RGB; got {sigma.tolist()}"
-            )

@@ -65,14 +65,14 @@ def test_what_does_not_fit_the_class_or_the_camera(studio, teapot) -> None:
 @pytest.mark.parametrize(
     ("changed", "why"),
     [
-        ({"photo": np.array([1])}, "photo must be indices of the 1 photos; got 1 to 1"),
-        ({"photo": np.array([-1])}, "got -1 to -1"),
+        ({"photo": np.array([1])}, "photo must be from 0 to 0; they are from 1 to 1"),
+        ({"photo": np.array([-1])}, "they are from -1 to -1"),
         ({"photo": np.array([0.5])}, "whole numbers, indices of photos; got float64"),
-        ({"photo": np.zeros(2, int)}, r"must be \(1,\) like the points; got \(2,\) and \(1,\)"),
+        ({"photo": np.zeros(2, int)}, r"photo must be \(1\); got \(2\)"),
         ({"sigma": np.zeros(1)}, "sigma must be positive"),
         ({"sigma": np.full(1, NAN)}, "sigma must be positive"),
-        ({"points": np.zeros((1, 1))}, rf"points must be \(B, {POINT.size}\)"),
-        ({"points": np.eye(1, POINT.size, 3) * NAN}, "points must be finite; got nan in column 0 of point 0"),
+        ({"points": np.zeros((1, 1))}, rf"points must be \(any, {POINT.size}\); got \(1, 1\)"),
+        ({"points": np.eye(1, POINT.size, 3) * NAN}, "points must be finite; got NaN"),
     ],
 )
 def test_points_photos_and_noise_that_are_none(studio, changed: dict[str, np.ndarray], why: str) -> None:
