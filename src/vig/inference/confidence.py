@@ -21,7 +21,7 @@ from vig.inference.objective import Objective
 from vig.inference.refinement import DISTINCT_AZIMUTH, Selection
 from vig.inference.settings import UNIFORM_TURN, ExplainSettings, Fit, OtherView, Verdict
 from vig.likelihood import PixelModel, spatial_posterior
-from vig.likelihood.densities import DEFAULT_DENSITY
+from vig.likelihood.pixel import DEFAULT_DENSITY
 from vig.recognition import Prediction
 from vig.scene import Latents, latent_layout
 from vig.scene.functions import log_odds

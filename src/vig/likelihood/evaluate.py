@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vig.likelihood.densities import DEFAULT_DENSITY, density_of
 from vig.likelihood.geometry import Geometry
+from vig.likelihood.pixel import DEFAULT_DENSITY, DENSITIES
 from vig.parallel.threads import thread_count
 from vig.scene import Camera
 from vig.search.optimizer import Evaluation
@@ -75,7 +75,7 @@ class Likelihood:
             evaluation as the authors' gradient does.
         stride: Every stride-th pixel of every stride-th line stands for its square in the normal matrix, by
             default as many as make about 75 x 75 of any image; value and gradient always take every pixel.
-        density: Noise density of visible pixels, see `vig.likelihood.densities`.
+        density: Noise density of visible pixels, one of `DENSITIES`.
 
     Attributes:
         layout: The blocks of a point, latents then framing.
@@ -111,8 +111,7 @@ class Likelihood:
             self.log_prior,
             stride,
             silhouette == "exact",
-            engine.DENSITIES.index(density),
-            density_of(density).LOG_UNIT,
+            DENSITIES.index(density),
         )
         """The same photos for the native library."""
 

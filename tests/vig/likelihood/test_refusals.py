@@ -10,8 +10,15 @@ import numpy as np
 import pytest
 
 from tests.support import POINT
-from vig.likelihood import Geometry, Likelihood, Photos, PixelModel, SpatialMask, log_colour_density
-from vig.likelihood.densities import NAMES
+from vig.likelihood import (
+    DENSITIES,
+    Geometry,
+    Likelihood,
+    Photos,
+    PixelModel,
+    SpatialMask,
+    log_colour_density,
+)
 
 NAN = math.nan
 PHOTO = np.full((1, 150, 150, 3), 0.5)
@@ -30,7 +37,7 @@ def density_of(shape: tuple[int, ...]) -> np.ndarray:
     [
         (
             lambda: PixelModel(0.03, 0.9, density="cauchy"),
-            f"must be one of {', '.join(NAMES)}; got 'cauchy'",
+            f"must be one of {', '.join(DENSITIES)}; got 'cauchy'",
         ),
         *((lambda s=s: PixelModel(s, 0.9), "sigma must be a positive standard dev") for s in (0.0, -1, NAN)),
         *((lambda a=a: PixelModel(0.03, a), r"alpha .* probability in \(0, 1\]") for a in (0.0, 1.1, NAN)),
