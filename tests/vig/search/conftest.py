@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from tests.support import points_of
 from vig.inference import Objective
 from vig.likelihood import Likelihood, Photos, PixelModel
 from vig.likelihood.geometry import Geometry
@@ -267,11 +268,11 @@ class Zoo:
             return Likelihood(self.geometry, camera, Photos(photos, PAPERS.log_prior(50, 50)[None]))
 
         none, one = np.zeros(1, np.int32), np.full(1, PAPERS.sigma)
-        blank, framing = np.zeros((1, 50, 50, 3)), np.zeros((1, 4))
-        shown = likelihood(blank)(truth, framing, none, one, derivatives=False)
+        blank = np.zeros((1, 50, 50, 3))
+        seen = likelihood(blank).at(points_of(truth), none, one, derivatives=False, images=True)
         cells = np.kron(rng.uniform(0.1, 0.9, (10, 10, 3)), np.ones((5, 5, 1)))
-        colour = shown.irradiance[..., None] * truth.albedo
-        photo = np.where(shown.coverage[..., None] > 0.5, colour, cells)
+        colour = seen.irradiance[..., None] * truth.albedo
+        photo = np.where(seen.coverage[..., None] > 0.5, colour, cells)
         photo[:, 15:40, 10:22] = cells[::-1][15:40, 10:22]
         photo = (photo + rng.normal(0, 0.01, photo.shape)).clip(0, 1)
         objective = Objective(likelihood(photo), self.teapot)
