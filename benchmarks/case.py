@@ -147,7 +147,9 @@ class Ours:
         height, width = case.photo.shape[:2]
         photos = Photos(case.photo[None], ROBUST.log_prior(height, width)[None])
         self.case, self.likelihood = case, Likelihood(Geometry(case.model), case.camera, photos)
-        self._rest = (np.zeros((1, 4)), np.zeros(1, np.int32), np.array([ROBUST.sigma]))
+        latents = latent_layout(case.model.modes).blocks
+        self._places = self.likelihood.layout.indices(*(block.name for block in latents))
+        self._rest = np.zeros(1, np.int32), np.array([ROBUST.sigma])
 
     def forward(self, index: int) -> Evaluation:
         """The objective at a guess."""
@@ -169,11 +171,14 @@ class Ours:
 
     def images(self) -> Evaluation:
         """The first guess with its posterior, coverage and irradiance."""
-        return self.likelihood(self.case.guesses[0], *self._rest, derivatives=False)
+        return self._evaluate(0, derivatives=False, images=True)
 
-    def _evaluate(self, index: int, derivatives: bool, curvature: bool = True) -> Evaluation:
-        guess = self.case.guesses[index % len(self.case.guesses)]
-        return self.likelihood(guess, *self._rest, derivatives=derivatives, images=False, curvature=curvature)
+    def _evaluate(
+        self, index: int, derivatives: bool, curvature: bool = True, images: bool = False
+    ) -> Evaluation:
+        point = np.zeros((1, self.likelihood.layout.size))
+        point[:, self._places] = self.case.guesses[index % len(self.case.guesses)].to_vector()
+        return self.likelihood.at(point, *self._rest, derivatives, images, curvature)
 
 
 class Rendered:

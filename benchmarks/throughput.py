@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.measuring import metric, timed
-from vig.inference import ExplainSettings, Fit, FitSettings, Objective, explain, geometry_of, resolve
+from vig.inference import ExplainSettings, Fit, Objective, explain, geometry_of, resolve
 from vig.inference.posterior import pixel_prior
 from vig.likelihood import Likelihood, Photos
 from vig.parallel import set_thread_count, thread_count
@@ -27,7 +27,7 @@ LARGE_BATCH = 64
 ENOUGH_ITERATIONS = 200
 
 
-def descent_budget(settings: FitSettings) -> Budget:
+def descent_budget(settings: ExplainSettings) -> Budget:
     """A descent from one start ends by the last stage's tolerance: iterations enough to converge."""
     return Budget(ENOUGH_ITERATIONS, settings.stages[-1].tolerance)
 

@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from tests.support import TEAPOT
+from tests.support import TEAPOT, points_of
 from vig.likelihood import Likelihood, Photos, PixelModel
 from vig.likelihood.geometry import Geometry
 from vig.parallel import set_thread_count
@@ -70,7 +70,9 @@ class Studio:
         count = len(latents)
         blank = np.zeros((1, self.camera.height, self.camera.width, 3))
         framing = np.zeros((count, 4)) if framing is None else framing
-        seen = self.likelihood(blank)(latents, framing, *self.whose(count), derivatives=False)
+        seen = self.likelihood(blank).at(
+            points_of(latents, framing), *self.whose(count), derivatives=False, images=True
+        )
         colour = seen.irradiance[..., None] * latents.albedo[:, None, None, :]
         return seen.irradiance, seen.coverage, colour
 

@@ -29,7 +29,7 @@ from vig.likelihood.spatial import SpatialMask
 from vig.scene import latent_layout
 from vig.scene.latents import FRAMING
 from vig.scene.object_class import PACKAGED
-from vig.search import Annealed, Budget, LevenbergMarquardt
+from vig.search import Budget, LevenbergMarquardt
 from vig_app.cli.common import verbs_of_packages
 from vig_app.cli.main import VERBS
 from vig_app.cli.main import _parsed as parsed
@@ -196,7 +196,7 @@ SETTINGS: dict[str, Any] = {
 } | {
     kind.__name__: kind
     for kind in (
-        ExplainSettings, SpatialMask, LevenbergMarquardt, Annealed, Budget, Dogleg, LBFGS, BFGS,
+        ExplainSettings, SpatialMask, LevenbergMarquardt, Budget, Dogleg, LBFGS, BFGS,
         ConjugateGradient, GradientDescent, TrainingSettings, Drawing, StudioSettings,
     )
 }  # fmt: skip

@@ -31,8 +31,10 @@ Matrix3 = Annotated[list[Three], Meta(min_length=3, max_length=3)]
 Matrix4 = Annotated[list[Four], Meta(min_length=4, max_length=4)]
 Matrix6 = Annotated[list[Six], Meta(min_length=6, max_length=6)]
 Albedo = Annotated[Three, Meta(description="linear RGB")]
-Azimuth = Annotated[float, Meta(ge=0, le=360, description="degrees, of the eye; 0 on -Y, counter-clockwise")]
-Elevation = Annotated[float, Meta(ge=-90, le=90, description="degrees, of the eye above the horizon")]
+Azimuth = Annotated[
+    float, Meta(ge=0, le=360, description="degrees, of the camera; 0 on -Y, counter-clockwise")
+]
+Elevation = Annotated[float, Meta(ge=-90, le=90, description="degrees, of the camera above the horizon")]
 Roll = Annotated[float, Meta(description="degrees, by which the photo is turned clockwise")]
 Light = Annotated[Nine, Meta(description="spherical harmonics of incident radiance, world frame")]
 Pose = Annotated[Matrix4, Meta(description="camera_from_object, metres; OpenCV: x right, y down, z forward")]

@@ -20,10 +20,6 @@ void bind_world(nb::module_& m);
 
 namespace {
 
-#define VIG_COUNT(NAME) +1
-constexpr int DENSITY_COUNT = 0 VIG_DENSITIES(VIG_COUNT);
-#undef VIG_COUNT
-
 // Take links (8, H, W) that leave the image, or join pixels that are not both free, and keep sums of the others in range.
 void close_links(int height, int width, const bool* free, int32_t* links) {
     constexpr int across[8] = {1, -1, 0, 0, 1, -1, -1, 1}, down[8] = {0, 0, 1, -1, 1, -1, 1, -1};
@@ -119,13 +115,18 @@ Geometry<R> make_geometry(std::vector<int> layout, Input<R> positions, Input<int
 
 template <class R>
 Photos<R> make_photos(std::tuple<double, double, double, double, double, int, int> camera, Input<R> observed,
-                      Input<R> log_prior, int stride, bool exact, int density, double log_unit) {
+                      Input<R> log_prior, int stride, bool exact, int density) {
     Photos<R> p;
     const auto [focal, cx, cy, target_height, distance, width, height] = camera;
     p.camera = {focal, cx, cy, target_height, distance, width, height};
     if (width < 1 || height < 1 || stride < 1 || (int64_t)height * width > INT_MAX / 4)
         throw std::invalid_argument("width, height and stride must be 1 or more, and fit into memory");
-    if (density < 0 || density >= DENSITY_COUNT)
+    bool known = false;
+    with_density(density, [&](auto of) {
+        known = true;
+        p.log_unit = decltype(of)::LOG_UNIT;
+    });
+    if (!known)
         throw std::invalid_argument("density must be a place in DENSITIES; got " + std::to_string(density));
     check_shape("observed", observed, {-1, (int64_t)height * width, 3});
     check_shape("log_prior", log_prior, {(int64_t)observed.shape(0), (int64_t)height * width, 3});
@@ -133,7 +134,6 @@ Photos<R> make_photos(std::tuple<double, double, double, double, double, int, in
     p.stride = stride;
     p.exact = exact;
     p.density = density;
-    p.log_unit = log_unit;
     const size_t pixels = p.pixels();
     const auto by_channel = [&](const R* of, std::vector<R>& to) {
         to.assign(p.count * pixels * 3 + LANES, 0);
@@ -188,26 +188,6 @@ nb::tuple evaluate_points(const Geometry<R>& geometry, const Photos<R>& photos, 
         });
     }
     return nb::make_tuple(value, gradient, normal, posterior, coverage, irradiance);
-}
-
-// Results of the stages of one evaluation of a point (P',), for tests against their references.
-template <class R>
-nb::dict stages(const Geometry<R>& geometry, const Photos<R>& photos, Input<R> point, double sigma) {
-    const size_t vertices = geometry.vertices, width = geometry.width;
-    check_shape("point", point, {geometry.layout.size});
-    if (!photos.count)
-        throw std::invalid_argument("there must be a photo; got none");
-    Workspace<R> work;
-    std::vector<R> gradient(point.size()), normal(point.size() * point.size());
-    evaluate(geometry, photos, work, point.data(), 0, sigma, 2, true, gradient.data(), normal.data());
-    nb::dict out;
-    out["face"] = make_copy(work.visible.face, {(size_t)photos.camera.height, (size_t)photos.camera.width});
-    out["points"] = make_copy(work.points, {vertices, 4});
-    out["used"] = make_copy(work.used, {vertices});
-    out["normals"] = make_copy(work.normals, {vertices, 4});
-    out["shape_rows"] = make_copy(work.shape_rows, {vertices, width});
-    out["rest_rows"] = make_copy(work.rest_rows, {vertices, (size_t)REST});
-    return out;
 }
 
 template <class R>
@@ -319,24 +299,6 @@ nb::tuple search_function(nb::callable function, Input<R> starts, Input<R> lower
                          [&](Workspace<R>&) { return call; });
 }
 
-template <class R>
-nb::tuple damped_steps(Input<R> points, Input<R> gradient, Input<R> normal, Input<R> damping, Input<R> lower,
-                       Input<R> upper) {
-    check_shape("points", points, {-1, -1});
-    const size_t count = points.shape(0), n = points.shape(1);
-    check_shape("gradient", gradient, {(int64_t)count, (int64_t)n});
-    check_shape("normal", normal, {(int64_t)count, (int64_t)n, (int64_t)n});
-    check_shape("damping", damping, {(int64_t)count});
-    check_shape("lower", lower, {(int64_t)n});
-    check_shape("upper", upper, {(int64_t)n});
-    const auto step = make<R>({count, n});
-    const auto gain = make<double>({count});
-    for (size_t s = 0; s < count; ++s)
-        gain.data()[s] = damped_step((int)n, points.data() + s * n, gradient.data() + s * n, normal.data() + s * n * n,
-                                     damping.data()[s], lower.data(), upper.data(), step.data() + s * n);
-    return nb::make_tuple(step, gain);
-}
-
 // Draw one mesh of points (V, 3) before a camera at the origin: face (H, W), weights of its corners (H, W, 3) and depth
 // (H, W), -1, 0 and infinity where nothing is seen. Faces nearer than `near` to the camera's plane are not drawn.
 template <class R>
@@ -423,19 +385,16 @@ template <class R> void bind(nb::module_& m, const char* geometry, const char* p
         "points"_a, "value"_a.noconvert(), "gradient"_a.noconvert().none(), "normal"_a.noconvert().none());
     m.def("geometry", &make_geometry<R>, "layout"_a, "positions"_a, "faces"_a, "edges"_a, "ring_start"_a, "ring"_a,
           "reflectance"_a, "transfer"_a.none());
-    m.def("photos", &make_photos<R>, "camera"_a, "observed"_a, "log_prior"_a, "stride"_a, "exact"_a, "density"_a,
-          "log_unit"_a);
+    m.def("photos", &make_photos<R>, "camera"_a, "observed"_a, "log_prior"_a, "stride"_a, "exact"_a, "density"_a);
     m.def("prior", &make_prior<R>);
     m.def("evaluate", &evaluate_points<R>, "geometry"_a, "photos"_a, "points"_a, "photo"_a, "sigma"_a, "order"_a,
           "images"_a, "threads"_a);
-    m.def("stages", &stages<R>);
     m.def("search", &search_photo<R>, "geometry"_a, "photos"_a, "prior"_a, "photo"_a, "sigma"_a, "starts"_a, "lower"_a,
           "upper"_a, "iterations"_a, "tolerance"_a, "damping"_a, "give_up"_a, "curvature"_a,
           "threads"_a);
     m.def("search_function", &search_function<R>, "function"_a, "starts"_a, "lower"_a, "upper"_a, "iterations"_a,
           "tolerance"_a, "damping"_a, "give_up"_a);
     m.def("rasterize", &rasterize<R>, "points"_a, "faces"_a, "camera"_a, "near"_a, "cull"_a);
-    m.def("damped_steps", &damped_steps<R>);
 }
 
 }  // namespace
@@ -445,11 +404,11 @@ NB_MODULE(VIG_MODULE, m) {
     bind_world(m);
     bind<float>(m, "Geometry32", "Photos32", "Prior32");
     bind<double>(m, "Geometry64", "Photos64", "Prior64");
-    std::vector<std::string> names;
-#define VIG_NAME(NAME) names.push_back(#NAME);
+    nb::dict densities;  // names, in their order, and log normalisers
+#define VIG_NAME(NAME) densities[#NAME] = density::NAME::LOG_UNIT;
     VIG_DENSITIES(VIG_NAME)
 #undef VIG_NAME
-    m.attr("DENSITIES") = nb::cast(names);
+    m.attr("DENSITIES") = densities;
     bind_scenes(m);
     m.def("minimum_cut", [](Input<bool> free, Input<int32_t> alone, InOut<int32_t> links) {
         check_shape("free", free, {-1, -1, -1});

@@ -1,6 +1,8 @@
 // Eq. 3 at a pixel: the density of its noise, the log-likelihood of a covered pixel, the posterior of being visible.
 // A density is p(error) = exp(log_density(s)) / normaliser with s = |error|^2 / (2 sigma^2) over the three channels of
-// linear RGB; pull(s) = - d log_density / d s. Each is a header of its own in densities/.
+// linear RGB; pull(s) = - d log_density / d s, 1 for a Gaussian, less for one that forgives large errors: it weighs a pixel in the
+// gradient and in the Gauss-Newton matrix. LOG_UNIT is the log of the normaliser for sigma = 1; for another sigma 3 log sigma is
+// added. Each is a header of its own in densities/.
 #pragma once
 #include <limits>
 

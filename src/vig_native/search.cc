@@ -61,6 +61,11 @@ template <class R> double Prior<R>::add_to(const R* x, R* gradient, R* normal) c
     return -0.5 * double(total);
 }
 
+namespace {
+
+// The damped Gauss-Newton step (n,) within bounds, and the gain that the quadratic model promises. Numbers that would
+// pass a bound are held on it and the others solved again. damping: the multiple of the normal matrix's diagonal that is
+// added to it. Where the matrix is not positive a short scaled gradient step stands in.
 template <class R>
 double damped_step(int n, const R* x, const R* slope, const R* curved, R damping, const R* low, const R* high, R* step) {
     constexpr int ROUNDS = 3;  // how often a step is solved, numbers at a bound held
@@ -137,6 +142,8 @@ double damped_step(int n, const R* x, const R* slope, const R* curved, R damping
     return gain;
 }
 
+}  // namespace
+
 template <class R>
 SearchEnd search(int n, const Function<R>& function, const R* start, const R* lower, const R* upper,
                  const SearchSettings& settings, R* path, size_t path_stride, R* normal) {
@@ -194,8 +201,6 @@ SearchEnd search(int n, const Function<R>& function, const R* start, const R* lo
 }
 
 template struct Prior<VIG_REAL>;
-template double damped_step(int, const VIG_REAL*, const VIG_REAL*, const VIG_REAL*, VIG_REAL, const VIG_REAL*, const VIG_REAL*,
-                            VIG_REAL*);
 template SearchEnd search(int, const Function<VIG_REAL>&, const VIG_REAL*, const VIG_REAL*, const VIG_REAL*, const SearchSettings&,
                           VIG_REAL*, size_t, VIG_REAL*);
 

@@ -26,13 +26,6 @@ template <class R> struct Prior {
 using Worth = std::function<bool(double)>;
 template <class R> using Function = std::function<double(const R* point, R* gradient, R* normal, const Worth& worth)>;
 
-// The damped Gauss-Newton step (n,) within bounds, and the gain that the quadratic model promises. Numbers that would
-// pass a bound are held on it and the others solved again. damping: the multiple of the normal matrix's diagonal that is
-// added to it. Where the matrix is not positive a short scaled gradient step stands in.
-template <class R>
-double damped_step(int n, const R* point, const R* gradient, const R* normal, R damping, const R* lower, const R* upper,
-                   R* step);
-
 struct SearchSettings {
     int iterations;      // without any, starts are only valued
     double tolerance;    // nats: a search has converged when a step that was taken gains less

@@ -1,13 +1,24 @@
-"""Photos are explained, found, corrected, followed and exported without the packages of any extra."""
+"""Photos are explained, found, corrected, followed and exported without the packages of any extra; what needs
+one names it.
+"""
 
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
+import tomllib
+from importlib import import_module
 from pathlib import Path
 
+import pytest
+
+from vig.io.errors import UserError
 from vig_app.examples import FOLDER
+from vig_world.extras import optional_import
+
+EXTRAS_OF_CI = ("torch", "world", "heic", "video", "dev")
 
 PHOTO = str(FOLDER / "02_egg_cup.png")
 REFUSED = """
@@ -103,3 +114,43 @@ for statement in {IMPORTS!r}:
 """
     lines = run(code).stdout.splitlines()
     assert len(lines) == len(IMPORTS) and all("pip install 'vig[torch]'" in line for line in lines)
+
+
+def test_a_fit_loads_nothing_that_it_does_not_need() -> None:
+    """What `vig fit` imports is most of its time for one photo."""
+    unneeded = ["trimesh", "sympy", "matplotlib", "scipy.optimize", "scipy.ndimage", "scipy.spatial"]
+    found = run(
+        "import vig, vig_app.cli.fit\nfrom vig_app.cli.main import verbs_of_packages\nverbs_of_packages()\n"
+        "vig.Explainer('teapot')\n"
+        f"print([name for name in {unneeded!r} if name in sys.modules])\n"
+        "for name in {*vig.__all__} - {'render'}: getattr(vig, name)\n"
+        "import vig_app.cli.doctor, vig_app.cli.demo"
+    )
+    assert (found.stdout, found.stderr) == ("[]\n", "")
+
+
+def test_a_missing_package_is_one_line_with_its_extra() -> None:
+    with pytest.raises(UserError) as error, optional_import("world"):
+        import_module("vig_package_that_nobody_has")
+    assert str(error.value) == (
+        "expected the package vig_package_that_nobody_has; it is not installed. Run pip install 'vig[world]'."
+    )
+
+
+def test_the_lowest_versions_that_ci_installs_are_those_of_the_package() -> None:
+    root = Path(__file__).parents[2]
+    project = tomllib.loads((root / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    floors = dict(
+        found.groups()
+        for line in sum((extras[name] for name in EXTRAS_OF_CI), project["dependencies"])
+        if (found := re.fullmatch(r"([\w-]+)>=([\d.]+)", line))
+    )
+    pinned = dict(
+        line.split("==")
+        for line in (root / "constraints-lowest.txt").read_text().splitlines()
+        if not line.startswith("#")
+    )
+    assert floors.keys() == pinned.keys()
+    for name, floor in floors.items():
+        assert re.fullmatch(rf"{re.escape(floor)}(\.0)*", pinned[name]), name

@@ -17,7 +17,6 @@ import pytest
 
 import vig_native
 from vig.likelihood import Geometry
-from vig.likelihood.densities import density_of
 from vig.scene import ObjectClass
 from vig_native.processor import instruction_sets
 
@@ -51,7 +50,6 @@ def arguments(teapot: ObjectClass, real: type = np.float32) -> dict[str, dict[st
         "stride": 1,
         "exact": True,
         "density": 0,
-        "log_unit": density_of("gaussian").LOG_UNIT,
     }
     points = np.zeros((4, layout.size), real)
     points[:, layout["shape"]] = rng.normal(0, 0.5, (4, model.modes))

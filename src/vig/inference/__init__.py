@@ -4,13 +4,12 @@ from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration, calib
 from vig.inference.explain import explain, explain_one
 from vig.inference.families import family_of
 from vig.inference.hints import PixelLabel, PlaceTerm, WindowHints
-from vig.inference.objective import Objective, ObjectiveValue, RecognitionPrior
+from vig.inference.objective import Objective, RecognitionPrior
 from vig.inference.posterior import geometry_of, objective_of
 from vig.inference.refinement import ExpectedStart, starts
 from vig.inference.settings import (
     ExplainSettings,
     Fit,
-    FitSettings,
     OtherView,
     Stage,
     Verdict,
@@ -24,9 +23,7 @@ __all__ = [
     "ExplainSettings",
     "Fit",
     "FitCalibration",
-    "FitSettings",
     "Objective",
-    "ObjectiveValue",
     "OtherView",
     "PixelLabel",
     "PlaceTerm",

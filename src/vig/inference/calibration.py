@@ -20,7 +20,7 @@ import numpy as np
 from vig.io.checks import check_number, decode, read_json, reading
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
-from vig.likelihood.densities import DEFAULT_DENSITY
+from vig.likelihood.pixel import DEFAULT_DENSITY
 from vig.scene import ObjectClass, latent_layout
 from vig.scene.functions import sigmoid
 

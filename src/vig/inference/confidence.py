@@ -19,9 +19,9 @@ from vig.inference.calibration import (
 from vig.inference.hints import PixelLabel, WindowHints
 from vig.inference.objective import Objective
 from vig.inference.refinement import DISTINCT_AZIMUTH, Selection
-from vig.inference.settings import UNIFORM_TURN, Fit, FitSettings, OtherView, Verdict
+from vig.inference.settings import UNIFORM_TURN, ExplainSettings, Fit, OtherView, Verdict
 from vig.likelihood import PixelModel, spatial_posterior
-from vig.likelihood.densities import DEFAULT_DENSITY
+from vig.likelihood.pixel import DEFAULT_DENSITY
 from vig.recognition import Prediction
 from vig.scene import Latents, latent_layout
 from vig.scene.functions import log_odds
@@ -40,7 +40,7 @@ def assess(
     objective: Objective,
     selection: Selection,
     prediction: Prediction,
-    settings: FitSettings,
+    settings: ExplainSettings,
     calibration: FitCalibration | None,
     judge: Prediction | None = None,
     hints: WindowHints | None = None,
@@ -190,7 +190,7 @@ class _Shown:
 def _show(objective: Objective, point: np.ndarray, latents: Latents, model: PixelModel) -> _Shown:
     """Evaluate one point (1, P') under the masks' noise."""
     # 0.1: noise under which a pixel of the fit is taken as visible, as in the paper
-    evaluation = objective.of_one(point, 0.1, derivatives=False).evaluation
+    evaluation = objective.of_one(point, 0.1, derivatives=False)
     assert (
         evaluation.coverage is not None
         and evaluation.irradiance is not None
@@ -281,7 +281,7 @@ def _verdict(
     features: np.ndarray,
     calibration: FitCalibration | None,
     anything: bool,
-    settings: FitSettings,
+    settings: ExplainSettings,
 ) -> tuple[float, Verdict, str]:
     """Return confidence, verdict and its reason.
 

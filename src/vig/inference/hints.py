@@ -18,8 +18,6 @@ POINT_NOISE = 0.02
 """Standard deviation of a named point, in sides of the window, both of clicks and of the class's points."""
 POINT_WEIGHT = 100.0
 """Power of the points' Gaussian: evidence counts pixels as independent, which they are not."""
-BOX_NOISE = 0.02
-"""Standard deviation of the sides of a box drawn by hand, in sides of the window."""
 COARSE_NOISE = 0.08
 """Standard deviation of a point where views are compared before the shape is fitted."""
 LEAST_VIEW = 0.002
@@ -252,4 +250,5 @@ class BoxTerm(PlaceTerm):
         places = self.places(points)
         ends = [places.real.argmin(1), places.real.argmax(1)]
         sides = np.concatenate([np.take_along_axis(places, end[:, None], 1)[:, 0] for end in ends], axis=1)
-        return (sides - self.given) / BOX_NOISE * math.sqrt(POINT_WEIGHT)
+        # 0.02: standard deviation of the sides of a box drawn by hand, in sides of the window
+        return (sides - self.given) / 0.02 * math.sqrt(POINT_WEIGHT)

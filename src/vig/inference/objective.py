@@ -103,16 +103,6 @@ class Prior:
         self.native.add_to(np.ascontiguousarray(points, self.dtype), value, gradient, normal)
 
 
-@dataclass(frozen=True)
-class ObjectiveValue:
-    """The objective at B points: value (B,) float64, gradient (B, P'), normal (B, P', P') or None."""
-
-    value: np.ndarray
-    gradient: np.ndarray | None
-    normal: np.ndarray | None
-    evaluation: Evaluation
-
-
 class Objective:
     """log p(photo | z) + log p(z), to be maximised over points (B, P').
 
@@ -186,7 +176,7 @@ class Objective:
             return np.zeros((len(points), FRAMING.size), points.dtype)
         return points[:, self.layout["framing"]]
 
-    def of_one(self, point: np.ndarray, sigma: float, derivatives: bool = True) -> ObjectiveValue:
+    def of_one(self, point: np.ndarray, sigma: float, derivatives: bool = True) -> Evaluation:
         """Evaluate one point (1, P') of the first photo."""
         return self(point, np.zeros(1, np.int32), np.array([sigma]), derivatives)
 
@@ -221,7 +211,7 @@ class Objective:
 
     def __call__(
         self, points: np.ndarray, photo: np.ndarray, sigma: np.ndarray, derivatives: bool = True
-    ) -> ObjectiveValue:
+    ) -> Evaluation:
         """Evaluate points (B, P') of photos (B,) under noise sigma (B,), with images or derivatives."""
         points, photo, sigma = map(numpy_of_tensor, (points, photo, sigma))
         evaluation = self.likelihood.at(points, photo, sigma, derivatives, images=not derivatives)
@@ -232,4 +222,4 @@ class Objective:
                 value += term.value(points)
             else:
                 term.add_to(points, value, gradient, normal)
-        return ObjectiveValue(value, gradient, normal, evaluation)
+        return evaluation

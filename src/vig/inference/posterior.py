@@ -12,7 +12,7 @@ from vig.inference.families import shape_deviation
 from vig.inference.hints import WindowHints
 from vig.inference.objective import Objective, RecognitionPrior
 from vig.inference.refinement import AZIMUTH_SPREAD
-from vig.inference.settings import ExplainSettings, FitSettings, resolve
+from vig.inference.settings import ExplainSettings, resolve
 from vig.likelihood import NEVER, Geometry, Likelihood, Photos, log_colour_density
 from vig.recognition import Prediction
 from vig.recognition.prediction import START_STEP, round_to_grid
@@ -94,7 +94,7 @@ def objectives_of(
 
 
 def prior_of(
-    prediction: Prediction, settings: FitSettings, object_class: ObjectClass
+    prediction: Prediction, settings: ExplainSettings, object_class: ObjectClass
 ) -> RecognitionPrior | None:
     """Return one photo's predicted Gaussians as a factor of the prior; of azimuth one for each peak."""
     if settings.recognition_weight == 0:
@@ -127,7 +127,7 @@ def _pooled(image: np.ndarray, scale: float) -> np.ndarray:
 def pixel_prior(
     photo: np.ndarray,
     mask: np.ndarray,
-    settings: FitSettings,
+    settings: ExplainSettings,
     valid: np.ndarray | None = None,
     hints: WindowHints | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from vig.inference.families import LEAST_SHARE, family_shapes
 from vig.inference.objective import Objective
-from vig.inference.settings import FitSettings
+from vig.inference.settings import ExplainSettings
 from vig.recognition import Prediction, box_in_window
 from vig.recognition.network import latents_of
 from vig.recognition.prediction import START_STEP, round_to_grid
@@ -173,7 +173,7 @@ class ExpectedStart:
 def refine(
     objectives: Mapping[float, Objective],
     prediction: Prediction,
-    settings: FitSettings,
+    settings: ExplainSettings,
     expected: ExpectedStart | None = None,
 ) -> RefinedStarts:
     """Run the stages of `settings` on one photo's objectives by scale, from its prediction (N = 1)."""

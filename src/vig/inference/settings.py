@@ -300,11 +300,7 @@ class ExplainSettings:
         return calibration if comparable else None
 
 
-FitSettings = ExplainSettings
-"""Settings without open values, as `resolve` returns them."""
-
-
-def resolve(settings: ExplainSettings, object_class: ObjectClass, photo: bool = False) -> FitSettings:
+def resolve(settings: ExplainSettings, object_class: ObjectClass, photo: bool = False) -> ExplainSettings:
     """Return settings with nothing left open: the user's, else the class's, else those of the kind of photo.
 
     Args:
@@ -333,7 +329,7 @@ def resolve(settings: ExplainSettings, object_class: ObjectClass, photo: bool = 
             )
     defaults: dict[str, Any] = PHOTO if photo else PICTURE
     try:
-        return FitSettings(**{**defaults, **object_class.fit_settings, **by_user})
+        return ExplainSettings(**{**defaults, **object_class.fit_settings, **by_user})
     except ValueError as error:
         raise UserError(f"in the settings of class '{object_class.name}': {error}") from error
 
@@ -356,7 +352,7 @@ ALL_ROUND: dict[str, Any] = {
 alone decides."""
 
 
-def without_network(settings: FitSettings) -> FitSettings:
+def without_network(settings: ExplainSettings) -> ExplainSettings:
     """Return the settings for a photo without a network's prediction."""
     return replace(settings, **ALL_ROUND)
 
@@ -373,7 +369,7 @@ TRACKING: dict[str, Any] = {
 other views."""
 
 
-def for_tracking(settings: FitSettings) -> FitSettings:
+def for_tracking(settings: ExplainSettings) -> ExplainSettings:
     """Return the settings for a frame of a video; its mask is without a minimum cut."""
     model = settings.likelihood
     mask = model.mask and replace(model.mask, exact_start=False)

@@ -17,7 +17,7 @@ import numpy as np
 
 from vig.inference.objective import Objective
 from vig.inference.refinement import Selection
-from vig.inference.settings import FitSettings
+from vig.inference.settings import ExplainSettings
 from vig.likelihood import Likelihood, Photos
 from vig.search.optimizer import Budget
 
@@ -40,7 +40,7 @@ LEAST_PIXELS = 50
 
 
 def with_shading_gain(
-    objective: Objective, selection: Selection, settings: FitSettings
+    objective: Objective, selection: Selection, settings: ExplainSettings
 ) -> tuple[Objective, Selection]:
     """Return the selection refined with a gain, and the objective of the photo divided by that gain.
 
@@ -99,7 +99,7 @@ def _gain(
     divided: objective under the gain so far, which gives visible pixels; precision: that of each bump's
     height, one over its variance.
     """
-    evaluation = divided.of_one(point, noise, derivatives=False).evaluation
+    evaluation = divided.of_one(point, noise, derivatives=False)
     assert evaluation.posterior is not None and evaluation.coverage is not None
     assert evaluation.irradiance is not None
     coverage, observed = evaluation.coverage[0], objective.likelihood.observed[0]

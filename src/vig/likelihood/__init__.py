@@ -2,17 +2,18 @@
 
 from dataclasses import replace
 
-from vig.likelihood.densities import NAMES as _DENSITIES
-from vig.likelihood.evaluate import Evaluation, Likelihood, Photos
+from vig.likelihood.evaluate import Likelihood, Photos
 from vig.likelihood.geometry import Geometry
-from vig.likelihood.pixel import GAUSSIAN, ROBUST, SPATIAL, PixelModel, log_colour_density
+from vig.likelihood.pixel import DENSITIES, GAUSSIAN, ROBUST, SPATIAL, PixelModel, log_colour_density
 from vig.likelihood.spatial import NEVER, SpatialMask, spatial_posterior
+from vig.search.optimizer import Evaluation
 
 LIKELIHOODS: dict[str, PixelModel] = {"robust": ROBUST, "gaussian": GAUSSIAN, "spatial": SPATIAL}
 """The pixel models of a fit by name; by that of another density, the spatial model with it."""
-LIKELIHOODS |= {name: replace(SPATIAL, density=name) for name in _DENSITIES if name not in LIKELIHOODS}
+LIKELIHOODS |= {name: replace(SPATIAL, density=name) for name in DENSITIES if name not in LIKELIHOODS}
 
 __all__ = [
+    "DENSITIES",
     "GAUSSIAN",
     "LIKELIHOODS",
     "NEVER",

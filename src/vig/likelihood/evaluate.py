@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vig.likelihood.densities import DEFAULT_DENSITY, density_of
 from vig.likelihood.geometry import Geometry
+from vig.likelihood.pixel import DEFAULT_DENSITY, DENSITIES
 from vig.parallel.threads import thread_count
-from vig.scene import Camera, Latents, latent_layout
+from vig.scene import Camera
+from vig.search.optimizer import Evaluation
 from vig_native import engine
 
 CURVATURE_LINES = 75
@@ -63,27 +64,6 @@ class Photos:
             )
 
 
-@dataclass(frozen=True)
-class Evaluation:
-    """Eq. 4 at B points of P' numbers each: latents, then framing. Results not requested are None.
-
-    Attributes:
-        value: (B,) log-likelihood in nats, float64.
-        gradient: (B, P') its derivative.
-        normal: (B, P', P') its negative Gauss-Newton Hessian.
-        posterior: (B, H, W) of a covered pixel being visible.
-        coverage: (B, H, W) of the silhouette, in [0, 1].
-        irradiance: (B, H, W); the rendered colour is albedo times this.
-    """
-
-    value: np.ndarray
-    gradient: np.ndarray | None
-    normal: np.ndarray | None
-    posterior: np.ndarray | None
-    coverage: np.ndarray | None
-    irradiance: np.ndarray | None
-
-
 class Likelihood:
     """Eq. 4 for a set of photos, a class's geometry and a camera, in one precision.
 
@@ -95,7 +75,7 @@ class Likelihood:
             evaluation as the authors' gradient does.
         stride: Every stride-th pixel of every stride-th line stands for its square in the normal matrix, by
             default as many as make about 75 x 75 of any image; value and gradient always take every pixel.
-        density: Noise density of visible pixels, see `vig.likelihood.densities`.
+        density: Noise density of visible pixels, one of `DENSITIES`.
 
     Attributes:
         layout: The blocks of a point, latents then framing.
@@ -121,8 +101,6 @@ class Likelihood:
             raise ValueError(f"photos of {size} do not fit a camera of {(camera.height, camera.width)}")
         self.geometry, self.camera, self.silhouette, self.stride = geometry, camera, silhouette, stride
         self.layout, self.density = geometry.layout, density
-        names = [block.name for block in latent_layout(self.layout.count("shape")).blocks]
-        self._columns = self.layout.indices(*names, "framing")
         shape = len(photos.linear), camera.height * camera.width, 3
         self.observed = np.ascontiguousarray(photos.linear, geometry.dtype).reshape(shape)
         self.log_prior = np.ascontiguousarray(photos.log_prior, geometry.dtype).reshape(shape)
@@ -133,29 +111,9 @@ class Likelihood:
             self.log_prior,
             stride,
             silhouette == "exact",
-            engine.DENSITIES.index(density),
-            density_of(density).LOG_UNIT,
+            DENSITIES.index(density),
         )
         """The same photos for the native library."""
-
-    def __call__(
-        self,
-        latents: Latents,
-        framing: np.ndarray,
-        photo: np.ndarray,
-        sigma: np.ndarray,
-        derivatives: bool = True,
-        images: bool = True,
-        curvature: bool = True,
-    ) -> Evaluation:
-        """Evaluate B guesses; photo (B,) int is the photo of each, sigma (B,) its noise.
-
-        Numbers of further blocks of the layout are 0.
-        """
-        numbers = np.concatenate([latents.to_vector(), framing], axis=1)
-        points = np.zeros((len(numbers), self.layout.size), numbers.dtype)
-        points[:, self._columns] = numbers
-        return self.at(points, photo, sigma, derivatives, images, curvature)
 
     def at(
         self,
@@ -166,24 +124,26 @@ class Likelihood:
         images: bool = False,
         curvature: bool = True,
     ) -> Evaluation:
-        """Evaluate points (B, P'), latents followed by framing; otherwise like `__call__`.
+        """Evaluate points (B, P'), latents then framing, of photos (B,) int under noise sigma (B,).
 
         Without curvature there is a gradient but no normal matrix, for searches of first order.
 
         Points are shared out to `vig.parallel.thread_count` threads.
         """
-        arrays = (
-            np.ascontiguousarray(points, self.geometry.dtype),
-            np.asarray(photo),
-            np.ascontiguousarray(sigma, np.float64),
-        )
-        self._check(*arrays)
+        photo, points = np.asarray(photo), np.ascontiguousarray(points, self.geometry.dtype)
+        sigma = np.ascontiguousarray(sigma, np.float64)
+        if not np.isfinite(points).all():
+            raise ValueError("points must be finite; got NaN or infinity")
+        if photo.dtype.kind not in "iu":
+            raise ValueError(f"photo must be whole numbers, indices of photos; got {photo.dtype}")
+        if len(sigma) and not (sigma.min() > 0 and sigma.max() < math.inf):
+            raise ValueError(f"sigma must be positive deviations in linear RGB; got {sigma.tolist()}")
         value, *results = engine.evaluate(
             self.geometry.native,
             self.native,
-            arrays[0],
-            np.ascontiguousarray(arrays[1], np.int32),
-            arrays[2],
+            points,
+            np.ascontiguousarray(photo, np.int32),
+            sigma,
             int(derivatives) + int(derivatives and curvature),
             images,
             thread_count(),
@@ -191,31 +151,3 @@ class Likelihood:
         wanted = derivatives, derivatives and curvature, images, images, images
         asked = (each if want else None for each, want in zip(results, wanted, strict=True))
         return Evaluation(value, *asked)
-
-    def _check(self, points: np.ndarray, photo: np.ndarray, sigma: np.ndarray) -> None:
-        """Raise ValueError for input that native code does not check: out-of-range indices, NaN."""
-        size, count = self.layout.size, len(points)
-        if points.ndim != 2 or points.shape[1] != size:
-            raise ValueError(f"points must be (B, {size}), latents and framing; got {points.shape}")
-        if not np.isfinite(points).all():
-            row, column = np.argwhere(~np.isfinite(points))[0]
-            raise ValueError(
-                f"points must be finite; got {points[row, column]} in column {column} of point {row}"
-            )
-        if photo.shape != (count,) or sigma.shape != (count,):
-            raise ValueError(
-                f"photo and sigma must be ({count},) like the points; got {photo.shape} and {sigma.shape}"
-            )
-        if photo.dtype.kind not in "iu":
-            raise ValueError(f"photo must be whole numbers, indices of photos; got {photo.dtype}")
-        if not count:
-            return
-        if photo.min() < 0 or photo.max() >= len(self.observed):
-            raise ValueError(
-                f"photo must be indices of the {len(self.observed)} photos;"
-                f" got {photo.min()} to {photo.max()}"
-            )
-        if not (sigma.min() > 0 and sigma.max() < math.inf):
-            raise ValueError(
-                f"sigma must be positive standard deviations in linear RGB; got {sigma.tolist()}"
-            )

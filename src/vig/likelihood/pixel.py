@@ -13,10 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vig.likelihood.densities import DEFAULT_DENSITY, density_of
 from vig.likelihood.spatial import NEVER, SpatialMask
 from vig_native import engine
 
+DENSITIES = tuple(engine.DENSITIES)
+"""Names of the noise densities of a visible pixel: a header each in vig_native/densities, see density.h."""
+DEFAULT_DENSITY = "gaussian"
 FLOOR = 0.05
 """Share of the uniform density, for colours that the photo does not show elsewhere."""
 
@@ -41,7 +43,7 @@ class PixelModel:
     Attributes:
         sigma: Standard deviation of the noise, linear RGB.
         alpha: Prior of an object's pixel being visible, in (0, 1]; 1 is the Gaussian model.
-        density: Noise density of a visible pixel, see `vig.likelihood.densities`.
+        density: Noise density of a visible pixel, one of `DENSITIES`.
         mask: Coupling of neighbouring pixels in the mask of a finished fit; None: each is on its own.
     """
 
@@ -55,7 +57,8 @@ class PixelModel:
             raise ValueError(f"sigma must be a positive standard deviation in linear RGB; got {self.sigma}")
         if not 0 < self.alpha <= 1:
             raise ValueError(f"alpha must be a probability in (0, 1]; got {self.alpha}")
-        density_of(self.density)
+        if self.density not in DENSITIES:
+            raise ValueError(f"density must be one of {', '.join(DENSITIES)}; got '{self.density}'")
 
     def log_prior(self, height: int, width: int) -> np.ndarray:
         """Return one log prior (visible, hidden, background) for all pixels: (H, W, 3) float64."""

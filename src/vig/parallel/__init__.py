@@ -11,7 +11,6 @@ from vig.parallel.processes import (
 from vig.parallel.threads import (
     map_on_threads,
     on_one_core,
-    run_on_threads,
     set_thread_count,
     thread_count,
     thread_limit,
@@ -25,7 +24,6 @@ __all__ = [
     "map_on_threads",
     "on_one_core",
     "one_thread_in_children",
-    "run_on_threads",
     "set_thread_count",
     "thread_count",
     "thread_limit",

@@ -16,11 +16,8 @@ from vig.parallel.processes import Lost
 Given = TypeVar("Given")
 Result = TypeVar("Result")
 
-TASKS_PER_CPU = 2
-"""Tasks in progress or queued for each processor of the cluster."""
 RETRIES = 5
 """Times that Ray retries a task whose worker or node has died, and this process a task that Ray gave up."""
-ANSWER_SECONDS = 5.0
 
 
 def map_on_cluster(
@@ -75,7 +72,7 @@ def _check_answers(address: str) -> None:
     host, _, port = address.removeprefix("ray://").rpartition(":")
     if host and port.isdigit():
         try:
-            socket.create_connection((host, int(port)), timeout=ANSWER_SECONDS).close()
+            socket.create_connection((host, int(port)), timeout=5.0).close()
         except (OSError, OverflowError) as error:
             raise _no_cluster(address, error) from error
 
@@ -96,7 +93,8 @@ def _run(
     running: dict[Any, list[tuple[int, Any]]] = {}
     losses: Counter[int] = Counter()
     while True:
-        limit = TASKS_PER_CPU * max(1, int(ray.cluster_resources().get("CPU", 1)))
+        # 2: tasks in progress or queued for each processor of the cluster
+        limit = 2 * max(1, int(ray.cluster_resources().get("CPU", 1)))
         while len(running) < limit and (chunk := again.popleft() if again else list(islice(items, size))):
             running[do.remote(token, prepare, shared, [item for _, item in chunk])] = chunk
         if not running:

@@ -26,8 +26,6 @@ from vig.io.errors import UserError
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-MOST_CALLERS = 64
-"""Number of a user's threads that may be within `on_one_core` at once; others wait."""
 
 _here = threading.local()
 _starting = threading.Lock()
@@ -94,14 +92,9 @@ def thread_limit(count: int) -> Iterator[None]:
 
 
 def on_one_core(work: Callable[[], Result]) -> Result:
-    """Call work() on one core; `thread_count` keeps its value for work that is shared out.
-
-    The setting is the process's: rather than changing it, work goes to a thread of ours and is awaited.
-    """
+    """Call work() with numpy's linear algebra on one core; work that is shared out still is."""
     with _linear_algebra:
-        if getattr(_here, "count", None) is not None or _set_count() == 1:
-            return work()
-        return _callers().submit(_counting, thread_count(), work).result()
+        return work()
 
 
 class _LinearAlgebra:
@@ -133,16 +126,6 @@ def linear_algebra() -> ThreadpoolController:
     return ThreadpoolController()
 
 
-def run_on_threads(work: Callable[[int], None], count: int) -> None:
-    """Call work(0) ... work(count - 1), all at once; with one, on the calling thread."""
-    if count <= 1:
-        for index in range(count):
-            work(index)
-        return
-    for _ in _pool(count).map(work, range(count)):
-        pass
-
-
 def map_on_threads(work: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[Result]:
     """Yield work(item) of each item in order, as many at once as `thread_count`.
 
@@ -157,11 +140,6 @@ def _pool(count: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(count, "vig", initializer=_become_worker)
 
 
-@functools.cache
-def _callers() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(MOST_CALLERS, "vig-caller", initializer=_become_worker)
-
-
 def _become_worker() -> None:
     """Keep this thread to one core; torch's setting, which new threads take over, stays."""
     if (library := _with_threads()) is not None:
@@ -174,18 +152,9 @@ def _become_worker() -> None:
     _here.count = 1
 
 
-def _counting(count: int, work: Callable[[], Result]) -> Result:
-    _here.count = count
-    try:
-        return work()
-    finally:
-        _here.count = 1
-
-
 def _forget_threads() -> None:
     """Forget the threads of the parent, of which a forked child has none."""
     _pool.cache_clear()
-    _callers.cache_clear()
     _linear_algebra.lock = threading.Lock()
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from PIL import ExifTags, Image, ImageCms
+from PIL.ExifTags import Base as Tag
 
 from vig.photo.formats import Codes
 from vig.scene.light import linear_from_srgb
@@ -29,19 +30,12 @@ _PRIMARIES = {
     11: (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.314, 0.351),
     12: (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, *D65),
 } | dict.fromkeys((1, 2, 5, 6, 7, 22), REC709)
-ADOBE_RGB = (0.64, 0.33, 0.21, 0.71, 0.15, 0.06, *D65)
 PQ = 16
 """Number of the perceptual quantiser among transfer characteristics (ITU-T H.273)."""
 HLG = 18
 """Number of hybrid log-gamma among them."""
-# Tags of TIFF.
-TRANSFER_FUNCTION = 301
-WHITE_POINT = 318
-PRIMARIES = 319
 SDR_WHITE = 203.0
 """cd/m2 of diffuse white in HDR pictures (ITU-R BT.2408), which becomes 1."""
-PEAK_QUANTILE = 0.999
-"""Quantile of a picture's pixels above which they are clipped: few highlights must not darken the rest."""
 _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 Profile = ImageCms.ImageCmsProfile
 Curve = Callable[[np.ndarray], np.ndarray]
@@ -170,7 +164,8 @@ def coded_encoding(primaries: int, transfer: int) -> Encoding | None:
 
 def peak_of(light: np.ndarray) -> float:
     """Return the light (..., C) that is mapped to white: nearly the brightest, at least 1."""
-    return max(1.0, float(np.quantile(light.max(-1), PEAK_QUANTILE)))
+    # 0.999: quantile of pixels above which they are clipped: few highlights must not darken the rest
+    return max(1.0, float(np.quantile(light.max(-1), 0.999)))
 
 
 def tone_mapped(light: np.ndarray, peak: float) -> np.ndarray:
@@ -225,10 +220,12 @@ def encoding_of(image: Image.Image, stated: Codes | bytes | None) -> Encoding | 
     curve, chromaticities = gamma(1 / exponent) if exponent else _tabulated(tags), REC709
     if white_first := image.info.get("chromaticity"):  # a PNG's
         chromaticities = (*white_first[2:], *white_first[:2])
-    elif PRIMARIES in tags and WHITE_POINT in tags:
-        chromaticities = tuple(float(value) for value in (*tags[PRIMARIES], *tags[WHITE_POINT]))
+    elif Tag.PrimaryChromaticities in tags and Tag.WhitePoint in tags:
+        chromaticities = tuple(
+            float(value) for value in (*tags[Tag.PrimaryChromaticities], *tags[Tag.WhitePoint])
+        )
     elif _is_adobe_rgb(image):
-        curve, chromaticities = gamma(563 / 256), ADOBE_RGB
+        curve, chromaticities = gamma(563 / 256), (0.64, 0.33, 0.21, 0.71, 0.15, 0.06, *D65)
     try:
         like_srgb = grey or np.abs(rec709_from(chromaticities) - np.eye(3)).max() < 0.01
     except ValueError:  # no colour space: left aside, as readers of PNG do
@@ -240,7 +237,7 @@ def encoding_of(image: Image.Image, stated: Codes | bytes | None) -> Encoding | 
 
 def _tabulated(tags: Any) -> Curve | None:
     """Return the curve of a TIFF's TransferFunction; None where there is none."""
-    table = tags.get(TRANSFER_FUNCTION, ())
+    table = tags.get(Tag.TransferFunction, ())
     if len(table) not in (256, 768, 65536, 3 * 65536):
         return None
     levels = np.array(table[: 256 if len(table) <= 768 else 65536]) / 65535

@@ -87,7 +87,7 @@ def decoded(path: Path, image: Image.Image) -> np.ndarray:
     stated = _stated_colour(image)
     rawmodes = str(getattr(image, "tile", ""))
     deep = ";16" in rawmodes
-    if tags.get(formats.ORIENTATION, 1) > 4:
+    if tags.get(ExifTags.Base.Orientation, 1) > 4:
         image.filename = ""  # type: ignore[attr-defined]  # else pillow maps the file with the sides exchanged
     image.load()
     if source:
@@ -103,7 +103,7 @@ def decoded(path: Path, image: Image.Image) -> np.ndarray:
         _check_scale(path, int(samples.max()), white)
         if isinstance(key := image.info.get("transparency"), int):
             alpha = (samples != key).astype(np.float32)
-        if tags.get(formats.PHOTOMETRIC) == 0:  # white; pillow inverts 8 bits only
+        if tags.get(ExifTags.Base.PhotometricInterpretation) == 0:  # white; pillow inverts 8 bits only
             samples = white - np.minimum(samples, white)
         encoding = encoding or SRGB
     elif picture.mode in ("I", "F"):
@@ -184,7 +184,7 @@ def _sixteen_bits(path: str, image: Image.Image) -> np.ndarray | None:
     not from a file, for planes in a row, and for modes without a swapped one.
     """
     swapped = {"L": "B", "B": "L", "N": "B" if sys.byteorder == "little" else "L"}
-    if not path or getattr(image, "tag_v2", {}).get(formats.PLANAR) == 2:
+    if not path or getattr(image, "tag_v2", {}).get(ExifTags.Base.PlanarConfiguration) == 2:
         return None
     with _opened_of_any_size(Path(path)) as lower:
         lower.seek(image.tell())

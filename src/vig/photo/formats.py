@@ -11,6 +11,7 @@ from typing import IO, Any, NamedTuple
 
 import numpy as np
 from PIL import TiffImagePlugin
+from PIL.ExifTags import Base as Tag
 
 EXR_MAGIC = b"\x76\x2f\x31\x01"
 HDR_MAGIC = (b"#?RADIANCE", b"#?RGBE", EXR_MAGIC)
@@ -63,21 +64,6 @@ _OTHERS = (
     ((b"\x1aE\xdf\xa3", b"\0\0\1\xba", b"\0\0\1\xb3", b"OggS", b"FLV\1", b"0&\xb2u\x8ef"), *_VIDEO),
 )
 CFA = 32803
-
-# Tags of TIFF (Adobe 1992; DNG 1.6).
-SUBFILE = 254
-WIDTH = 256
-HEIGHT = 257
-BITS = 258
-PHOTOMETRIC = 262
-FILL_ORDER = 266
-ORIENTATION = 274
-MAX_SAMPLE = 281
-PLANAR = 284
-SUB_IFDS = 330
-SAMPLE_FORMAT = 339
-S_MAX_SAMPLE = 341
-DNG_VERSION = 50706
 
 
 def why_no_photo(path: Path) -> tuple[str, str] | None:
@@ -134,7 +120,7 @@ def _is_avif(head: bytes) -> bool:
 
 def _is_raw(tags: Any) -> bool:
     # 34892: photometric interpretations of TIFF that only raw files have
-    return DNG_VERSION in tags or tags.get(PHOTOMETRIC) in (CFA, 34892)
+    return Tag.DNGVersion in tags or tags.get(Tag.PhotometricInterpretation) in (CFA, 34892)
 
 
 def tiff_pages(file: IO[bytes]) -> list[tuple[int | None, Any]]:
@@ -159,7 +145,7 @@ def tiff_pages(file: IO[bytes]) -> list[tuple[int | None, Any]]:
                 tags = TiffImagePlugin.ImageFileDirectory_v2(head)
                 file.seek(offset)
                 tags.load(file)
-                below = tags.get(SUB_IFDS, ())
+                below = tags.get(Tag.SubIFDs, ())
                 if in_chain:
                     offsets.append((tags.next, True))
                 offsets[:0] = [(place, False) for place in (below if isinstance(below, tuple) else (below,))]
@@ -181,9 +167,16 @@ class TiffPage(NamedTuple):
 def largest_page(path: Path) -> TiffPage | None:
     """Return a TIFF file's largest page, reduced ones and masks left aside; None if it is damaged."""
     with path.open("rb") as file:
-        pages = [(number, tags) for number, tags in tiff_pages(file) if WIDTH in tags and HEIGHT in tags]
-    whole = [(number, tags) for number, tags in pages if not tags.get(SUBFILE, 0) & 5]
-    sizes = [TiffPage(number, (tags[WIDTH], tags[HEIGHT]), tags) for number, tags in whole or pages]
+        pages = [
+            (number, tags)
+            for number, tags in tiff_pages(file)
+            if Tag.ImageWidth in tags and Tag.ImageLength in tags
+        ]
+    whole = [(number, tags) for number, tags in pages if not tags.get(Tag.NewSubfileType, 0) & 5]
+    sizes = [
+        TiffPage(number, (tags[Tag.ImageWidth], tags[Tag.ImageLength]), tags)
+        for number, tags in whole or pages
+    ]
     return max(sizes, key=lambda page: page.size[0] * page.size[1], default=None)
 
 
@@ -199,24 +192,26 @@ def unread_samples(path: Path) -> str | None:
                 lossless = "" if frame[1] in b"\xc0\xc1\xc2" else " in a rare coding"
                 return f"a JPEG of {frame[2][0]} bits{lossless}"
         pages = tiff_pages(file) if head.startswith(TIFF_MAGIC) else []
-    return next((f"a TIFF of {samples_of(tags)}" for _, tags in pages if WIDTH in tags), None)
+    return next((f"a TIFF of {samples_of(tags)}" for _, tags in pages if Tag.ImageWidth in tags), None)
 
 
 def samples_of(tags: Any) -> str:
     """Describe the samples of a page with these TIFF tags."""
-    bits = tags.get(BITS, (1,))[0]
-    kind = {2: "signed ", 3: "floating-point ", 6: "complex "}.get(tags.get(SAMPLE_FORMAT, (1,))[0], "")
-    return f"{kind}samples of {bits} bits" + (", 0 for white" if tags.get(PHOTOMETRIC) == 0 else "")
+    bits = tags.get(Tag.BitsPerSample, (1,))[0]
+    kind = {2: "signed ", 3: "floating-point ", 6: "complex "}.get(tags.get(Tag.SampleFormat, (1,))[0], "")
+    return f"{kind}samples of {bits} bits" + (
+        ", 0 for white" if tags.get(Tag.PhotometricInterpretation) == 0 else ""
+    )
 
 
 def white_level(tags: Any) -> int:
     """Return the 16-bit sample that is white: below 65535 where TIFF tags state fewer bits."""
     if not tags:
         return 65535
-    bits = int(tags.get(BITS, (16,))[0])
+    bits = int(tags.get(Tag.BitsPerSample, (16,))[0])
     if 8 < bits < 16:
         return (1 << bits) - 1
-    for tag in (S_MAX_SAMPLE, MAX_SAMPLE):
+    for tag in (Tag.SMaxSampleValue, Tag.MaxSampleValue):
         largest = np.atleast_1d(tags.get(tag, 0))[0]
         # Writers also state the largest sample of the one picture; a power of two less 1 is a depth.
         if bits == 16 and largest in [2**depth - 1 for depth in range(9, 16)]:

@@ -19,26 +19,18 @@ from vig.io.printing import note
 from vig.photo.checks import existing_file
 from vig.photo.decoding import opened
 
-FILM_DIAGONAL = math.hypot(36, 24)
-"""Millimetres of 35 mm film, to which cameras state their focal length."""
-UNIT_MM = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}
-"""Millimetres of EXIF's FocalPlaneResolutionUnit: inch, centimetre, millimetre, micrometre."""
-STORED_SIZE = (ExifTags.Base.ExifImageWidth, ExifTags.Base.ExifImageHeight)
 WIDEST = 0.15
 """Focal length, in longer sides of the photo, below which K is not in this photo's pixels."""
 MOST_OFF_CENTRE = 3.0
 """Sides of the photo from its middle within which a principal point may lie: crops have it outside."""
 SURELY_NEARER = 0.5
 """Ratio of distances to two middles from which a principal point is that of the nearer."""
-SAME_MIDDLE = 0.1
-"""Ratio of distances below which a principal point is that of a photo with exchanged sides."""
 LEAST_COSINE = 0.2
 """Cosine of the angle between the lens's optical axis and the rays of a window that it may show, at least."""
 DISTORTION = re.compile(
     r"d|(?!undist).*dist(?!anc).*|.*coef.*|.*(radial|tangential).*|[kps][1-9]|tau[xy]|xi|omega|kc|alphac?|skew"
 )
 """Keys of the coefficients of a lens's distortion in files of cameras, as `_key` has them."""
-MODEL = re.compile("model|type|projection")
 NOT_PINHOLE = re.compile(
     r"fish|equi|omni|kannala|ucm|double|fov|spher|cylind|ortho|theta|scaramuzza|\b(ds|mei|kb\d?)\b", re.I
 )
@@ -155,9 +147,8 @@ def camera_as_shown(photo: object, camera: Any) -> Any:
     to_shown, to_other = (math.dist((2 * lens.cx, 2 * lens.cy), each) for each in (shown, other))
     if sized:
         to_shown, to_other = float(size != shown), float(size != other)
-    if to_shown <= to_other * SURELY_NEARER or (
-        not is_turned and (sized or to_other > to_shown * SAME_MIDDLE)
-    ):
+    # 0.1: ratio of distances below which a principal point is that of a photo with exchanged sides
+    if to_shown <= to_other * SURELY_NEARER or (not is_turned and (sized or to_other > to_shown * 0.1)):
         return camera
     name = photo if isinstance(photo, str | Path) else "the photo"
     if not is_turned or to_other > to_shown * SURELY_NEARER:
@@ -231,7 +222,7 @@ def _check_pinhole(camera: Mapping[Any, Any]) -> None:
     """Raise UserError for a lens with distortion, by whichever name."""
     for name, value in camera.items():
         key = _key(name)
-        if isinstance(value, str) and MODEL.search(key):
+        if isinstance(value, str) and re.search("model|type|projection", key):
             if NOT_PINHOLE.search(value):
                 _refuse("a pinhole camera", f"'{value[:40]}' in '{name}'. Undistort the photo first")
         elif DISTORTION.fullmatch(key) and any(_numbers_in(value)):
@@ -306,12 +297,14 @@ def focal_of(photo: object) -> float | None:
             return None
         tags = photo.getexif().get_ifd(ExifTags.IFD.Exif)
         size = sorted(photo.size)
-        stored = sorted(int(tags.get(tag) or 0) for tag in STORED_SIZE)
+        sides = ExifTags.Base.ExifImageWidth, ExifTags.Base.ExifImageHeight
+        stored = sorted(int(tags.get(side) or 0) for side in sides)
         # 16: pixels by which EXIF's size of the stored picture may differ: JPEG stores blocks of 8 or 16
         if all(stored) and any(abs(a - b) > 16 for a, b in zip(size, stored, strict=True)):
             return None
         of_film = float(tags.get(ExifTags.Base.FocalLengthIn35mmFilm) or 0)
-        equivalent = of_film / FILM_DIAGONAL * math.hypot(*size) if 1 <= of_film <= 2000 else None
+        # math.hypot(36, 24): millimetres of 35 mm film, to which cameras state their focal length
+        equivalent = of_film / math.hypot(36, 24) * math.hypot(*size) if 1 <= of_film <= 2000 else None
         exact = _focal_plane(tags)
         if exact is None or exact < WIDEST * size[1]:
             return equivalent
@@ -328,5 +321,6 @@ def _focal_plane(tags: Mapping[int, Any]) -> float | None:
     """Return focal length in pixels by EXIF's FocalLength (mm) and FocalPlaneXResolution (pixels a unit)."""
     millimetres = float(tags.get(ExifTags.Base.FocalLength) or 0)
     resolution = float(tags.get(ExifTags.Base.FocalPlaneXResolution) or 0)
-    unit = UNIT_MM.get(int(tags.get(ExifTags.Base.FocalPlaneResolutionUnit) or 2))
+    # Millimetres of the units: inch, centimetre, millimetre, micrometre
+    unit = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}.get(int(tags.get(ExifTags.Base.FocalPlaneResolutionUnit) or 2))
     return millimetres * resolution / unit if millimetres > 0 and resolution > 0 and unit else None

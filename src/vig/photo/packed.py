@@ -7,20 +7,12 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from PIL import ExifTags, Image, TiffImagePlugin
+from PIL import Image, TiffImagePlugin
+from PIL.ExifTags import Base as Tag
 
 from vig.photo import formats
 from vig.photo.checks import check_size
 
-# Tags of TIFF.
-COMPRESSION = 259
-STRIPS = 273
-SAMPLES = 277
-STRIP_ROWS = 278
-STRIP_BYTES = 279
-PREDICTOR = 317
-EXTRA_SAMPLES = 338
-PROFILE = 34675
 BLOCK = 64
 """Rows that are unpacked at a time: a bit takes a byte meanwhile."""
 
@@ -36,17 +28,17 @@ def packed_picture(path: Path) -> Image.Image | None:
     if page is None or page.number is None or 43 in data[2:4]:
         return None
     tags = page.tags
-    bits, channels = tags.get(formats.BITS, (1,)), tags.get(SAMPLES, 1)
-    extra, photometric = tags.get(EXTRA_SAMPLES, ()), tags.get(formats.PHOTOMETRIC)
-    usual = {formats.PLANAR: 1, PREDICTOR: 1, formats.FILL_ORDER: 1}
+    bits, channels = tags.get(Tag.BitsPerSample, (1,)), tags.get(Tag.SamplesPerPixel, 1)
+    extra, photometric = tags.get(Tag.ExtraSamples, ()), tags.get(Tag.PhotometricInterpretation)
+    usual = {Tag.PlanarConfiguration: 1, Tag.Predictor: 1, Tag.FillOrder: 1}
     if (
         set(bits) != {bits[0]}
         or not 8 < bits[0] <= 16
         or (photometric, channels - len(extra)) not in ((0, 1), (1, 1), (2, 3))
         or (extra and (channels == 2 or extra[0] == 1))
-        or set(tags.get(formats.SAMPLE_FORMAT, (1,))) != {1}
+        or set(tags.get(Tag.SampleFormat, (1,))) != {1}
         or any(tags.get(tag, value) != value for tag, value in usual.items())
-        or not {STRIPS, STRIP_BYTES} <= tags.keys()
+        or not {Tag.StripOffsets, Tag.StripByteCounts} <= tags.keys()
     ):
         return None
     check_size(path, *page.size)
@@ -61,8 +53,8 @@ def packed_picture(path: Path) -> Image.Image | None:
     else:
         alpha = extra[:1] == (2,)
         picture = Image.fromarray(np.rint(samples[..., : 3 + alpha] * (255 / white)).astype(np.uint8))
-    picture.info["icc_profile"] = tags.get(PROFILE)
-    picture.getexif()[ExifTags.Base.Orientation] = tags.get(formats.ORIENTATION, 1)
+    picture.info["icc_profile"] = tags.get(Tag.InterColorProfile)
+    picture.getexif()[Tag.Orientation] = tags.get(Tag.Orientation, 1)
     return picture
 
 
@@ -70,15 +62,15 @@ def _rows(data: bytes, tags: Any, size: tuple[int, int], bits: int) -> np.ndarra
     """Return the decompressed bytes of a page's rows, (H, bytes of a row) uint8."""
     directory = TiffImagePlugin.ImageFileDirectory_v2(data[:8])
     for tag, value in (
-        (formats.WIDTH, -(-size[0] * bits // 8)),
-        (formats.HEIGHT, size[1]),
-        (formats.BITS, 8),
-        (COMPRESSION, tags.get(COMPRESSION, 1)),
-        (formats.PHOTOMETRIC, 1),
-        (STRIPS, tags[STRIPS]),
-        (SAMPLES, 1),
-        (STRIP_ROWS, tags.get(STRIP_ROWS, size[1])),
-        (STRIP_BYTES, tags[STRIP_BYTES]),
+        (Tag.ImageWidth, -(-size[0] * bits // 8)),
+        (Tag.ImageLength, size[1]),
+        (Tag.BitsPerSample, 8),
+        (Tag.Compression, tags.get(Tag.Compression, 1)),
+        (Tag.PhotometricInterpretation, 1),
+        (Tag.StripOffsets, tags[Tag.StripOffsets]),
+        (Tag.SamplesPerPixel, 1),
+        (Tag.RowsPerStrip, tags.get(Tag.RowsPerStrip, size[1])),
+        (Tag.StripByteCounts, tags[Tag.StripByteCounts]),
     ):
         directory[tag] = value
     order: Literal["little", "big"] = "little" if data[:2] == b"II" else "big"

@@ -127,10 +127,8 @@ class Window:
                 level, scale = photo.level(self.side / size)
                 photo.latest = (self, size), self.scaled(1 / scale).crop(level, size)
             return photo.latest[1]
-        if self.lens is not None:
-            return self._cut_through_lens(photo, size)
-        if self.roll:
-            return self._cut_turned(photo, size)
+        if self.roll or self.lens is not None:
+            return self._crop_level(photo, size)
         height, width = photo.shape[:2]
         whole = self.left == 0 and self.top == 0 and self.side == width == height == size
         if whole:
@@ -158,38 +156,20 @@ class Window:
         ]  # fmt: skip
         return np.clip(np.stack(cut, axis=-1), 0, 1), np.outer(*map(np.asarray, shown)) > 0.5
 
-    def _cut_turned(self, photo: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
-        """Cut from the upright window about this one, resampled at its scale."""
-        wide = math.ceil(size * (abs(math.cos(self.roll)) + abs(math.sin(self.roll))))
-        side = self.side * wide / size
-        grown = (side - self.side) / 2
-        image, inside = Window(self.left - grown, self.top - grown, side).crop(photo, wide)
-        cos, sin = math.cos(self.roll), math.sin(self.roll)
-        middle = wide / 2 - (cos - sin) * size / 2, wide / 2 - (sin + cos) * size / 2
-        transform = (cos, -sin, middle[0], sin, cos, middle[1])
-        cut = [
-            np.asarray(
-                Image.fromarray(np.ascontiguousarray(channel, np.float32)).transform(
-                    (size, size), Image.Transform.AFFINE, transform, Image.Resampling.BICUBIC
-                )
-            )
-            for channel in (*np.moveaxis(image, 2, 0), inside)
-        ]
-        return np.clip(np.stack(cut[:3], axis=-1), 0, 1), cut[3] > 0.5
-
-    def _cut_through_lens(self, photo: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
-        """Cut from the upright window about its corners, resampled by the homography of the lens."""
+    def _crop_level(self, photo: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
+        """Crop the upright window about this one's corners, and resample that by the homography between."""
         left, right, top, bottom = self._bounds()
         side = max(right - left, bottom - top)
-        level = Window((left + right - side) / 2, (top + bottom - side) / 2, side)
         wide = math.ceil(size * side / self.side)
+        side = self.side * wide / size if self.lens is None else side  # a turn alone keeps the scale
+        level = Window((left + right - side) / 2, (top + bottom - side) / 2, side)
         image, inside = level.crop(photo, wide)
         to_level = np.array([[1, 0, -level.left], [0, 1, -level.top], [0, 0, side / wide]]) * wide / side
         from_pixel = np.array([[1, 0, -size / 2], [0, 1, -size / 2], [0, 0, size / self.side]])
         transform = to_level @ self.photo_from_window @ from_pixel
         whole = bool(inside.all())
         cut = [
-            np.asarray(_warped(channel, transform, (size, size), 0.0, Image.Resampling.BICUBIC))
+            _warp(channel, transform, (size, size), 0.0, Image.Resampling.BICUBIC)
             for channel in (*np.moveaxis(image, 2, 0), *[inside] * (not whole))
         ]
         shown = np.ones((size, size), bool) if whole else cut[3] > 0.5
@@ -249,17 +229,11 @@ class Window:
 
     def to_photo(self, x: Place, y: Place) -> tuple[Place, Place]:
         """Return a point of the photo from its place in the window: pixels of the photo from the middle."""
-        if self.lens is not None:
-            return _mapped(self.photo_from_window, x, y)
-        cos, sin = math.cos(self.roll), math.sin(self.roll)
-        return self.centre[0] + cos * x - sin * y, self.centre[1] + sin * x + cos * y
+        return _map(self.photo_from_window, x, y)
 
     def to_window(self, x: Place, y: Place) -> tuple[Place, Place]:
         """Return the place in the window of a point of the photo: pixels of the photo from the middle."""
-        if self.lens is not None:
-            return _mapped(np.linalg.inv(self.photo_from_window), x, y)
-        cos, sin, x, y = math.cos(self.roll), math.sin(self.roll), x - self.centre[0], y - self.centre[1]
-        return cos * x + sin * y, cos * y - sin * x
+        return _map(np.linalg.inv(self.photo_from_window), x, y)
 
     def camera(self, camera: Camera, width: int, height: int) -> Camera:
         """Return the camera of the whole photo of width x height from that of its window, which has no
@@ -277,28 +251,18 @@ class Window:
         Beyond the window it is `outside`.
         """
         scale, half = len(image) / self.side, len(image) / 2
-        if self.lens is not None:
+        if self.roll or self.lens is not None:
             to_pixel = np.array([[scale, 0, half], [0, scale, half], [0, 0, 1]])
             from_tile = np.array([[1, 0, columns.start], [0, 1, rows.start], [0, 0, 1]])
             transform = to_pixel @ np.linalg.inv(self.photo_from_window) @ from_tile
             size = columns.stop - columns.start, rows.stop - rows.start
-            return np.asarray(_warped(image, transform, size, outside, Image.Resampling.BILINEAR))
-        if not self.roll:
-            across = scale * (np.arange(columns.start, columns.stop) + 0.5 - self.left)
-            down = scale * (np.arange(rows.start, rows.stop) + 0.5 - self.top)
-            drawn = _between(_between(np.asarray(image, np.float32), down, 0), across, 1)
-            drawn[(down < 0) | (down >= len(image))] = outside
-            drawn[:, (across < 0) | (across >= len(image))] = outside
-            return drawn
-        cos, sin = scale * math.cos(self.roll), scale * math.sin(self.roll)
-        x, y = self.centre[0] - columns.start, self.centre[1] - rows.start
-        transform = (cos, sin, half - cos * x - sin * y, -sin, cos, half + sin * x - cos * y)
-        source = Image.fromarray(np.ascontiguousarray(image, np.float32))
-        size = columns.stop - columns.start, rows.stop - rows.start
-        method = Image.Resampling.BILINEAR
-        return np.asarray(
-            source.transform(size, Image.Transform.AFFINE, transform, method, fillcolor=outside)
-        )
+            return _warp(image, transform, size, outside)
+        across = scale * (np.arange(columns.start, columns.stop) + 0.5 - self.left)
+        down = scale * (np.arange(rows.start, rows.stop) + 0.5 - self.top)
+        drawn = _between(_between(np.asarray(image, np.float32), down, 0), across, 1)
+        drawn[(down < 0) | (down >= len(image))] = outside
+        drawn[:, (across < 0) | (across >= len(image))] = outside
+        return drawn
 
     def warp_to(self, image: np.ndarray, there: Window, outside: float = 0.0) -> np.ndarray:
         """Return a map (S, S) of this window as another window of the photo shows it, float32.
@@ -306,27 +270,11 @@ class Window:
         Where that lies beyond this window it is `outside`.
         """
         size = len(image)
-        if self.lens is not None or there.lens is not None:
-            here, other = size / self.side, there.side / size
-            to_pixel = np.array([[here, 0, size / 2], [0, here, size / 2], [0, 0, 1]])
-            from_pixel = np.array([[other, 0, -there.side / 2], [0, other, -there.side / 2], [0, 0, 1]])
-            transform = np.linalg.inv(self.photo_from_window) @ there.photo_from_window
-            transform = to_pixel @ transform @ from_pixel
-            return np.asarray(_warped(image, transform, (size, size), outside, Image.Resampling.BILINEAR))
-        corners = [self.to_window(*there.to_photo(x, y)) for x, y in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))]
-        (x0, y0), (x1, y1), (x2, y2) = corners
-        cells_per_unit, here = size / self.side, there.side / size
-        a, b, d, e = (cells_per_unit * here * each for each in (x1 - x0, x2 - x0, y1 - y0, y2 - y0))
-        middle = size / 2
-        transform = (
-            a, b, cells_per_unit * x0 + middle - (a + b) * middle,
-            d, e, cells_per_unit * y0 + middle - (d + e) * middle,
-        )  # fmt: skip
-        source = Image.fromarray(np.ascontiguousarray(image, np.float32))
-        method = Image.Resampling.BILINEAR
-        return np.asarray(
-            source.transform((size, size), Image.Transform.AFFINE, transform, method, fillcolor=outside)
-        )
+        here, other = size / self.side, there.side / size
+        to_pixel = np.array([[here, 0, size / 2], [0, here, size / 2], [0, 0, 1]])
+        from_pixel = np.array([[other, 0, -there.side / 2], [0, other, -there.side / 2], [0, 0, 1]])
+        transform = np.linalg.inv(self.photo_from_window) @ there.photo_from_window
+        return _warp(image, to_pixel @ transform @ from_pixel, (size, size), outside)
 
     def tiles(
         self, width: int, height: int, around: np.ndarray | None = None
@@ -342,14 +290,9 @@ class Window:
         else:
             left, top, wide, high = (self.side / len(around) * number for number in box)
             bounds = self._bounds((left, top, left + wide, top + high))
+        ends = ((math.floor, width), (math.ceil, width), (math.floor, height), (math.ceil, height))
         left, right, top, bottom = (
-            min(max(edge, 0), length)
-            for edge, length in (
-                (math.floor(bounds[0]), width),
-                (math.ceil(bounds[1]), width),
-                (math.floor(bounds[2]), height),
-                (math.ceil(bounds[3]), height),
-            )
+            min(max(end(edge), 0), length) for edge, (end, length) in zip(bounds, ends, strict=True)
         )
         if left < right:
             for line in range(top, bottom, LINES):
@@ -393,15 +336,21 @@ def _between(image: np.ndarray, places: np.ndarray, axis: int) -> np.ndarray:
     return there
 
 
-def _mapped(homography: np.ndarray, x: Place, y: Place) -> tuple[Place, Place]:
+def _map(homography: np.ndarray, x: Place, y: Place) -> tuple[Place, Place]:
     u, v, w = (row[0] * x + row[1] * y + row[2] for row in homography.tolist())
     return u / w, v / w
 
 
-def _warped(
-    image: np.ndarray, source: np.ndarray, size: tuple[int, int], outside: float, method: Image.Resampling
-) -> Image.Image:
+def _warp(
+    image: np.ndarray,
+    source: np.ndarray,
+    size: tuple[int, int],
+    outside: float,
+    method: Image.Resampling = Image.Resampling.BILINEAR,
+) -> np.ndarray:
     """Return a map (S, S) drawn at `size` (width, height), float32; `source` (3, 3) maps to its points."""
     picture = Image.fromarray(np.ascontiguousarray(image, np.float32))
     numbers = (source / source[2, 2]).ravel()[:8].tolist()
-    return picture.transform(size, Image.Transform.PERSPECTIVE, numbers, method, fillcolor=outside)
+    return np.asarray(
+        picture.transform(size, Image.Transform.PERSPECTIVE, numbers, method, fillcolor=outside)
+    )

@@ -19,20 +19,11 @@ from vig.scene.functions import log_odds, sigmoid
 
 MOVED_WINDOWS = 2
 """Places that are looked at where one object is sought, and windows moved onto the objects there."""
-LEAST_OF_BEST = 0.1
-"""Probability of a place, over that of the likeliest, from which it is looked at."""
-CLUE_PROBABILITY = 0.5
-"""Probability that an object's centre is in the middle of a window about clues, as if by the map."""
 MOVES = 2
 """Looks at each window, which is moved each time. Windows of 60 real cars overlap the true ones by .79 as
 the map has them, by .95 after one move, by .97 after two."""
-PLACES_PER_OBJECT = 3
-"""Places that are looked at for each of several objects."""
 LEAST_ROLL = math.radians(5.0)
 """Roll, as the network sees it, from which a window is turned, radians."""
-TURNS = 3
-"""Turns, at most: the network sees a part of a large roll. Real pots rolled by 30 degrees are 8 off in the
-median after one turn, 2 after two."""
 UNTRAINED = (
     "expected a box or a mask of the object, as its class has no network to find it; got neither. Give --box"
     " x,y,w,h in pixels, such as 120,80,300,240, or --mask FILE; `vig class train` trains a network."
@@ -43,10 +34,6 @@ UNPLACED = (
 )
 WINDOW_SIZE_DEVIATION, WINDOW_PLACE_DEVIATION = 0.35, 0.2
 """Deviations of the log of an object's size in a window over its usual one, and of its middle, in sides."""
-PRESENCE_WEIGHTS = -0.8, 1.2, 0.4, 0.7
-"""Weights of 1, of the log odds of the map and of the presence head, and of the log of how well the window is
-filled, in the log odds that it shows an object: a logistic regression on 604 images of the studio that
-training did not see, of teapots, mugs, and things that are neither, rounded, and taken for all classes."""
 SHOWN = 0.5
 """Predicted probability from which a pixel belongs to the object, hidden or not."""
 
@@ -92,7 +79,8 @@ def find_several(photo: np.ndarray | ImagePyramid, recognizer: Recognizer, most:
     Raises:
         UserError: The recognizer cannot find objects.
     """
-    return apart(_tried(photo, recognizer, PLACES_PER_OBJECT * most, sides=SIDES_FOR_SEVERAL), most)
+    # 3: places that are looked at for each of several objects
+    return apart(_tried(photo, recognizer, 3 * most, sides=SIDES_FOR_SEVERAL), most)
 
 
 def _tried(
@@ -114,9 +102,11 @@ def _tried(
     ]
     if clues is not None:
         starts = [each for each in starts if clues.within(each.window)]
-    starts = [each for each in starts[:most] if each.present >= LEAST_OF_BEST * starts[0].present]
+    # 0.1: probability of a place, over that of the likeliest, from which it is looked at
+    starts = [each for each in starts[:most] if each.present >= 0.1 * starts[0].present]
     if clues is not None:
-        starts += [Candidate(window, CLUE_PROBABILITY) for window in clues.windows()]
+        # 0.5: probability that an object's centre is in the middle of a window about clues, as if by the map
+        starts += [Candidate(window, 0.5) for window in clues.windows()]
     windows, present = [each.window for each in starts], [0.0] * len(starts)
     for _ in range(MOVES if starts else 0):
         prediction = predict_windows(photo, windows, recognizer)
@@ -229,7 +219,9 @@ def overlap(one: Window, other: Window) -> float:
 
 def upright(photo: np.ndarray | ImagePyramid, window: Window, recognizer: Recognizer) -> Window:
     """Turn a window so that the object in it stands upright; as it is where that is nearly so."""
-    for _ in range(TURNS):
+    # 3: turns, at most: the network sees a part of a large roll. Real pots rolled by 30 degrees are 8 off in
+    # the median after one turn, 2 after two
+    for _ in range(3):
         roll = float(predict_windows(photo, [window], recognizer).roll[0])
         if abs(roll) < LEAST_ROLL:
             break
@@ -282,4 +274,8 @@ def _present(at_place: float, prediction: Prediction) -> float:
     framed = math.log(inside) - 0.5 * (size**2 + (off / WINDOW_PLACE_DEVIATION) ** 2)
     odds = map(log_odds, (at_place, float(prediction.presence[0])))
     # -3.0: logarithm of how well a window is filled that counts
-    return float(sigmoid(np.dot(PRESENCE_WEIGHTS, [1.0, *odds, max(framed, -3.0)])))
+    # -0.8, 1.2, 0.4, 0.7: weights of 1, of the log odds of the map and of the presence head, and of the log
+    # of how well the window is filled, in the log odds that it shows an object: a logistic regression on 604
+    # images of the studio that training did not see, of teapots, mugs, and things that are neither, rounded,
+    # and taken for all classes
+    return float(sigmoid(np.dot((-0.8, 1.2, 0.4, 0.7), [1.0, *odds, max(framed, -3.0)])))

@@ -29,12 +29,8 @@ SIDES_FOR_SEVERAL = (*PHOTO_SIDES, 608)
 """The same for several objects, some of them small: a 23rd of the photo and more."""
 BOX_SIDES = (26.0, 150.0)
 """Longer sides of boxes, pixels, that the map predicts."""
-LEAST_PROBABILITY = 0.02
-"""Probability from which a centre counts."""
 MOST_LOG_SIZE = 4.0
 """Log size of a box, in cells, and of a cell, in boxes, at most: beyond any that is trained."""
-SAME_OBJECT = 0.4
-"""Intersection over union of boxes from which they are of one object."""
 NUMBERS = 5
 """Numbers of a cell: the centre's logit; how far right and down of the cell's middle it is, in cells; log
 width and height of the box, in cells."""
@@ -66,7 +62,8 @@ def places(
         found += on_one_core(lambda side=side: _at_scale(photo, recognizer, side))  # type: ignore[misc]
     separate: list[Place] = []
     for place in sorted(found, key=lambda place: -place.probability):
-        if all(box_overlap(place.box, other.box) < SAME_OBJECT for other in separate):
+        # 0.4: intersection over union of boxes from which they are of one object
+        if all(box_overlap(place.box, other.box) < 0.4 for other in separate):
             separate.append(place)
     return separate
 
@@ -84,7 +81,8 @@ def _at_scale(photo: np.ndarray | ImagePyramid, recognizer: Recognizer, side: in
     numbers = recognizer.object_map(srgb_from_linear(shown).transpose(2, 0, 1)[None])[0]
     probability = sigmoid(numbers[0])
     found, pixels = [], whole.side / side
-    for row, column in np.argwhere(_is_highest(probability) & (probability > LEAST_PROBABILITY)).tolist():
+    # 0.02: probability from which a centre counts
+    for row, column in np.argwhere(_is_highest(probability) & (probability > 0.02)).tolist():
         right, down, *log_size = numbers[1:, row, column].tolist()
         w, h = (
             MAP_STRIDE * pixels * math.exp(min(max(each, -MOST_LOG_SIZE), MOST_LOG_SIZE)) for each in log_size

@@ -17,8 +17,6 @@ ELEVATION = math.radians(25.0), math.radians(20.0)
 """Mean and standard deviation of the camera's elevation in photos, radians: people hold cameras there."""
 ALBEDO = 0.4, 0.4
 """Mean and standard deviation of each channel of the albedo."""
-LIGHT_FACTOR = 3.0
-"""Over the standard deviations of the class's lights, at an exposure that is not known."""
 
 
 class UninformedRecognizer(Recognizer):
@@ -34,7 +32,8 @@ class UninformedRecognizer(Recognizer):
             self._mean[layout[name]], self._deviation[layout[name]] = mean, deviation
         lights = np.sqrt(object_class.light_prior_covariance.diagonal())
         self._mean[layout["light"]] = object_class.light_prior_mean
-        self._deviation[layout["light"]] = LIGHT_FACTOR * lights + 0.2
+        # 3.0: over the standard deviations of the class's lights, at an exposure that is not known
+        self._deviation[layout["light"]] = 3.0 * lights + 0.2
 
     def __call__(self, photos: Any, batch: int = 32, sides: Sequence[bool] = ()) -> Prediction:
         """Predict for photos (N, S, S, 3), see `Recognizer.__call__`."""

@@ -8,20 +8,25 @@ from typing import Any, Protocol
 import numpy as np
 
 
-class Valued(Protocol):
-    """An objective at B points; gradient and normal are None where not requested."""
+@dataclass(frozen=True)
+class Evaluation:
+    """A function at B points of P' numbers each. Results that were not requested are None.
 
-    @property
-    def value(self) -> np.ndarray:
-        """Return the values (B,) float64, NaN or -inf where there is none."""
+    Attributes:
+        value: (B,) float64, NaN or -inf where there is none; of a likelihood and an objective in nats.
+        gradient: (B, P') its derivative.
+        normal: (B, P', P') its negative Gauss-Newton Hessian.
+        posterior: (B, H, W) of a covered pixel being visible, where the points explain photos.
+        coverage: (B, H, W) of the silhouette, in [0, 1].
+        irradiance: (B, H, W); the rendered colour is albedo times this.
+    """
 
-    @property
-    def gradient(self) -> np.ndarray | None:
-        """Return the gradient (B, P')."""
-
-    @property
-    def normal(self) -> np.ndarray | None:
-        """Return the negative Gauss-Newton Hessian (B, P', P')."""
+    value: np.ndarray
+    gradient: np.ndarray | None = None
+    normal: np.ndarray | None = None
+    posterior: np.ndarray | None = None
+    coverage: np.ndarray | None = None
+    irradiance: np.ndarray | None = None
 
 
 class Problem(Protocol):
@@ -36,7 +41,7 @@ class Problem(Protocol):
 
     def __call__(
         self, points: np.ndarray, photo: np.ndarray, sigma: np.ndarray, derivatives: bool = True
-    ) -> Valued:
+    ) -> Evaluation:
         """Evaluate points (B, P') within the bounds, of photos (B,) int, under noise sigma (B,)."""
         ...
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -50,9 +50,9 @@ def explain_together(
             f"expected an explainer and a box for each of 1 to {MOST_OBJECTS} objects; got"
             f" {len(explainers)} and {len(boxes)}. Give as many of both."
         )
-    picture, photo_lens = coded_photo(photo), _PhotoLens(lens_of(photo, focal, camera))
+    picture, lens = coded_photo(photo), lens_of(photo, focal, camera)
     alone = [
-        photo_lens.with_source(explainer.explain(picture, box, camera=photo_lens.camera))
+        _with_source(explainer.explain(picture, box, camera=lens and lens[0]), lens)
         for explainer, box in zip(explainers, boxes, strict=True)
     ]
     return on_one_core(partial(fit_jointly, alone, explainers))
@@ -85,14 +85,14 @@ def explain_found(
         raise UserError("expected an explainer for each class that is sought; got none. Give one.")
     if not isinstance(most, int) or not 1 <= most <= MOST_OBJECTS:
         raise UserError(f"expected 1 to {MOST_OBJECTS} objects; got {most}. Give a number within.")
-    picture, photo_lens = coded_photo(photo), _PhotoLens(lens_of(photo, focal, camera))
+    picture, lens = coded_photo(photo), lens_of(photo, focal, camera)
     places = on_one_core(partial(find_together, picture, explainers, most))
     if not places:
         names = " or ".join(each.object_class.name for each in explainers)
         raise UserError(f"expected a {names} in the photo; found none. Give boxes.")
     chosen = [explainer for explainer, _, _ in places]
     alone = [
-        photo_lens.with_source(explainer.explain_followed(picture, window, camera=photo_lens.camera))
+        _with_source(explainer.explain_followed(picture, window, camera=lens and lens[0]), lens)
         for explainer, window, _ in places
     ]
     scene = on_one_core(partial(fit_jointly, alone, chosen))
@@ -136,16 +136,6 @@ def find_together(
     ]
 
 
-@dataclass(frozen=True)
-class _PhotoLens:
-    """A photo's lens, if it is known."""
-
-    lens: Lens | None
-
-    @property
-    def camera(self) -> Any:
-        return None if self.lens is None else self.lens[0]
-
-    def with_source(self, explanation: Explanation) -> Explanation:
-        """Return the explanation with the source of its focal length."""
-        return explanation if self.lens is None else replace(explanation, focal_from=self.lens[1])
+def _with_source(explanation: Explanation, lens: Lens | None) -> Explanation:
+    """Return the explanation with the source of its focal length, where a lens is known."""
+    return explanation if lens is None else replace(explanation, focal_from=lens[1])

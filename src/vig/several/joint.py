@@ -37,10 +37,6 @@ GROUND_ORDER_WEIGHT = 50.0
 """Nats for the object that ends lower in the photo, per difference over the less tall one's height."""
 TOUCHING = 0.3
 """Coverage from which two objects may hide one another."""
-VIEW_SWITCH_NATS = 1.0
-"""Nats by which another view must be likelier than that of the fit alone."""
-LIGHT_PRECISION = 2.0
-"""Precision of each other object's light, per coefficient: things near a lamp are lit by it more."""
 
 
 def fit_jointly(alone: Sequence[Explanation], explainers: Sequence[Explainer]) -> SceneExplanation:
@@ -145,7 +141,8 @@ class _Refit:
             prediction = _agreed(prediction, rival)
             asked = np.stack([prediction.best().azimuth[0], view])
             likeliest, own = prediction.log_mass(asked).tolist()
-            view = asked[0] if likeliest - own > VIEW_SWITCH_NATS else view
+            # 1.0: nats by which another view must be likelier than that of the fit alone
+            view = asked[0] if likeliest - own > 1.0 else view
         window = alone.window
         distance_ratio = window.camera_distance_ratio(window.focal or _focal_of(self.alone))
         settings = replace(
@@ -204,9 +201,8 @@ class _Refit:
         one's.
         """
         others = [heading_light(each) for index, each in enumerate(self.alone) if index != self.index]
-        return _with_gaussian(
-            prediction, "light", np.mean(others, axis=0), LIGHT_PRECISION * len(others), power
-        )
+        # 2.0: precision of each other object's light, per coefficient: things near a lamp are lit by it more
+        return _with_gaussian(prediction, "light", np.mean(others, axis=0), 2.0 * len(others), power)
 
 
 def _with_gaussian(

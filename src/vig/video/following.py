@@ -22,22 +22,6 @@ from vig.scene import Camera, latent_layout, rotate_z
 
 MOST_HIDDEN = 0.85
 """Share hidden from which a frame does not locate the object."""
-MOST_SHIFT = 0.35
-"""Sides of the predicted box by which the object may be off it; farther ones are other objects."""
-MOST_LOG_SIZE = 0.4
-"""The same in the log of its side."""
-MOST_LOG_ALBEDO = 0.5
-"""The same in logs of albedo."""
-PLACE_GAIN = 0.7
-"""Share of the way to a frame's place that the predicted place goes, where all of the object is visible."""
-SPEED_GAIN = 0.2
-"""The same for the speed."""
-SIZE_GAIN = 0.4
-"""The same for the log size."""
-ROLL_GAIN = 0.3
-"""The same for the roll."""
-COLOUR_GAIN = 0.2
-"""The same for the albedo."""
 SLOWING = 0.9
 """Factor of the speed for each frame without the object."""
 NUMBERS_GAIN = 0.3
@@ -260,10 +244,11 @@ class Follower:
         off, wider = sighting.place - self.place, min(1 + 0.2 * self.missed, 2.0)
         # 0.8: probability of a view from which an object in the place is the right one whatever its colour:
         # the colour of the frames before may be that of an occluder
+        # 0.35, 0.4: sides of the predicted box, and log of its side, by which another object is off it
         return (
             not sighting.lost
-            and math.hypot(*off[:2]) < wider * MOST_SHIFT * math.exp(self._side)
-            and abs(off[2]) < wider * MOST_LOG_SIZE
+            and math.hypot(*off[:2]) < wider * 0.35 * math.exp(self._side)
+            and abs(off[2]) < wider * 0.4
             and (self._has_its_colour(sighting) or float(sighting.probabilities[0]) > 0.8)
         )
 
@@ -271,7 +256,7 @@ class Follower:
         if self.albedo is None:
             return True
         apart = np.log(sighting.albedo + 0.05) - np.log(self.albedo + 0.05)  # dark ones are alike
-        return float(np.sqrt(np.square(apart).mean())) < MOST_LOG_ALBEDO
+        return float(np.sqrt(np.square(apart).mean())) < 0.5  # in logs
 
     @property
     def _side(self) -> float:
@@ -282,12 +267,13 @@ class Follower:
         """Update the track by a sighting, weighted by the square of its visible share."""
         assert self.place is not None
         sure, off = sighting.visible_share**2, sighting.place - self.place
-        self.place = self.place + sure * np.array([PLACE_GAIN, PLACE_GAIN, SIZE_GAIN]) * off
-        self.speed = self.speed + sure * SPEED_GAIN * off[:2]
-        self.roll += sure * ROLL_GAIN * (sighting.camera.roll - self.roll)
+        # Shares of the way from the predicted numbers to the frame's, where all of the object is visible
+        self.place = self.place + sure * np.array([0.7, 0.7, 0.4]) * off
+        self.speed = self.speed + sure * 0.2 * off[:2]
+        self.roll += sure * 0.3 * (sighting.camera.roll - self.roll)
         albedo_so_far = self.albedo if self._has_its_colour(sighting) else None
         albedo_so_far = sighting.albedo if albedo_so_far is None else albedo_so_far
-        self.albedo = albedo_so_far + sure * COLOUR_GAIN * (sighting.albedo - albedo_so_far)
+        self.albedo = albedo_so_far + sure * 0.2 * (sighting.albedo - albedo_so_far)
         self.missed = 0
 
 

@@ -11,8 +11,6 @@ BINS = 180
 """Bins of the circle, in which views are chosen; speeds are whole bins a frame."""
 FASTEST = 15
 """Bins that an object turns by from one frame to the next, at most: 30 degrees."""
-SPEED_SPREAD = 1.0
-"""Standard deviation in bins by which its speed changes from frame to frame."""
 SPEED_OTHER = 0.02
 """Probability of any other change of the speed."""
 KEEPING = 4.0
@@ -22,7 +20,8 @@ TAILS = 4.0
 """Degrees of freedom of the Student distribution of single frames' measurements."""
 SPEEDS = np.arange(-FASTEST, FASTEST + 1)
 """(S,) bins a frame."""
-_USUAL = np.exp(-0.5 * ((SPEEDS[:, None] - SPEEDS) / SPEED_SPREAD) ** 2)
+# 1.0: standard deviation in bins by which its speed changes from frame to frame
+_USUAL = np.exp(-0.5 * ((SPEEDS[:, None] - SPEEDS) / 1.0) ** 2)
 LOG_CHANGE = np.log((1 - SPEED_OTHER) * _USUAL / _USUAL.sum(1, keepdims=True) + SPEED_OTHER / len(SPEEDS))
 """(S, S) log probabilities from a speed to that of the next frame."""
 

@@ -23,14 +23,10 @@ from vig.video.following import SLOWING, Follower, Sighting, window_at
 from vig.video.smoothing import BINS, LikeliestPath, smoothed
 from vig_renderer.defaults import with_default_settings
 
-LEAST_SPREAD = math.radians(3.0)
-"""Standard deviation of azimuth about one view, at least."""
 MOST_SPREAD = math.radians(12.0)
 """Standard deviation of azimuth about one view, at most."""
 FAR = math.radians(25.0)
 """A frame whose own view is farther from the chosen one is fitted again near that."""
-OFF = 0.15
-"""A frame whose place, in sides, or log size is farther from the smoothed one is fitted again, too."""
 ALIKE = 2.0, 3.0
 """Factors of the smoothed deviations of azimuth and elevation, as neighbouring frames err alike: so that 90 %
 intervals held on videos of the validation split."""
@@ -176,7 +172,8 @@ class Trajectory:
         off = sighting.place - self.place[number]
         away = max(math.hypot(*off[:2]) / math.exp(self.place[number, 2]), abs(off[2]))
         turned = abs(azimuth_off(sighting.azimuths[0], self.azimuth[0, number], fold))
-        return sighting.lost or turned > FAR or away > OFF
+        # 0.15: sides, or log size, by which a frame is off the smoothed place
+        return sighting.lost or turned > FAR or away > 0.15
 
     def expected(self, number: int, hints: Hints | None = None) -> tuple[Window, Hints]:
         """Return the window that a frame is expected to show the object in, and hints on its view."""
@@ -388,7 +385,8 @@ def _frames(
 def _spread(sighting: Sighting) -> float:
     """Return the standard deviation of a frame's azimuth about one view, radians."""
     # 2.0: A deviation of azimuth counts views from the other side, too: about one view it is so much smaller
-    return min(max(sighting.azimuth_deviation / 2.0, LEAST_SPREAD), MOST_SPREAD)
+    # math.radians(3.0): standard deviation of azimuth about one view, at least
+    return min(max(sighting.azimuth_deviation / 2.0, math.radians(3.0)), MOST_SPREAD)
 
 
 def azimuth_off(azimuth: float, other: float, fold: int) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 from safetensors import SafetensorError
 
 from vig import __version__
-from vig.inference import CONFIDENCE_FEATURES, ExplainSettings, Fit, FitSettings, explain_one, resolve
+from vig.inference import CONFIDENCE_FEATURES, ExplainSettings, Fit, explain_one, resolve
 from vig.io.checks import check_arrays, decode, parse_json, read_tensors
 from vig.io.errors import UserError
 from vig.io.files import write_arrays
@@ -106,7 +106,7 @@ class FitRun:
         self,
         images: np.ndarray,
         recognizer: Recognizer,
-        settings: FitSettings,
+        settings: ExplainSettings,
         name: str,
         prediction: Prediction | None = None,
     ) -> Fits:
@@ -169,7 +169,7 @@ Photo = tuple[np.ndarray, Prediction]
 """A photo (H, W, 3), linear RGB, and its prediction."""
 PhotoArrays = tuple[np.ndarray, ...]
 """The same as arrays: the photo, then the prediction's arrays."""
-RunContext = tuple[ObjectClass, FitSettings]
+RunContext = tuple[ObjectClass, ExplainSettings]
 """Data that all fits of a run share."""
 FitStream = Generator[tuple[int, Fits]]
 """Numbers of photos and their fits, as they are done."""
@@ -186,21 +186,21 @@ def _photo_fitter(shared: RunContext) -> Callable[[Photo], Fits]:
 
 
 def _fit_on_threads(
-    photos: list[Photo], object_class: ObjectClass, settings: FitSettings, workers: int
+    photos: list[Photo], object_class: ObjectClass, settings: ExplainSettings, workers: int
 ) -> FitStream:
     with thread_limit(workers):
         yield from enumerate(map_on_threads(_photo_fitter((object_class, settings)), photos))
 
 
 def _fit_in_processes(
-    photos: list[Photo], object_class: ObjectClass, settings: FitSettings, workers: int
+    photos: list[Photo], object_class: ObjectClass, settings: ExplainSettings, workers: int
 ) -> FitStream:
     arrays = (_arrays(photo, prediction) for photo, prediction in photos)
     yield from enumerate(map_in_processes(_array_fitter, (object_class, settings), arrays, workers))
 
 
 def _fit_on_cluster(
-    photos: list[Photo], object_class: ObjectClass, settings: FitSettings, address: str
+    photos: list[Photo], object_class: ObjectClass, settings: ExplainSettings, address: str
 ) -> FitStream:
     arrays = (_arrays(photo, prediction) for photo, prediction in photos)
     for number, fit in map_on_cluster(_array_fitter, (object_class, settings), arrays, address):
@@ -227,7 +227,7 @@ def _array_fitter(shared: RunContext) -> Callable[[PhotoArrays], Fits]:
     return fit_arrays
 
 
-def cache_key(recognizer: Recognizer, object_class: ObjectClass, settings: FitSettings) -> str:
+def cache_key(recognizer: Recognizer, object_class: ObjectClass, settings: ExplainSettings) -> str:
     """Return a hash of everything that a fit depends on, but for its photo and the code."""
     uncalibrated = replace(settings, calibration=None)
     digest = hashlib.sha256(
@@ -295,7 +295,7 @@ def frame_images(dataset: Dataset, recognizer: Recognizer) -> tuple[np.ndarray, 
     return images, visible
 
 
-def fit_settings(settings: ExplainSettings, object_class: ObjectClass, dataset: Dataset) -> FitSettings:
+def fit_settings(settings: ExplainSettings, object_class: ObjectClass, dataset: Dataset) -> ExplainSettings:
     """Return settings of the fits of such images."""
     return resolve(settings, object_class, photo=dataset.world == "photo")
 

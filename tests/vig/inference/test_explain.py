@@ -19,7 +19,6 @@ from vig.inference import (
     ExplainSettings,
     Fit,
     FitCalibration,
-    FitSettings,
     Objective,
     Verdict,
     explain,
@@ -39,7 +38,7 @@ from vig.recognition.prediction import START_STEP, round_to_grid
 from vig.scene import Latents, ObjectClass, latent_layout
 from vig.search.optimizer import Budget, Descent
 
-SETTINGS = FitSettings(
+SETTINGS = ExplainSettings(
     **PICTURE | {"decoration": 0.0, "prior_weight": 100.0, "gain_deviation": 0.0},
     self_shadow=False,
     calibrated=False,
@@ -678,7 +677,7 @@ def test_recognition_weight_scales_the_predicted_gaussians(whole: Case, teapot: 
 
 def test_a_smaller_photo_holds_the_same_information_per_cell(whole: Case, teapot: ObjectClass) -> None:
     half = objectives_of(whole.photo, whole.prediction, teapot, SETTINGS, (0.5,))[0.5]
-    coverage = half.of_one(half.point(whole.truth), 0.1, derivatives=False).evaluation.coverage[0]
+    coverage = half.of_one(half.point(whole.truth), 0.1, derivatives=False).coverage[0]
     assert coverage.shape == (75, 75)
     cells = whole.amodal.reshape(75, 2, 75, 2).mean((1, 3))
     assert np.abs(coverage - cells).mean() < 0.01

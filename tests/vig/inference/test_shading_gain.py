@@ -10,7 +10,7 @@ import pytest
 
 from tests.support import assert_close
 from tests.vig.recognition.predictions import prediction_of_latents
-from vig.inference import FitSettings, explain_one
+from vig.inference import ExplainSettings, explain_one
 from vig.inference.posterior import objective_of
 from vig.inference.refinement import Selection
 from vig.inference.settings import PHOTO, PICTURE, for_tracking
@@ -21,7 +21,7 @@ from vig.scene import Latents, ObjectClass
 from vig.search.levenberg_marquardt import LevenbergMarquardt
 from vig.search.optimizer import Descent
 
-SETTINGS = FitSettings(**PICTURE | {"decoration": 0.0}, self_shadow=False, calibrated=False)
+SETTINGS = ExplainSettings(**PICTURE | {"decoration": 0.0}, self_shadow=False, calibrated=False)
 NOISE = 0.05
 VISIBLE = replace(SETTINGS, likelihood=GAUSSIAN)
 """Every pixel of the object is visible, however dark its shadow."""
@@ -67,7 +67,7 @@ def test_the_gain_is_the_shadow(studio, teapot: ObjectClass) -> None:
     photo, truth, prediction = shaded(studio)
     objective = objective_of(photo, prediction, teapot, VISIBLE)
     point = objective.point(truth)
-    rendered = objective.of_one(point, NOISE, derivatives=False).evaluation
+    rendered = objective.of_one(point, NOISE, derivatives=False)
     darkened = falling()[..., None] * rendered.irradiance[0][..., None] * truth.albedo[0]
     covered = rendered.coverage[0] > 0.99
     darkened = np.where(covered[..., None], darkened, photo).astype(np.float32)

@@ -6,7 +6,10 @@ import math
 
 import numpy as np
 
-from vig.likelihood.densities import DEFAULT_DENSITY, density_of
+from vig_native import engine
+
+LOG_DENSITIES = {"gaussian": lambda s: -s}
+"""The densities of vig_native/densities: log_density(s), see density.h."""
 
 
 def mixture(
@@ -14,16 +17,16 @@ def mixture(
     rendered: np.ndarray,
     log_prior: np.ndarray,
     sigma: float,
-    density: str = DEFAULT_DENSITY,
+    density: str = "gaussian",
 ) -> tuple[np.ndarray, np.ndarray]:
     """Log-likelihood of pixels that the object covers and the posterior of their being visible (Eq. 3).
 
     observed, rendered: (..., 3) linear RGB. log_prior: (..., 3) as `PixelModel.log_prior`. Both results
     (...).
     """
-    visible = density_of(density)
     s = ((observed - rendered) ** 2).sum(-1) / (2 * sigma**2)
     # Three channels: the normaliser of the Gaussian is -3 log(sigma).
-    inlier = log_prior[..., 0] + visible.log_density(s) - 3 * math.log(sigma) - visible.LOG_UNIT
+    inlier = log_prior[..., 0] + LOG_DENSITIES[density](s) - 3 * math.log(sigma)
+    inlier = inlier - engine.DENSITIES[density]
     both = np.logaddexp(inlier, log_prior[..., 1])
     return both, np.exp(inlier - both)

@@ -13,9 +13,9 @@ import numpy as np
 import torch
 
 from vig.likelihood import Geometry
-from vig.likelihood.densities.gaussian import LOG_UNIT
 from vig.scene import Camera, Latents, camera_rotation, irradiance, latent_layout, sh_basis
 from vig.scene.light import COSINE_LOBE
+from vig_native import engine
 
 NO_FACE = -1
 BEHIND_EDGE, BEFORE_EDGE = 0.002, 0.04
@@ -60,7 +60,7 @@ class Target:
         """Eq. 3 of pixels (N,) that show the object under irradiances lit (N,)."""
         colour = lit[:, None] * shaded.albedo
         square = ((self.photo[y, x] - colour) ** 2).sum(-1) / (2 * self.sigma**2)
-        visible = self.log_prior[y, x, 0] - square - 3 * math.log(self.sigma) - LOG_UNIT
+        visible = self.log_prior[y, x, 0] - square - 3 * math.log(self.sigma) - engine.DENSITIES["gaussian"]
         return torch.logaddexp(visible, self.log_prior[y, x, 1])
 
 

@@ -9,23 +9,22 @@ import pytest
 import scipy.integrate
 
 from tests.support import assert_close, points_of
-from tests.vig.likelihood.mixture import mixture
-from vig.likelihood import Likelihood, Photos
-from vig.likelihood.densities import NAMES, density_of
+from tests.vig.likelihood.mixture import LOG_DENSITIES, mixture
+from vig.likelihood import DENSITIES, Likelihood, Photos
+from vig_native import engine
 
 SIGMA = 0.1
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", DENSITIES)
 def test_its_integral_is_one(name: str) -> None:
     """Over the radius r of the error: 4 pi r^2 p(r) dr, with sigma 1."""
     radius = np.linspace(0, 400, 400_001)[1:]
-    density = density_of(name)
-    p = np.exp(density.log_density(radius**2 / 2) - density.LOG_UNIT)
+    p = np.exp(LOG_DENSITIES[name](radius**2 / 2) - engine.DENSITIES[name])
     assert scipy.integrate.trapezoid(4 * np.pi * radius**2 * p, radius) == pytest.approx(1, abs=1e-3)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", DENSITIES)
 def test_kernels_compute_the_reference_and_its_gradient(name: str, studio: Any) -> None:
     rng = np.random.default_rng(0)
     latents = studio.latents(rng)
@@ -35,7 +34,7 @@ def test_kernels_compute_the_reference_and_its_gradient(name: str, studio: Any) 
     likelihood = Likelihood(studio.geometry, studio.camera, Photos(photo, log_prior[None]), density=name)
     guess = studio.near(rng, latents)
     whose = studio.whose(1, SIGMA)
-    seen = likelihood(guess, np.zeros((1, 4)), *whose)
+    seen = likelihood.at(points_of(guess), *whose, images=True)
     inside = seen.coverage[0] == 1
     rendered = seen.irradiance[0, ..., None] * guess.albedo[0]
     _, visible = mixture(photo[0], rendered, log_prior, SIGMA, name)

@@ -7,15 +7,11 @@ import numpy as np
 import pytest
 
 from tests.support import assert_close, points_of
-from tests.vig.likelihood.mixture import mixture
 from vig.likelihood import Geometry, Likelihood, Photos
 from vig.recognition.network import latents_of, mirrored
 from vig.scene import EXPOSURE_L00, Latents
 from vig_train.training.targets import numbers_of
 from vig_world.raster.rasterize import rasterize
-
-STILL = np.zeros((1, 4))
-"""Framing that leaves the image as it is."""
 
 
 def covered_centres(studio, latents: Latents, factor: int = 1) -> np.ndarray:
@@ -25,23 +21,6 @@ def covered_centres(studio, latents: Latents, factor: int = 1) -> np.ndarray:
     vertices = model.vertices(latents.shape)[0]
     camera = studio.camera.scaled(factor)
     return rasterize(vertices, model.faces, rotation[0], translation[0], camera).face >= 0
-
-
-def test_with_the_papers_silhouette_the_value_is_eq_4_summed_plainly(studio) -> None:
-    rng = np.random.default_rng(0)
-    latents = studio.latents(rng)
-    photo = studio.photo(rng, studio.near(rng, latents))
-    log_prior = np.log(rng.dirichlet((5, 2, 3), (1, studio.camera.height, studio.camera.width)))
-    likelihood = Likelihood(studio.geometry, studio.camera, Photos(photo, log_prior), "paper")
-    found = likelihood(latents, STILL, *studio.whose(1))
-    inside = covered_centres(studio, latents)
-    rendered = latents.albedo * found.irradiance[0, inside][:, None]
-    value, posterior = mixture(photo[0, inside], rendered, log_prior[0, inside], studio.pixels.sigma)
-    expected = value.sum() + log_prior[0, ~inside][:, 2].sum()
-    assert found.value == pytest.approx(expected, rel=1e-10)
-    assert_close(found.posterior[0, inside], posterior)
-    assert not found.posterior[0, ~inside].any() and not found.irradiance[0, ~inside].any()
-    assert_close(found.coverage[0], inside.astype(np.float64))
 
 
 def test_coverage_is_the_area_of_the_silhouette(studio) -> None:
@@ -110,17 +89,17 @@ def test_a_batch_is_its_members_and_scratch_is_not_seen(studio) -> None:
     latents, framing = studio.latents(rng, 3), rng.normal(0, 0.02, (3, 4))
     photos = np.concatenate([studio.photo(rng, latents[i : i + 1]) for i in range(2)])
     photo, sigma = np.array([1, 0, 1]), np.array([0.03, 0.1, 0.05])
-    likelihood = studio.likelihood(photos)
-    together = likelihood(latents, framing, photo, sigma)
-    again = likelihood(latents, framing, photo, sigma)
+    likelihood, points = studio.likelihood(photos), points_of(latents, framing)
+    together = likelihood.at(points, photo, sigma, images=True)
+    again = likelihood.at(points, photo, sigma, images=True)
     for name, value in vars(together).items():
         assert_close(vars(again)[name], value, rtol=1e-10, atol=1e-9)
     for i in range(3):
         one = slice(i, i + 1)
-        alone = likelihood(latents[one], framing[one], photo[one], sigma[one])
+        alone = likelihood.at(points[one], photo[one], sigma[one], images=True)
         for name, value in vars(alone).items():
             assert_close(value, vars(together)[name][one], rtol=1e-9, atol=1e-6)
-    plain = likelihood(latents, framing, photo, sigma, derivatives=False)
+    plain = likelihood.at(points, photo, sigma, derivatives=False, images=True)
     assert plain.gradient is None and plain.normal is None
     assert_close(plain.value, together.value)
 
@@ -133,8 +112,8 @@ def test_single_precision_agrees(studio) -> None:
         photo = studio.photo(rng, latents)
         guess = studio.near(rng, latents)
         photos = Photos(photo, studio.pixels.log_prior(studio.camera.height, studio.camera.width)[None])
-        exact = studio.likelihood(photo)(guess, STILL, *studio.whose(1))
-        short = Likelihood(single, studio.camera, photos)(guess, STILL, *studio.whose(1))
+        exact = studio.likelihood(photo).at(points_of(guess), *studio.whose(1))
+        short = Likelihood(single, studio.camera, photos).at(points_of(guess), *studio.whose(1))
         assert short.gradient.dtype == np.float32 and short.value.dtype == np.float64
         assert short.value == pytest.approx(exact.value, rel=1e-5)
         ours, exactly = short.gradient[0].astype(np.float64), exact.gradient[0]
@@ -145,6 +124,6 @@ def test_an_object_out_of_the_frame_leaves_the_background(studio) -> None:
     rng = np.random.default_rng(9)
     photo = studio.blocks(rng)[None]
     away = np.array([[5.0, 0.0, 0.0, 0.0]])
-    found = studio.likelihood(photo)(studio.latents(rng), away, *studio.whose(1))
+    found = studio.likelihood(photo).at(points_of(studio.latents(rng), away), *studio.whose(1), images=True)
     assert found.value == 0
     assert not found.coverage.any() and not found.gradient.any() and not found.normal.any()

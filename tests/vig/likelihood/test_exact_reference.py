@@ -16,7 +16,7 @@ from vig.scene import EXPOSURE_L00, Camera, ObjectClass, ShapeModel
 MODES = 10
 """Components of every mesh here: those of the teapot, so that all share its compiled kernels."""
 
-SCENES = 20
+SCENES = 15
 SIZES = ((48, 40), (64, 64), (40, 56))
 
 

@@ -8,14 +8,11 @@ import numpy as np
 import pytest
 import torch
 
-from tests.support import LATENT_PLACES, POINT, assert_close, points_of
+from tests.support import POINT, assert_close, points_of
 from tests.vig.likelihood import reference
-from tests.vig.likelihood.reference import shade, surface_at
-from vig.likelihood import Evaluation, Geometry, Likelihood, Photos
+from tests.vig.likelihood.reference import faces_seen, shade, surface_at
+from vig.likelihood import Geometry, Likelihood, Photos
 from vig.parallel.threads import set_thread_count, thread_count
-from vig.scene import Camera, Latents
-from vig_native import engine
-from vig_world.raster.rasterize import rasterize
 
 SIGMA = 0.03
 
@@ -37,100 +34,27 @@ def case(studio, seed: int) -> Case:
     return Case(photo, log_prior, points_of(studio.near(rng, latents), rng.normal(0, 0.02, (1, 4))))
 
 
-class Stages:
-    """Results of the stages of an evaluation, and the evaluation itself."""
-
-    LIGHT, IRRADIANCE = slice(6, 15), 15  # columns of `rest_rows`, see rows.h
-
-    def __init__(self, geometry: Geometry, camera: Camera, given: Case):
-        likelihood = Likelihood(geometry, camera, Photos(given.photo, given.log_prior), "paper", stride=1)
-        made = engine.stages(geometry.native, likelihood.native, given.point[0], SIGMA)
-        self.face, points, used, normals, self.shape_rows, self.rest_rows = made.values()
-        self.screen, self.irradiances, self.normals = points[:, :3], points[:, 3], normals[:, :3]
-        self.used, self.has_shape_row = used != 0, used == 2
-        self.evaluation: Evaluation = likelihood.at(
-            given.point, np.zeros(1, np.int32), np.array([SIGMA]), images=True
-        )
-
-
-def assert_derivatives_are_autograds(geometry: Geometry, camera: Camera, given: Case, run: Stages) -> None:
-    """Value and gradient with the faces that each pixel shows held."""
-    value, gradient = reference.value_and_gradient(
-        geometry, camera, given.point[0], given.photo[0], given.log_prior[0], SIGMA, run.face
-    )
-    assert run.evaluation.value == pytest.approx(value, rel=1e-11)
-    known, scale = POINT.indices(*reference.BLOCKS), np.abs(gradient).max()
-    assert_close(run.evaluation.gradient[0, known], gradient[known], rtol=1e-8, atol=1e-8 * scale)
-
-
-def irradiance_jacobian(geometry: Geometry, camera: Camera, given: Case, vertices: np.ndarray) -> np.ndarray:
-    """Derivatives (n, P') of the irradiances of some vertices (n,), by autograd."""
-    return torch.autograd.functional.jacobian(
-        lambda point: shade(geometry, camera, point).irradiances[vertices], torch.from_numpy(given.point[0])
-    ).numpy()
-
-
 @pytest.mark.parametrize("seed", range(2))
-def test_vertices_are_placed_and_shaded_as_by_torch(studio, seed: int) -> None:
-    given = case(studio, seed)
-    run = Stages(studio.geometry, studio.camera, given)
-    expected = shade(studio.geometry, studio.camera, torch.from_numpy(given.point[0]))
-    assert_close(run.screen, expected.screen.numpy(), rtol=1e-12, atol=1e-10)
-    used, seen = run.used, run.face
-    assert used.sum() > 500
-    assert np.array_equal(np.flatnonzero(used), np.unique(studio.geometry.faces[seen[seen >= 0]]))
-    assert_close(run.normals[used], expected.normals.numpy()[used], rtol=0, atol=1e-10)
-    assert_close(run.irradiances[used], expected.irradiances.numpy()[used], rtol=0, atol=1e-10)
-
-
-def test_no_vertex_is_lit_by_less_than_nothing(studio) -> None:
-    """Under light of one side the other's sum of lobes is negative: it is dark."""
-    given = case(studio, 4)
-    given.point[0, studio.geometry.layout["light"]] = [2.0, 0, 0, 4.0, 0, 0, 0, 0, 0]
-    run = Stages(studio.geometry, studio.camera, given)
-    shaded = shade(studio.geometry, studio.camera, torch.from_numpy(given.point[0]))
-    expected = shaded.irradiances.numpy()[run.used]
-    assert (expected == 0).sum() > 20 and (expected > 0).sum() > 20
-    assert_close(run.irradiances[run.used], expected, rtol=0, atol=1e-10)
-
-
-def test_rows_of_vertices_are_their_irradiances_derivatives(studio) -> None:
-    given = case(studio, 5)
-    run = Stages(studio.geometry, studio.camera, given)
-    assert 2 * run.has_shape_row.sum() > run.used.sum()
-    used = np.flatnonzero(run.has_shape_row & (run.irradiances > 1e-3))[::20]
-    jacobian = irradiance_jacobian(studio.geometry, studio.camera, given, used)
-    modes = studio.geometry.model.modes
-    assert_close(run.shape_rows[used][:, :modes], jacobian[:, :modes], rtol=1e-7, atol=1e-9)
-    assert not run.shape_rows[used][:, modes:].any()
-    assert_close(run.rest_rows[used][:, run.LIGHT], jacobian[:, studio.geometry.layout["light"]])
-    assert_close(run.rest_rows[used][:, run.IRRADIANCE], run.irradiances[used])
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_with_the_mask_held_value_and_gradient_are_autograds(studio, seed: int) -> None:
+def test_with_the_papers_mask_value_and_gradient_are_autograds(studio, seed: int) -> None:
+    """Those of covered pixels, with the faces that they show held; so are irradiances and pixels' faces."""
     given = case(studio, 10 + seed)
-    run = Stages(studio.geometry, studio.camera, given)
-    assert_derivatives_are_autograds(studio.geometry, studio.camera, given, run)
-
-
-def test_the_faces_seen_are_those_of_the_rasteriser_and_their_irradiance_is_interpolated(studio) -> None:
-    given = case(studio, 20)
-    run = Stages(studio.geometry, studio.camera, given)
-    seen = run.face
-    y, x = np.nonzero(seen >= 0)
     shaded = shade(studio.geometry, studio.camera, torch.from_numpy(given.point[0]))
+    seen = faces_seen(studio.geometry, shaded.screen, studio.camera).numpy()
+    photos = Photos(given.photo, given.log_prior)
+    run = Likelihood(studio.geometry, studio.camera, photos, "paper").at(
+        given.point, np.zeros(1, np.int32), np.array([SIGMA]), images=True
+    )
+    value, gradient = reference.value_and_gradient(
+        studio.geometry, studio.camera, given.point[0], given.photo[0], given.log_prior[0], SIGMA, seen
+    )
+    assert run.value == pytest.approx(value, rel=1e-11)
+    known, scale = POINT.indices(*reference.BLOCKS), np.abs(gradient).max()
+    assert_close(run.gradient[0, known], gradient[known], rtol=1e-8, atol=1e-8 * scale)
+    assert_close(run.coverage[0], (seen >= 0).astype(np.float64))
+    y, x = np.nonzero(seen >= 0)
     shown = torch.from_numpy(seen[y, x]), torch.from_numpy(np.stack([x + 0.5, y + 0.5], 1))
     lit, _ = surface_at(studio.geometry, shaded, *shown)
-    assert_close(run.evaluation.irradiance[0][y, x], lit.numpy(), rtol=1e-9, atol=1e-9)
-    # The public rasteriser, in single precision and without framing, differs at a few edges only.
-    latents = Latents.from_vector(given.point[:, LATENT_PLACES])
-    still = Case(given.photo, given.log_prior, points_of(latents))
-    seen = Stages(studio.geometry, studio.camera, still).face
-    pose = (part[0] for part in studio.camera.pose(latents.azimuth, latents.elevation))
-    vertices = studio.geometry.model.vertices(latents.shape)[0]
-    fragments = rasterize(vertices, studio.geometry.model.faces, *pose, studio.camera, cull=True)
-    assert (fragments.face != seen).mean() < 2e-4
+    assert_close(run.irradiance[0][y, x], lit.numpy(), rtol=1e-9, atol=1e-9)
 
 
 def test_several_threads_say_the_same(studio, teapot) -> None:
@@ -180,22 +104,6 @@ def test_without_curvature_value_and_gradient_are_the_same(studio) -> None:
     assert first.normal is None
     assert_close(first.value, full.value)
     assert_close(first.gradient, full.gradient)
-
-
-def test_self_shadow_enters_value_and_gradient_as_in_torch(studio, teapot) -> None:
-    """A transfer table adds D_0 + sum c_k D_k to the nine lobes of each vertex."""
-    table = teapot.transfer.astype(np.float64)
-    shadowed = Geometry(teapot.shape_model, np.float64, transfer=table)
-    for seed in range(2):
-        given = case(studio, 50 + seed)
-        run = Stages(shadowed, studio.camera, given)
-        assert_derivatives_are_autograds(shadowed, studio.camera, given, run)
-        used = np.flatnonzero(run.has_shape_row & (run.irradiances > 1e-3))[::30]
-        jacobian = irradiance_jacobian(shadowed, studio.camera, given, used)
-        modes = shadowed.model.modes
-        assert_close(run.shape_rows[used][:, :modes], jacobian[:, :modes], rtol=1e-7, atol=1e-9)
-        plain = Stages(studio.geometry, studio.camera, given)
-        assert np.abs((run.irradiances - plain.irradiances)[used]).max() > 0.02
 
 
 def test_no_points_have_no_values(studio) -> None:

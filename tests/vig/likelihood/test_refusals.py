@@ -10,8 +10,15 @@ import numpy as np
 import pytest
 
 from tests.support import POINT
-from vig.likelihood import Geometry, Likelihood, Photos, PixelModel, SpatialMask, log_colour_density
-from vig.likelihood.densities import NAMES
+from vig.likelihood import (
+    DENSITIES,
+    Geometry,
+    Likelihood,
+    Photos,
+    PixelModel,
+    SpatialMask,
+    log_colour_density,
+)
 
 NAN = math.nan
 PHOTO = np.full((1, 150, 150, 3), 0.5)
@@ -30,7 +37,7 @@ def density_of(shape: tuple[int, ...]) -> np.ndarray:
     [
         (
             lambda: PixelModel(0.03, 0.9, density="cauchy"),
-            f"must be one of {', '.join(NAMES)}; got 'cauchy'",
+            f"must be one of {', '.join(DENSITIES)}; got 'cauchy'",
         ),
         *((lambda s=s: PixelModel(s, 0.9), "sigma must be a positive standard dev") for s in (0.0, -1, NAN)),
         *((lambda a=a: PixelModel(0.03, a), r"alpha .* probability in \(0, 1\]") for a in (0.0, 1.1, NAN)),
@@ -38,6 +45,8 @@ def density_of(shape: tuple[int, ...]) -> np.ndarray:
         (lambda: photos(prior=np.zeros((1, 4, 5, 3))), "log_prior must be"),
         (lambda: photos(prior=np.full((1, 4, 4, 3), NAN)), "log_prior must be finite"),
         (lambda: photos(NAN), "NaN or infinity"),
+        (lambda: photos(-1.5), "minimum of -1.5"),
+        (lambda: Photos(*np.zeros((2, 1, 4, 4, 3), np.uint8)), "floating-point linear RGB; got uint8"),
         (lambda: photos(214.0), "maximum of 214. Are these 8-bit"),
         *(
             (lambda setting=setting: SpatialMask(**setting), "must be")
@@ -63,14 +72,14 @@ def test_what_does_not_fit_the_class_or_the_camera(studio, teapot) -> None:
 @pytest.mark.parametrize(
     ("changed", "why"),
     [
-        ({"photo": np.array([1])}, "photo must be indices of the 1 photos; got 1 to 1"),
-        ({"photo": np.array([-1])}, "got -1 to -1"),
+        ({"photo": np.array([1])}, "photo must be from 0 to 0; they are from 1 to 1"),
+        ({"photo": np.array([-1])}, "they are from -1 to -1"),
         ({"photo": np.array([0.5])}, "whole numbers, indices of photos; got float64"),
-        ({"photo": np.zeros(2, int)}, r"must be \(1,\) like the points; got \(2,\) and \(1,\)"),
+        ({"photo": np.zeros(2, int)}, r"photo must be \(1\); got \(2\)"),
         ({"sigma": np.zeros(1)}, "sigma must be positive"),
         ({"sigma": np.full(1, NAN)}, "sigma must be positive"),
-        ({"points": np.zeros((1, 1))}, rf"points must be \(B, {POINT.size}\)"),
-        ({"points": np.eye(1, POINT.size, 3) * NAN}, "points must be finite; got nan in column 0 of point 0"),
+        ({"points": np.zeros((1, 1))}, rf"points must be \(any, {POINT.size}\); got \(1, 1\)"),
+        ({"points": np.eye(1, POINT.size, 3) * NAN}, "points must be finite; got NaN"),
     ],
 )
 def test_points_photos_and_noise_that_are_none(studio, changed: dict[str, np.ndarray], why: str) -> None:

@@ -14,7 +14,6 @@ from vig.io.errors import UserError
 from vig.parallel.threads import (
     map_on_threads,
     on_one_core,
-    run_on_threads,
     set_thread_count,
     thread_count,
 )
@@ -30,14 +29,12 @@ def three_threads():
 
 def test_work_is_shared_out_to_as_many_threads_as_torch_has(three_threads) -> None:
     met = threading.Barrier(3, timeout=10)
-    seen: list[tuple[int, int]] = []
 
-    def work(index: int) -> None:
+    def work(index: int) -> tuple[int, int]:
         met.wait()  # passes only when three are here at once
-        seen.append((index, thread_count()))
+        return index, thread_count()
 
-    run_on_threads(work, thread_count())
-    assert sorted(seen) == [(0, 1), (1, 1), (2, 1)]
+    assert list(map_on_threads(work, range(3))) == [(0, 1), (1, 1), (2, 1)]
     assert torch.get_num_threads() == 3
 
 
@@ -50,29 +47,21 @@ def test_shared_out_work_that_shares_out_stays_on_its_thread(three_threads) -> N
     assert list(map_on_threads(outer, range(6))) == [10 * item for item in range(6)]
 
 
-def test_on_one_core_torch_has_one_thread_and_work_all(three_threads) -> None:
-    def work() -> tuple[int, int, int]:
-        return torch.get_num_threads(), thread_count(), on_one_core(thread_count)
-
-    assert on_one_core(work) == (1, 3, 3)
-    assert torch.get_num_threads() == 3 and thread_count() == 3
-
-
 def test_the_setting_of_other_threads_is_left_alone(three_threads) -> None:
     seen, ready = [], threading.Barrier(5, timeout=10)
 
     def use() -> None:
         torch.get_num_threads()  # from here on this thread has a setting of its own
         ready.wait()
-        run_on_threads(lambda index: None, 2)
-        seen.append((torch.get_num_threads(), on_one_core(torch.get_num_threads)))
+        list(map_on_threads(str, range(2)))
+        seen.append((torch.get_num_threads(), on_one_core(thread_count)))
 
     users = [threading.Thread(target=use) for _ in range(5)]
     for user in users:
         user.start()
     for user in users:
         user.join()
-    assert seen == [(3, 1)] * 5
+    assert seen == [(3, 3)] * 5
     assert torch.get_num_threads() == 3
 
 
@@ -89,7 +78,7 @@ def test_an_error_in_a_thread_is_the_callers(three_threads) -> None:
             raise ValueError("one of three")
 
     with pytest.raises(ValueError, match="one of three"):
-        run_on_threads(work, 3)
+        list(map_on_threads(work, range(3)))
     assert torch.get_num_threads() == 3
 
 

@@ -9,25 +9,17 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from tests.support import points_of
 from vig.inference import Objective
 from vig.likelihood import Likelihood, Photos, PixelModel
 from vig.likelihood.geometry import Geometry
 from vig.scene import Camera, Latents, ObjectClass
-from vig.search.optimizer import Problem
+from vig.search.optimizer import Evaluation, Problem
 
 INFINITY = math.inf
 Residuals = Callable[[np.ndarray], np.ndarray]
 
 PAPERS = PixelModel(0.03, 0.9)
-
-
-@dataclass(frozen=True)
-class Values:
-    """What a zoo problem says of B points; see `vig.search.optimizer.Valued`."""
-
-    value: np.ndarray
-    gradient: np.ndarray | None
-    normal: np.ndarray | None
 
 
 class LeastSquares:
@@ -54,7 +46,7 @@ class LeastSquares:
 
     def __call__(
         self, points: np.ndarray, photo: np.ndarray, sigma: np.ndarray, derivatives: bool = True
-    ) -> Values:
+    ) -> Evaluation:
         residuals = self.residuals(points) / sigma[:, None]
         agreement = self.inliers * np.exp(-0.5 * residuals**2)
         mixture = agreement + 1 - self.inliers
@@ -62,7 +54,7 @@ class LeastSquares:
         off = np.zeros(len(points), bool) if self.outside is None else self.outside(points)
         value[off] = self.nothing
         if not derivatives:
-            return Values(value, None, None)
+            return Evaluation(value)
         # d r_n / d x_p as (B, P', N): the imaginary part of a small imaginary step is exact.
         steps = 1e-20j * np.eye(points.shape[1])
         jacobian = self.residuals(points[:, None] + steps).imag / 1e-20 / sigma[:, None, None]
@@ -70,7 +62,7 @@ class LeastSquares:
         gradient = -np.einsum("bn,bpn->bp", weights * residuals, jacobian)
         normal = np.einsum("bn,bpn,bqn->bpq", weights, jacobian, jacobian)
         gradient[off] = normal[off] = math.nan
-        return Values(value, gradient, normal)
+        return Evaluation(value, gradient, normal)
 
 
 class Watched:
@@ -85,7 +77,7 @@ class Watched:
 
     def __call__(
         self, points: np.ndarray, photo: np.ndarray, sigma: np.ndarray, derivatives: bool = True
-    ) -> Values:
+    ) -> Evaluation:
         assert points.dtype == self.dtype and len(points) == len(photo) == len(sigma) > 0
         assert np.isfinite(points).all(), "a point that is no number"
         assert ((points >= self.lower) & (points <= self.upper)).all(), "a point outside the bounds"
@@ -276,11 +268,11 @@ class Zoo:
             return Likelihood(self.geometry, camera, Photos(photos, PAPERS.log_prior(50, 50)[None]))
 
         none, one = np.zeros(1, np.int32), np.full(1, PAPERS.sigma)
-        blank, framing = np.zeros((1, 50, 50, 3)), np.zeros((1, 4))
-        shown = likelihood(blank)(truth, framing, none, one, derivatives=False)
+        blank = np.zeros((1, 50, 50, 3))
+        seen = likelihood(blank).at(points_of(truth), none, one, derivatives=False, images=True)
         cells = np.kron(rng.uniform(0.1, 0.9, (10, 10, 3)), np.ones((5, 5, 1)))
-        colour = shown.irradiance[..., None] * truth.albedo
-        photo = np.where(shown.coverage[..., None] > 0.5, colour, cells)
+        colour = seen.irradiance[..., None] * truth.albedo
+        photo = np.where(seen.coverage[..., None] > 0.5, colour, cells)
         photo[:, 15:40, 10:22] = cells[::-1][15:40, 10:22]
         photo = (photo + rng.normal(0, 0.01, photo.shape)).clip(0, 1)
         objective = Objective(likelihood(photo), self.teapot)
@@ -307,9 +299,9 @@ class _OnePhoto:
 
     def __call__(
         self, points: np.ndarray, photo: np.ndarray, sigma: np.ndarray, derivatives: bool = True
-    ) -> Values:
+    ) -> Evaluation:
         valued = self.objective(points, np.zeros_like(photo), sigma, derivatives)
-        return Values(valued.value, valued.gradient, valued.normal)
+        return Evaluation(valued.value, valued.gradient, valued.normal)
 
 
 PROBLEMS: dict[str, Callable[[], Case]] = {

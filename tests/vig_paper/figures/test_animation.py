@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from vig.inference import ExplainSettings, ObjectiveValue, Stage, explain_one
+from vig.inference import ExplainSettings, Stage, explain_one
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass, linear_from_srgb
 from vig.search.levenberg_marquardt import LevenbergMarquardt
-from vig.search.optimizer import Budget
+from vig.search.optimizer import Budget, Evaluation
 from vig_paper.figures import animation
 from vig_paper.figures.animation import fit_animation
 from vig_paper.optimizers import BFGS
@@ -26,9 +26,9 @@ class Bowl:
     lower, upper = np.full(18, -9.0, np.float32), np.full(18, 9.0, np.float32)
     dtype = np.float32
 
-    def __call__(self, points, photo, sigma, derivatives=True) -> ObjectiveValue:
+    def __call__(self, points, photo, sigma, derivatives=True) -> Evaluation:
         normal = 2 * np.tile(np.eye(18, dtype=np.float32), (len(points), 1, 1))
-        return ObjectiveValue(-(points**2).sum(1).astype(np.float64), -2 * points, normal, None)
+        return Evaluation(-(points**2).sum(1).astype(np.float64), -2 * points, normal)
 
 
 @pytest.mark.parametrize(("optimizer", "least"), [(LevenbergMarquardt(), 3), (BFGS(), 1)])

@@ -13,7 +13,7 @@ import torch
 from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 
-from vig.inference import FitSettings
+from vig.inference import ExplainSettings
 from vig.inference.posterior import pixel_prior
 from vig.inference.settings import PICTURE
 from vig.io.errors import UserError
@@ -127,7 +127,7 @@ def test_the_azimuth_is_a_gaussian_of_the_stated_width_across_north(tmp_path: Pa
 def test_the_deviations_are_the_files_and_the_mask_says_nothing(weights: Path) -> None:
     prediction = recognizer_of(ObjectClass.load(PACK), weights)(RANDOM[:2])
     np.testing.assert_allclose(prediction.deviation, np.linspace(0.1, 0.5, 23)[None].repeat(2, 0), rtol=1e-5)
-    settings = FitSettings(**PICTURE | {"decoration": 0.0}, surroundings=0.0)
+    settings = ExplainSettings(**PICTURE | {"decoration": 0.0}, surroundings=0.0)
     prior, _ = pixel_prior(RANDOM[0], prediction.mask[0], settings)
     unsaid = dataclasses.replace(settings, mask_weight=0.0)
     without, _ = pixel_prior(RANDOM[1], prediction.mask[0], unsaid)
