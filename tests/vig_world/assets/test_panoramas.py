@@ -8,9 +8,8 @@ import pytest
 from vig.scene import EXPOSURE_L00, irradiance, rotate_z
 from vig_world.assets.panoramas import directions, light_parts, local_light, panorama
 from vig_world.assets.panoramas.light import exposed, grey, project_panorama
-from vig_world.assets.panoramas.painting import paint
-from vig_world.assets.panoramas.parts import Box, Bulb, Finish, Panel, PanoramaRoom
-from vig_world.assets.panoramas.tracing import first_met, seen
+from vig_world.assets.panoramas.painting import first_met, paint, seen
+from vig_world.assets.panoramas.rooms import Box, PanoramaRoom, Source
 
 
 def grey_light(image: np.ndarray) -> np.ndarray:
@@ -89,49 +88,51 @@ def test_refuses_too_few_rows():
         panorama(np.random.default_rng(0), 8)
 
 
+def box(low: list[float], high: list[float]) -> Box:
+    return Box(np.array(low, np.float32), np.array(high, np.float32), np.full(3, 0.5, np.float32))
+
+
+def bulb(centre: list[float], radius: float, radiance: float) -> Source:
+    return Source(np.array(centre), np.array([radius, 0.0, 0.0]), None, np.full(3, radiance))
+
+
 def bare_room(**things) -> PanoramaRoom:
-    return PanoramaRoom(np.full(6, 2.0, np.float32), [Finish(np.full(3, 0.5, np.float32))] * 6, **things)
+    return PanoramaRoom(np.full(6, 2.0, np.float32), [box([0] * 3, [0] * 3)] * 6, **things)
+
+
+BLOCK = box([1.0, -0.5, -0.5], [1.5, 0.5, 0.5])
 
 
 def test_rays_meet_the_nearest_side_of_boxes_and_of_the_room():
-    box = Box(
-        np.array([1.0, -0.5, -0.5], np.float32), np.array([1.5, 0.5, 0.5], np.float32), Finish(np.ones(3))
-    )
     way = np.array([[1, 0, 0], [-1, 0, 0], [0, 0, 1], [0.6, 0.8, 0]], np.float32)
-    distance, owner, side = first_met(way, np.full(6, 2.0, np.float32), [box])
+    distance, owner, side = first_met(way, bare_room(boxes=[BLOCK]))
     np.testing.assert_allclose(distance, [1.0, 2.0, 2.0, 2.5], atol=1e-6)
     assert owner.tolist() == [0, -1, -1, -1]
     assert side.tolist() == [1, 1, 4, 2]  # of the box the side that looks to -x
 
 
 def test_a_box_hides_what_is_behind_it_only():
-    box = Box(
-        np.array([1.0, -0.5, -0.5], np.float32), np.array([1.5, 0.5, 0.5], np.float32), Finish(np.ones(3))
-    )
     points = np.array([[2, 0, 0], [2, 1.9, 0], [0.5, 0, 0]], np.float32)
-    assert seen(points, np.zeros(3, np.float32), [box]).tolist() == [False, True, True]
+    assert seen(points, np.zeros(3, np.float32), [BLOCK]).tolist() == [False, True, True]
 
 
 @pytest.mark.parametrize("radius", [0.02, 0.3])
 def test_a_lamp_has_its_flux_however_small_it_is(radius):
-    lamp = Bulb(np.array([1.2, 0.9, 0.0], np.float32), radius, np.full(3, 7.0, np.float32))
     edges = np.cos(np.linspace(0, np.pi, 65))
     solid_angle = ((edges[:-1] - edges[1:]) * np.pi / 64)[:, None]
-    image = paint(bare_room(bulbs=[lamp]), 64)[..., 0]
-    way = directions(64)
-    close = way @ (lamp.centre / 1.5).astype(np.float32) > np.cos(max(radius / 1.5, np.pi / 64) + 0.02)
+    lamp = bulb([1.2, 0.9, 0.0], radius, 7.0)
+    image = paint(bare_room(sources=[lamp]), 64)[..., 0]
+    close = directions(64) @ (lamp.centre / 1.5) > np.cos(max(radius / 1.5, np.pi / 64) + 0.02)
     bright = close & (image > 0.5 * image.max())
     assert abs((image * solid_angle)[bright].sum() / (7.0 * np.pi * (radius / 1.5) ** 2) - 1) < 0.02
 
 
-def test_walls_are_lit_as_a_window_lights_them():
-    """A pane of A = 0.04 m^2 straight ahead: E / pi = L A / (pi r^2), times albedo, without bounces."""
-    z, y = np.array([0, 0, 1], np.float32), np.array([0, 1, 0], np.float32)
-    pane = Panel(
-        np.array([2.0, 0, 0], np.float32), -y, z, np.full(2, 0.1, np.float32), np.full(3, 50.0, np.float32)
-    )
-    assert pane.normal[0] == -1
-    image = paint(bare_room(panels=[pane], ambient=0.0), 64)
+def test_walls_are_lit_as_a_lamp_in_the_wall_lights_them():
+    """Of A = 0.04 m^2 straight ahead: E / pi = L A / (pi r^2), times albedo, without bounces."""
+    across, over = np.array([0, -0.1, 0]), np.array([0, 0, 0.1])
+    pane = Source(np.array([1.99, 0, 0]), across, over, np.full(3, 50.0))
+    assert pane.normal[0] == -1 and pane.area == pytest.approx(0.04)
+    image = paint(bare_room(sources=[pane], ambient=0.0), 64)
     opposite = image[31:33, 63:65].mean()
     assert abs(opposite / (0.5 * 50 * 0.04 / (np.pi * 16)) - 1) < 0.1
     assert image[31:33, [0, -1]].max() > 40  # and itself it is as bright as it is
@@ -139,15 +140,25 @@ def test_walls_are_lit_as_a_window_lights_them():
 
 def test_furniture_throws_shadows():
     """Of a lamp at z = -1 over a box's top at z = -0.5: up to z = -0.24 on the wall behind."""
-    low, high = np.array([0.8, -0.5, -2.0], np.float32), np.array([1.2, 0.5, -0.5], np.float32)
-    box = Box(low, high, Finish(np.full(3, 0.5)))
-    lamp = Bulb(np.array([-1.5, 0, -1.0], np.float32), 0.1, np.full(3, 10.0, np.float32))
-    bare, shaded = (paint(bare_room(bulbs=[lamp], boxes=boxes, ambient=0), 64) for boxes in ([], [box]))
+    boxes = [box([0.8, -0.5, -2.0], [1.2, 0.5, -0.5])]
+    lamps = [bulb([-1.5, 0, -1.0], 0.1, 10.0)]
+    bare, shaded = (paint(bare_room(sources=lamps, boxes=each, ambient=0), 64) for each in ([], boxes))
     x, y, z = np.moveaxis(directions(64), -1, 0)
     behind = (x > 0.95) & (np.abs(y) < 0.1) & (z > -0.3) & (z < -0.16)
     above = (x > 0.95) & (np.abs(y) < 0.1) & (z > 0.05)
     assert behind.sum() > 10 and shaded[behind].mean() < 0.5 * bare[behind].mean()
     assert shaded[above].mean() > 0.7 * bare[above].mean()
+
+
+def test_the_sun_shines_in_through_a_window_only():
+    """From +x, 45 degrees up, through a pane in the wall at x = 2: on the floor below the pane."""
+    pane = Source(np.array([1.99, 0, 1]), np.array([0, -0.5, 0]), np.array([0, 0, 0.5]), np.zeros(3), (1, 1))
+    sun = np.array([1, 0, 1], np.float32) / np.float32(np.sqrt(2)), np.full(3, 8.0)
+    image = paint(bare_room(sources=[pane], sun=sun, ambient=0.0), 64)
+    lit = directions(64)[image[..., 0] > 1]
+    place = lit / -lit[:, 2:] * 2  # on the floor, where rays look down
+    assert len(lit) and (lit[:, 2] < 0).all()
+    assert (np.abs(place[:, 0] + 1) < 0.6).all() and (np.abs(place[:, 1]) < 0.6).all()
 
 
 def uniform(above: float, below: float, height: int = 64) -> np.ndarray:

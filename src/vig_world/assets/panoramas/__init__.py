@@ -1,13 +1,11 @@
 """Procedural indoor environment maps, and the light that a panorama gives.
 
-A room is drawn as boxes, flat things on its walls, windows and lamps (`rooms`, `furnishing`); rays from the
-viewpoint find the visible surfaces (`tracing`); each point is lit by visible sources and ambient light
-(`painting`), and has the albedo of its surface (`finishes`).
+A room is drawn as boxes and light sources (`rooms`); rays from the viewpoint find the surfaces, each lit by
+the sources that it sees and by the light of all the room (`painting`).
 """
 
 from vig_world.assets.panoramas.light import light_parts, local_light
-from vig_world.assets.panoramas.painting import panorama
-from vig_world.assets.panoramas.tracing import directions
+from vig_world.assets.panoramas.painting import directions, panorama
 
 __all__ = [
     "directions",

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vig_world.assets.panoramas.finishes import albedo_of, grain, outdoors
-from vig_world.assets.panoramas.parts import FLOOR, OUTWARD, Panel, PanoramaRoom
-from vig_world.assets.panoramas.rooms import draw
-from vig_world.assets.panoramas.tracing import directions, first_met, seen
+from vig_world.assets.panoramas.rooms import FLOOR, OUTWARD, Box, PanoramaRoom, Source, draw
 
 Array = np.ndarray
 
@@ -18,18 +15,8 @@ _SHADOWED = 6
 """Number of a room's strongest light sources that cast shadows."""
 _BOUNCED = 0.55
 """Share of the light that a surface meets which comes back from the next, in the mean."""
-
 _ELSEWHERE = 1e-3
 """Irradiance / pi that comes from other rooms, so that none is black."""
-
-
-@dataclass(frozen=True)
-class _Place:
-    """Source of light: a point (3,), its intensity (3,) along `facing` (3,), or all round when None."""
-
-    point: Array
-    facing: Array | None
-    intensity: Array
 
 
 def panorama(rng: np.random.Generator, height: int = 64) -> Array:
@@ -51,177 +38,223 @@ def panorama(rng: np.random.Generator, height: int = 64) -> Array:
     return paint(draw(rng), height)
 
 
+@lru_cache(maxsize=4)
+def directions(height: int) -> Array:
+    """Return unit directions (height, 2 height, 3) of the pixels: row 0 up, columns counter-clockwise from
+    +X.
+    """
+    theta = (np.arange(height) + 0.5) * np.pi / height
+    phi = (np.arange(2 * height) + 0.5) * np.pi / height
+    ring = np.sin(theta)[:, None]
+    xyz = np.broadcast_arrays(ring * np.cos(phi), ring * np.sin(phi), np.cos(theta)[:, None])
+    result = np.stack(xyz, -1).astype(np.float32)
+    result.setflags(write=False)
+    return result
+
+
 def paint(room: PanoramaRoom, height: int) -> Array:
     """Return a room's panorama, (height, 2 height, 3) float32 linear radiance."""
     way = directions(height).reshape(-1, 3)
     solid_angle = np.hypot(way[:, 0], way[:, 1]) * (np.pi / height) ** 2
-    distance, owner, side = first_met(way, room.reach, room.boxes)
+    distance, owner, side = first_met(way, room)
     points = way * distance[:, None]
     normals = np.where((owner < 0)[:, None], -OUTWARD[side], OUTWARD[side])
     lifted = points + 0.004 * normals
-    casting = [box for box in room.boxes if box.casts]
 
-    direct = _sunlight(room, lifted, normals, casting)
-    places = sorted(_places(room), key=lambda place: -float(place.intensity.sum()))
-    for index, place in enumerate(places):
-        arriving = _arriving(place, lifted, normals)
+    direct = _sunlight(room, lifted, normals)
+    sources = sorted(room.sources, key=lambda source: -float(source.area * source.radiance.sum()))
+    bright = np.zeros(3)
+    for index, source in enumerate(sources):
+        arriving = _arriving(source, lifted, normals)
         if index < _SHADOWED:
             lit = np.nonzero(arriving[:, 1])[0]
-            arriving[lit] *= seen(lifted[lit], place.point, casting)[:, None]
+            arriving[lit] *= seen(lifted[lit], source.centre + 0.01 * source.normal, room.boxes)[:, None]
         direct += arriving
-    slant = np.maximum(np.abs(np.einsum("ni,ni->n", way, normals)), 0.1)
-    albedo = albedo_of(room, points, owner, side, distance * (np.pi / height) / slant)
+        reach = float(np.linalg.norm(source.centre))
+        faced = max(float(-source.centre @ source.normal) / reach, 0.0)
+        bright += source.area * source.radiance.mean() * faced / max(reach, 0.3) ** 3 * source.centre
+    albedo = _albedo(room, points, owner, side, distance * (np.pi / height))
     reflected = albedo * direct
     weighted = solid_angle[:, None] * reflected
     mean, slope = weighted.sum(0) / (4 * np.pi), way.T @ weighted * (3 / (4 * np.pi))
     around = np.maximum(mean + normals @ slope * (2 / 3), 0.2 * mean)
     ambient = room.ambient / (1 - _BOUNCED) * around + _ELSEWHERE
-    nooks = _nooks(room, points, owner, side, casting)
-    bright = way.T @ weighted.mean(1) + sum((_flux(place) for place in places), np.zeros(3))
+    bright += way.T @ weighted.mean(1)
     bright[2] *= 0.5  # the far side of a room lies in the dark, its floor less so
-    bright /= max(float(np.linalg.norm(bright)), 1e-9)
-    side_light = 1 + room.shade * (way @ bright.astype(np.float32))
-    image = (reflected + albedo * ambient * nooks[:, None]) * (grain(points) * side_light)[:, None]
-    _show_sources(room, image, way, distance, solid_angle, casting)
+    side_light = 1 + room.shade * (way @ (bright / max(float(np.linalg.norm(bright)), 1e-9)))
+    nooks = _nooks(room, points, owner, side)
+    image = (reflected + albedo * ambient * nooks[:, None]) * side_light[:, None]
+    for source in room.sources:
+        _show(room, source, image, way, distance, solid_angle)
+    eye = np.zeros((1, 3), np.float32)
+    if room.sun and _through_glass(room, eye, room.sun[0])[0] and seen(eye, 20 * room.sun[0], room.boxes)[0]:
+        _spot(image, way, solid_angle, room.sun[0], 0.03, 0.3 * np.pi * room.sun[1])
     return np.maximum(image, 0).astype(np.float32).reshape(height, 2 * height, 3)
 
 
-def _places(room: PanoramaRoom) -> list[_Place]:
-    """Return windows and lamps as points: two for those longer than a metre."""
-    places = []
-    for panel in room.panels:
-        half = panel.half
-        long = panel.across * half[0] if half[0] > half[1] else panel.over * half[1]
-        offsets = (-0.5 * long, 0.5 * long) if half.max() > 0.5 and len(room.panels) < 8 else (0 * long,)
-        glass = 0.75 * panel.radiance if panel.window else panel.radiance
-        for offset in offsets:
-            start = panel.centre + offset + 0.01 * panel.normal
-            places.append(_Place(start, panel.normal, panel.area * glass / len(offsets)))
-    places += [_Place(bulb.centre, None, np.pi * bulb.radius**2 * bulb.radiance) for bulb in room.bulbs]
-    return places
+def first_met(way: Array, room: PanoramaRoom) -> tuple[Array, NDArray[np.int_], NDArray[np.int_]]:
+    """Return the first hits of rays from the origin along `way` (N, 3).
+
+    Returns:
+        Distances (N,); the box's index (N,), -1 for the room itself; and the side (N,) of the box or room, in
+        the order of `OUTWARD`.
+    """
+    speed = way @ OUTWARD.T
+    distance = np.where(speed > 1e-6, room.reach / np.maximum(speed, 1e-6), np.inf)
+    side, nearest = distance.argmin(1), distance.min(1)
+    owner = np.full(len(way), -1)
+    for index, box in enumerate(room.boxes):
+        enter, leave = _slabs(box, np.zeros((3, 1), np.float32), way.T)
+        entry = enter.max(0)
+        met = (entry < leave.min(0)) & (entry > 0) & (entry < nearest)
+        axis = enter[:, met].argmax(0)
+        nearest[met], owner[met] = entry[met], index
+        side[met] = 2 * axis + (way.T[axis, met] > 0)  # it meets the side that looks back
+    return nearest, owner, side
 
 
-def _arriving(place: _Place, points: Array, normals: Array) -> Array:
-    """Return the irradiance / pi (N, 3) from a place at points (N, 3), nothing being in the way."""
-    way = place.point - points
+def seen(points: Array, target: Array, boxes: list[Box]) -> NDArray[np.bool_]:
+    """Return which points (N, 3) see the target: a place (3,), or places (N, 3), past the boxes."""
+    start = np.ascontiguousarray(points.T, np.float32)
+    way = target.reshape(-1, 3).T.astype(np.float32) - start
+    free = np.ones(len(points), bool)
+    for box in boxes:
+        enter, leave = _slabs(box, start, way)
+        free &= np.maximum(enter.max(0), 1e-4) >= np.minimum(leave.min(0), 0.999)
+    return free
+
+
+def _slabs(box: Box, start: Array, way: Array) -> tuple[Array, Array]:
+    """Return where rays (3, N) enter and leave a box's three slabs: (3, N) each, in the rays' own units."""
+    inverse = 1 / np.where(np.abs(way) < 1e-9, np.float32(1e-9), way)
+    a, b = (box.low[:, None] - start) * inverse, (box.high[:, None] - start) * inverse
+    return np.minimum(a, b), np.maximum(a, b)
+
+
+def hashed(*cells: NDArray[np.int_]) -> Array:
+    """Return a number in [0, 1) for each tuple of whole numbers, the same everywhere."""
+    value = np.full(np.shape(cells[0]), 0x9E3779B9, np.uint64)
+    for cell in cells:
+        value = (value ^ np.asarray(cell).astype(np.int64).astype(np.uint64)) * np.uint64(0xBF58476D1CE4E5B9)
+        value ^= value >> np.uint64(29)
+    return ((value * np.uint64(0x94D049BB133111EB)) >> np.uint64(40)).astype(np.float32) / np.float32(2**24)
+
+
+def _albedo(
+    room: PanoramaRoom, points: Array, owner: NDArray[np.int_], side: NDArray[np.int_], size: Array
+) -> Array:
+    """Return the albedo (N, 3) of the boxes (owner >= 0) and the room's sides at points (N, 3), where a pixel
+    spans `size` metres (N,): smaller cells fade.
+    """
+    surfaces = [*room.boxes, *room.sides]
+    number = np.where(owner < 0, len(room.boxes) + side, owner)
+    albedo = np.array([surface.albedo for surface in surfaces], np.float32)[number]
+    period = np.array([surface.period for surface in surfaces])[number]
+    contrast = np.array([surface.contrast for surface in surfaces])[number]
+    contrast = contrast * np.minimum(period / (3 * size), 1) ** 2
+    tone = hashed(number, *np.floor((points + 1e-3) / period[:, None]).astype(np.int64).T)
+    grain = np.sin(points @ [3.1, 5.3, 4.1]) + np.sin(points @ [-7.3, 4.7, 6.1])
+    return albedo * (1 + contrast * (tone - 0.5) + 0.03 * grain)[:, None].astype(np.float32)
+
+
+def _arriving(source: Source, points: Array, normals: Array) -> Array:
+    """Return the irradiance / pi (N, 3) from a source at points (N, 3), nothing being in the way."""
+    way = source.centre - points
     square = np.einsum("ni,ni->n", way, way) + 0.08
     cosines = np.maximum(np.einsum("ni,ni->n", way, normals), 0)
-    if place.facing is not None:
-        cosines = cosines * np.maximum(-way @ place.facing, 0) / np.sqrt(square)
-    return (cosines / (square * np.sqrt(square)))[:, None] * (place.intensity / np.pi)
+    if source.over is not None:
+        cosines = cosines * np.maximum(-way @ source.normal, 0) / np.sqrt(square)
+    share = 0.75 if source.bars else 1.0
+    return (cosines / (square * np.sqrt(square)))[:, None] * (share * source.area / np.pi * source.radiance)
 
 
-def _flux(place: _Place) -> Array:
-    """Return light that reaches the viewpoint from a place, as a vector (3,) towards it."""
-    reach = float(np.linalg.norm(place.point))
-    cosine = 1.0 if place.facing is None else max(float(-place.point @ place.facing) / reach, 0.0)
-    return place.intensity.mean() * cosine / max(reach, 0.3) ** 3 * place.point
-
-
-def _sunlight(room: PanoramaRoom, points: Array, normals: Array, casting: list) -> Array:
+def _sunlight(room: PanoramaRoom, points: Array, normals: Array) -> Array:
     """Return the irradiance / pi (N, 3) of the sun where it shines in through a window."""
-    result = np.zeros_like(points)
-    if room.sun is None:
-        return result
-    direction, strength = room.sun
-    facing = normals @ direction
-    lit = np.nonzero((facing > 0) & _through_glass(room, points, direction))[0]
-    lit = lit[seen(points[lit], points[lit] + 20 * direction, casting)]
-    result[lit] = facing[lit, None] * strength
+    result = np.zeros(points.shape)
+    if room.sun is not None:
+        direction, strength = room.sun
+        facing = normals @ direction
+        lit = np.nonzero((facing > 0) & _through_glass(room, points, direction))[0]
+        lit = lit[seen(points[lit], points[lit] + 20 * direction, room.boxes)]
+        result[lit] = facing[lit, None] * strength
     return result
+
+
+def _met(source: Source, points: Array, way: Array) -> tuple[Array, Array, Array]:
+    """Return how far along rays (N, 3) a rectangle's plane is, (N,), and its own coordinates there, within
+    +-1.
+    """
+    assert source.over is not None
+    against = way @ source.normal
+    against = np.where(np.abs(against) < 1e-6, 1e-6, against)
+    reach = ((source.centre - points) @ source.normal) / against
+    met = points + reach[:, None] * way - source.centre
+    u, v = (met @ axis / (axis @ axis) for axis in (source.across, source.over))
+    return np.where((np.abs(u) < 1) & (np.abs(v) < 1) & (reach > 0), reach, np.inf), u, v
 
 
 def _through_glass(room: PanoramaRoom, points: Array, direction: Array) -> NDArray[np.bool_]:
     """Return from which points (N, 3) a direction leads out through a pane without a veil."""
     through = np.zeros(len(points), bool)
-    for panel in room.panels:
-        against = float(direction @ panel.normal)
-        if panel.window and panel.veil == 0 and against < -1e-3:
-            reach = ((panel.centre - points) @ panel.normal) / against
-            met = points + reach[:, None] * direction - panel.centre
-            inside = (np.abs(met @ panel.across) < panel.half[0]) & (np.abs(met @ panel.over) < panel.half[1])
-            through |= inside & (reach > 0)
+    for source in room.sources:
+        if source.bars and source.veil == 0 and direction @ source.normal < -1e-3:
+            through |= np.isfinite(_met(source, points, np.broadcast_to(direction, points.shape))[0])
     return through
 
 
-def _nooks(
-    room: PanoramaRoom, points: Array, owner: NDArray[np.int_], side: NDArray[np.int_], casting: list
-) -> Array:
-    """Return the share (N,) of the room's light that reaches its corners and the space round furniture."""
-    shade = np.ones(len(points), np.float32)
-    shell = owner < 0
-    low, high = points + room.reach[1::2], room.reach[::2] - points
+def _nooks(room: PanoramaRoom, points: Array, owner: NDArray[np.int_], side: NDArray[np.int_]) -> Array:
+    """Return the share (N,) of the room's light that reaches its corners and the space below furniture."""
+    shade = np.ones(len(points))
     for axis in range(3):
-        for gap in (low[:, axis], high[:, axis]):
+        for gap in (points[:, axis] + room.reach[2 * axis + 1], room.reach[2 * axis] - points[:, axis]):
             shade *= 1 - 0.35 * np.exp(-gap / 0.3) * (side // 2 != axis)
-    near, dim = points[shell], np.ones(int(shell.sum()), np.float32)
-    columns = np.ascontiguousarray(near.T)
-    for box in casting:
-        close = np.ones(len(near), bool)
-        for axis in range(3):
-            close &= (columns[axis] > box.low[axis] - 0.6) & (columns[axis] < box.high[axis] + 0.6)
-        around = np.nonzero(close)[0]
-        place = near[around]
-        gap = np.maximum(np.maximum(box.low - place, place - box.high), 0)
-        dim[around] *= 1 - 0.5 * np.exp(-np.sqrt(np.einsum("ni,ni->n", gap, gap)) / 0.15)
-    shade[shell] *= dim
-    under = ~shell & (side == FLOOR)
-    shade[under] *= 0.3
+    shade[(owner >= 0) & (side == FLOOR)] *= 0.3
     return shade
 
 
-def _show_sources(
-    room: PanoramaRoom, image: Array, way: Array, distance: Array, solid_angle: Array, casting: list
+def _show(
+    room: PanoramaRoom, source: Source, image: Array, way: Array, distance: Array, solid_angle: Array
 ) -> None:
-    """Paint light sources into the image (N, 3), each with the flux that it has, however small."""
-    eye = np.zeros((1, 3), np.float32)
-    for panel in room.panels:
-        where, radiance = _panel(room, panel, way, distance)
+    """Paint a source into the image (N, 3), with the flux that it has, however small."""
+    reach = float(np.linalg.norm(source.centre))
+    if source.over is not None:
+        found, u, v = _met(source, np.zeros(3), way)
+        where = np.nonzero(found < distance + 0.03)[0]
+        if source.centre @ source.normal > 0:  # a lamp from behind
+            image[where] = 0.01 * source.radiance
+            return
+        if source.bars is not None:
+            image[where] = _view(room, source, u[where], v[where], way[where])
+            return
         if len(where):
-            image[where] = radiance
-        elif not panel.window and seen(eye, panel.centre - 0.02 * panel.normal, casting)[0]:
-            reach = float(np.linalg.norm(panel.centre))
-            flux = panel.radiance * panel.area * max(float(-panel.centre @ panel.normal), 0) / reach**3
-            _spot(image, way, solid_angle, panel.centre / reach, 0.0, flux)
-    for bulb in room.bulbs:
-        reach = float(np.linalg.norm(bulb.centre))
-        if seen(eye, bulb.centre, casting)[0]:
-            flux = np.pi * (bulb.radius / reach) ** 2 * bulb.radiance
-            _spot(image, way, solid_angle, bulb.centre / reach, bulb.radius / reach, flux)
-    if room.sun and _through_glass(room, eye, room.sun[0])[0] and seen(eye, 20 * room.sun[0], casting)[0]:
-        _spot(image, way, solid_angle, room.sun[0], 0.03, 0.3 * np.pi * room.sun[1])
+            image[where] = source.radiance
+            return
+    if seen(np.zeros((1, 3), np.float32), source.centre + 0.02 * source.normal, room.boxes)[0]:
+        flux = source.area * source.radiance * max(float(-source.centre @ source.normal), 0) / reach**3
+        angle = float(np.linalg.norm(source.across)) / reach if source.over is None else 0.0
+        _spot(image, way, solid_angle, source.centre / reach, angle, flux)
 
 
-def _panel(room: PanoramaRoom, panel: Panel, way: Array, distance: Array) -> tuple[NDArray[np.int_], Array]:
-    """Return which rays (M,) end on a panel, and the radiance (M, 3) they see there."""
-    against = way @ panel.normal
-    ahead = np.nonzero((against < -1e-4) if panel.centre @ panel.normal < 0 else against > 1e-4)[0]
-    reach = float(panel.centre @ panel.normal) / against[ahead]
-    met = way[ahead] * reach[:, None] - panel.centre
-    u, v = met @ panel.across / panel.half[0], met @ panel.over / panel.half[1]
-    inside = (np.abs(u) < 1) & (np.abs(v) < 1) & (reach < distance[ahead] + 0.03)
-    where, u, v = ahead[inside], u[inside], v[inside]
-    if panel.centre @ panel.normal > 0:  # a lamp from behind
-        return where, np.full((len(where), 3), 0.01) * panel.radiance
-    if not panel.window:
-        return where, (1 - 0.15 * (u * u + v * v))[:, None] * panel.radiance
-    view = outdoors(room.skyline, way[where])
-    view = ((1 - panel.veil) * view + panel.veil * 0.6)[:, None] * panel.radiance
-    size = 2 * panel.half
-    bars = np.minimum(_to_bar(u, panel.bars[0], float(size[0])), _to_bar(v, panel.bars[1], float(size[1])))
-    view[bars < 0.03] = 0.12 * panel.frame * panel.radiance
-    return where, view
-
-
-def _to_bar(share: Array, panes: int, size: float) -> Array:
-    """Return metres to the next bar of a window `size` metres across, at shares in [-1, 1] of its half."""
-    pane = (share + 1) / 2 * panes
-    return np.abs(pane - np.round(pane)) * size / panes
+def _view(room: PanoramaRoom, window: Source, u: Array, v: Array, way: Array) -> Array:
+    """Return the radiance (N, 3) of a window's pane: sky over a skyline, darker ground, bars and a veil."""
+    assert window.bars is not None and window.over is not None
+    azimuth = np.arctan2(way[:, 1], way[:, 0])
+    block = np.floor(azimuth * 6).astype(np.int64)
+    roofs = 0.35 * hashed(block, np.full_like(block, room.skyline)) ** 2
+    trees = 0.1 + 0.12 * np.sin(9 * azimuth + room.skyline % 7)
+    sky = 0.95 + 0.1 * np.sin(5 * azimuth + 14 * way[:, 2] + room.skyline % 5) + 0.2 * way[:, 2]
+    ground = 0.25 + 0.25 * hashed(block, np.full_like(block, room.skyline + 1))
+    outside = np.where(way[:, 2] > (roofs if room.skyline % 3 == 0 else trees), sky, ground)
+    view = (1 - window.veil) * outside + window.veil * 0.6
+    for place, panes, half in zip((u, v), window.bars, (window.across, window.over), strict=True):
+        pane = (place + 1) / 2 * panes
+        view[np.abs(pane - np.round(pane)) * 2 * np.linalg.norm(half) / panes < 0.03] = 0.05
+    return view[:, None] * window.radiance
 
 
 def _spot(image: Array, way: Array, solid_angle: Array, direction: Array, angle: float, flux: Array) -> None:
     """Paint a disc of an angular radius, no smaller than a pixel, that holds the flux (3,)."""
-    cosines = way @ direction.astype(np.float32)
+    cosines = way @ np.asarray(direction, np.float32)
     height = np.sqrt(len(way) / 2)
     shown = cosines > min(np.cos(max(angle, np.pi / height)), cosines.max() - 1e-6)
     image[shown] = flux / solid_angle[shown].sum()
