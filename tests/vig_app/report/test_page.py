@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import io
 import json
 import math
 import re
@@ -13,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import vig
 from tests.support import LOW_CONTRAST
@@ -222,13 +224,14 @@ def test_the_object_is_drawn_as_the_photo_shows_it(
 PIXELS = """(canvas, size) => {
     const flat = Object.assign(document.createElement("canvas"), { width: size[0], height: size[1] });
     flat.getContext("2d").drawImage(canvas, 0, 0, ...size);
-    return [...flat.getContext("2d").getImageData(0, 0, ...size).data]; }"""
+    return flat.toDataURL(); }"""
 
 
 def pixels(shown: Any, name: str, width: int, height: int) -> np.ndarray:
     """A canvas or image of the page, (height, width, 4): 8-bit RGB, and opacity in [0, 1]."""
-    data = shown.locator(name).evaluate(PIXELS, [width, height])
-    return np.array(data, np.float32).reshape(height, width, 4) / [1, 1, 1, 255]
+    address = shown.locator(name).evaluate(PIXELS, [width, height])  # a PNG: lists of numbers take minutes
+    picture = Image.open(io.BytesIO(base64.b64decode(address.partition(",")[2]))).convert("RGBA")
+    return np.asarray(picture, np.float32) / [1, 1, 1, 255]
 
 
 def opened(browser: Any, explanation: vig.Explanation, folder: Path) -> Any:
