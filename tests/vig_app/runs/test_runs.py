@@ -360,7 +360,9 @@ def test_a_photo_that_kills_its_worker_is_named_and_the_others_go_on(
 ) -> None:
     """Any worker that begins with photo 3 is killed by us."""
     monkeypatch.setattr("vig_app.runs.photos.prepare", deadly)
-    tasks = [Task(photo, tmp_path / "out" / photo.stem) for photo in sorted(photos.iterdir())]
+    tasks = [
+        Task(photo, tmp_path / "out" / photo.stem, (10, 10, 130, 130)) for photo in sorted(photos.iterdir())
+    ]
     rows = {Path(row["photo"]).name: row for row in run(tasks, tmp_path / "out", RunSettings(), workers=2)}
     assert len(rows) == 8
     assert "killed 3 times" in rows.pop("3.png")["error"]
