@@ -87,6 +87,8 @@ def test_a_photo_is_fitted_once_unless_it_or_what_is_said_changes(
 
 def test_a_run_that_is_killed_goes_on_with_the_same_rows(photos: Path, tmp_path: Path) -> None:
     quiet, out = tmp_path / "quiet", tmp_path / "out"
+    for number in range(5, 8):
+        (photos / f"{number}.png").unlink()
     assert fitted(photos, "--out", quiet, "--quiet") == 0
     with subprocess.Popen(
         [*COMMAND, photos, "--out", out, "--workers", "2"], stdout=subprocess.PIPE, text=True
@@ -96,9 +98,9 @@ def test_a_run_that_is_killed_goes_on_with_the_same_rows(photos: Path, tmp_path:
         killed.send_signal(signal.SIGKILL)
     with open(out / "results.jsonl", "a") as ledger:
         ledger.write('{"key": "half a li')
-    (out / f".7{PARTIAL}").mkdir()
+    (out / f".4{PARTIAL}").mkdir()
     done = len(list(out.glob("*/explanation.json")))
-    assert 1 <= done < 8
+    assert 1 <= done < 5
     ended = subprocess.run([*COMMAND, photos, "--out", out, "--workers", "2"], capture_output=True, text=True)
     assert ended.returncode == 0 and 1 <= ended.stdout.count("done before") <= done
     assert without_time(rows_of(out)) == without_time(rows_of(quiet))
@@ -358,10 +360,11 @@ def test_a_photo_that_kills_its_worker_is_named_and_the_others_go_on(
     """Any worker that begins with photo 3 is killed by us."""
     monkeypatch.setattr("vig_app.runs.photos.prepare", deadly)
     tasks = [
-        Task(photo, tmp_path / "out" / photo.stem, (10, 10, 130, 130)) for photo in sorted(photos.iterdir())
+        Task(photo, tmp_path / "out" / photo.stem, (10, 10, 130, 130))
+        for photo in sorted(photos.iterdir())[1:5]
     ]
     rows = {Path(row["photo"]).name: row for row in run(tasks, tmp_path / "out", RunSettings(), workers=2)}
-    assert len(rows) == 8
+    assert len(rows) == 4
     assert "killed 3 times" in rows.pop("3.png")["error"]
     assert all(row["error"] is None for row in rows.values())
 
