@@ -72,9 +72,8 @@ class Demo:
 class Gallery:
     """Make a page of photos and what vig explains in them, to slide and to turn: one file, offline."""
 
-    results: tyro.conf.Positional[Path | None] = None
-    """Folder of results of `vig fit` or `vig demo`, with report.html for each photo; without it, the packaged
-    photos are explained."""
+    results: tyro.conf.Positional[Path]
+    """Folder of results of `vig fit` or `vig demo`, with report.html for each photo."""
     out: Path = Path("vig-gallery")
     """Folder of the page, index.html."""
     no_open: bool = False
@@ -138,7 +137,8 @@ class Verb:
     """One verb. Its work is imported when it is chosen, so that help is quick.
 
     name: `fit`, or `dataset make` for a verb of a group. settings: a dataclass, from which the arguments are
-    derived. work: `module:function`, which takes the settings and returns the exit code.
+    derived; its `work`, where it has one, is done in place of that of the verb. work: `module:function`,
+    which takes the settings and returns the exit code.
     """
 
     name: str
@@ -147,7 +147,7 @@ class Verb:
 
     def run(self, settings: Any) -> int:
         """Do the work with these settings; returns the exit code."""
-        module, _, function = self.work.partition(":")
+        module, _, function = getattr(settings, "work", self.work).partition(":")
         return int(getattr(import_module(module), function)(settings))
 
 

@@ -9,33 +9,28 @@ import shlex
 import sys
 import time
 import webbrowser
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from shutil import which
 from typing import Any
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
 from rich.console import Console
 from rich.table import Table
 
 from vig.explainer import Explainer
 from vig.explanation import Explanation
-from vig.io.files import atomic_write
 from vig.io.printing import end
-from vig.photo.images import coded
 from vig.scene import angle_difference
 from vig_app.cli.common import Demo
 from vig_app.demo import DemoPhoto, demo_photos
-from vig_app.pictures import overlay
-from vig_app.report.folder import FILES, save_entry
-from vig_app.report.folder_page import Entry, reduced
+from vig_app.report.folder import save_explanation
 from vig_app.report.gallery import Card, card_of, gallery_html
-from vig_app.report.html import QUALITY, write_page
+from vig_app.report.html import write_page
+from vig_app.report.sheet import write_sheets
+from vig_app.results import row_of_record
 
-CELL, GAP, CAPTION, COLUMNS = 396, 5, 24, 4
-"""Pixels of a photo's side in overview.jpg, between photos, and of a caption's height; photos in a row."""
 NUMBERS = ("hidden", "azimuth", "elevation", "albedo", "shape error", "mask IoU")
 """Columns of the table."""
 HARD_PHOTO = 3
@@ -54,18 +49,16 @@ def demo(settings: Demo) -> int:
     out, as_json = settings.out, settings.json
     console = Console(width=None if sys.stdout.isatty() else 140)
     started = time.monotonic()
-    photos = demo_photos()
-    rows, entries, cards = [], [], []
-    for photo, explanation, entry in explained_demo(photos, out):
-        rows.append(_compared(photo, explanation, entry.described))
-        entries.append(_enlarged(entry, explanation))
-        cards.append(demo_card(photo, out, entry.link))
+
+    def say(row: Mapping[str, Any]) -> None:
         if not as_json:
-            console.print(f"explained {photo.name}: {rows[-1]['verdict']}", highlight=False)
+            console.print(f"explained {row['photo']}: {row['verdict']}", highlight=False)
+
+    rows, cards = explain_demo(out, say)
     seconds = time.monotonic() - started
-    write_overview(out / "overview.jpg", entries)
     page = out / "report.html"
-    write_page(page, gallery_html(cards, "vig's demo", f"{DEMO_NOTE} A photo's name leads to its own page."))
+    note = f"{DEMO_NOTE} A photo's name leads to its own page."
+    write_page(page, gallery_html(cards, "vig's demo", note))
     if as_json:
         print(json.dumps({"photos": rows, "seconds": round(seconds, 1), "folder": str(out)}, indent=2))
         return 0
@@ -80,7 +73,7 @@ def demo(settings: Demo) -> int:
         highlight=False,
         soft_wrap=True,
     )
-    hard = photos[HARD_PHOTO]
+    hard = demo_photos()[HARD_PHOTO]
     commands = [line.format(photo=hard.photo, elevation=hard.elevation_deg) for line in COMMANDS_TO_TRY]
     if which("vig") is None:  # in an environment that is not active
         vig = shlex.join([sys.executable, "-m", "vig"])
@@ -93,23 +86,30 @@ def demo(settings: Demo) -> int:
     return 0
 
 
-def explained_demo(
-    photos: Sequence[DemoPhoto], out: Path, files: Sequence[str] = FILES
-) -> Iterator[tuple[DemoPhoto, Explanation, Entry]]:
-    """Explain the packaged photos, found without a box, each into a folder of its name."""
+def explain_demo(
+    out: Path, say: Callable[[Mapping[str, Any]], None] = lambda row: None
+) -> tuple[list[dict[str, Any]], list[Card]]:
+    """Explain the packaged photos into a folder, without boxes, with a sheet of all.
+
+    say: Called with each row as it is done.
+
+    Returns:
+        Truth and estimate of each photo, and its card of a gallery.
+    """
+    photos, rows, cards, described = demo_photos(), [], [], []
     explainers = {name: Explainer(name) for name in dict.fromkeys(photo.class_name for photo in photos)}
     for photo in photos:
         explanation = explainers[photo.class_name].explain(photo.photo)
-        name = photo.photo.name
-        yield photo, explanation, save_entry(explanation, out / photo.name, name, name, files)[0]
-
-
-def demo_card(photo: DemoPhoto, out: Path, link: str = "") -> Card:
-    """Return the gallery's card of a packaged photo that was explained into `out`, with the truth."""
-    truth = f"truth: azimuth {photo.azimuth_deg:.0f}°, {photo.occlusion:.0%} hidden"
-    if not photo.present:
-        truth = f"truth: a {photo.shows}, no {photo.class_name}"
-    return card_of(out / photo.name, photo.title, truth, link)
+        folder = save_explanation(explanation, out / photo.name, photo.photo.name)
+        described.append(row_of_record(explanation.to_dict(), photo=photo.photo.name, folder=photo.name))
+        rows.append(_compared(photo, explanation, described[-1]["verdict"]))
+        truth = f"truth: azimuth {photo.azimuth_deg:.0f}°, {photo.occlusion:.0%} hidden"
+        truth = truth if photo.present else f"truth: a {photo.shows}, no {photo.class_name}"
+        cards.append(card_of(folder, photo.title, truth, f"{photo.name}/report.html"))
+        say(rows[-1])
+    # Pixels of a photo's side: docs/demo.jpg is this sheet.
+    write_sheets(out, described, 396, "overlay.png")
+    return rows, cards
 
 
 def has_screen() -> bool:
@@ -118,39 +118,6 @@ def has_screen() -> bool:
         os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
     )
     return sys.stdout.isatty() and displays
-
-
-def write_overview(path: Path, entries: Sequence[Entry]) -> None:
-    """Write a picture of all photos with their explanations, `COLUMNS` to a row."""
-    step = CELL + GAP
-    rows = math.ceil(len(entries) / COLUMNS)
-    sheet = Image.new("RGB", (COLUMNS * step - GAP, rows * (step + CAPTION) - GAP), "white")
-    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(15)
-    for number, entry in enumerate(entries):
-        left, top = number % COLUMNS * step, number // COLUMNS * (step + CAPTION)
-        picture = Image.fromarray(entry.picture).resize((CELL, CELL), Image.Resampling.LANCZOS)
-        sheet.paste(picture, (left, top))
-        draw.text((left + 2, top + CELL + 2), _caption(entry.described), "black", font)
-    with atomic_write(path) as temporary:
-        sheet.save(temporary, "JPEG", quality=QUALITY)
-
-
-def _caption(described: Mapping[str, Any]) -> str:
-    """Describe the result in a few words."""
-    name, verdict = described["class"], described["verdict"]
-    if verdict == "absent":
-        return f"{name}: absent"
-    hidden = described["hidden_fraction"] or 0.0
-    return f"{name}: {verdict}, azimuth {described['azimuth_deg']:.0f}°, {hidden:.0%} hidden"
-
-
-def _enlarged(entry: Entry, explanation: Explanation) -> Entry:
-    """Enlarge the picture beyond that of many photos."""
-    # 480: pixels of a photo's longer side from which overview.jpg is made
-    picture = reduced(coded(explanation.picture), 480)
-    if entry.described["verdict"] != "absent":
-        picture = overlay(explanation, picture)
-    return replace(entry, picture=picture)
 
 
 def _table(rows: Sequence[Mapping[str, Any]]) -> Table:
@@ -173,43 +140,27 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> Table:
     return table
 
 
-def _compared(photo: DemoPhoto, explanation: Explanation, described: Mapping[str, Any]) -> dict[str, Any]:
+def _compared(photo: DemoPhoto, explanation: Explanation, verdict: str) -> dict[str, Any]:
     """Return truth and estimate of a photo as plain numbers; null where it does not show the class asked
     for.
     """
-    row = {
-        "photo": photo.name,
-        "class": photo.class_name,
-        "shows": photo.shows,
-        "hidden": [None, described["hidden_fraction"]],
-        "azimuth_deg": [None, described["azimuth_deg"]],
-        "elevation_deg": [None, described["elevation_deg"]],
-        "albedo": [None, described["albedo"]],
-        "azimuth_error_deg": None,
-        "shape_error_mm": None,
-        "segmentation_iou": None,
-        "verdict": described["verdict"],
-    }
-    if not photo.present:
-        return row
-    with Image.open(photo.visible_mask) as image:
-        visible = np.asarray(image) > 127
-    azimuth_error = angle_difference(float(explanation.latents.azimuth[0]), math.radians(photo.azimuth_deg))
-    distances = np.linalg.norm(explanation.vertices - photo.vertices, axis=1)
+    shown = photo.present
     truth = {
         "hidden": round(photo.occlusion, 3),
         "azimuth_deg": photo.azimuth_deg % 360,
         "elevation_deg": photo.elevation_deg,
         "albedo": list(photo.albedo),
     }
-    return (
-        row
-        | {name: [value, row[name][1]] for name, value in truth.items()}
-        | {
-            "azimuth_error_deg": math.degrees(abs(azimuth_error)),
-            "shape_error_mm": 1000 * float(distances.mean()),
-            "segmentation_iou": float(
-                (explanation.mask & visible).sum() / (explanation.mask | visible).sum()
-            ),
-        }
-    )
+    described = explanation.to_dict() | {"hidden": explanation.to_dict()["hidden_fraction"]}
+    with Image.open(photo.visible_mask) as image:
+        visible = np.asarray(image) > 127
+    azimuth_error = angle_difference(float(explanation.latents.azimuth[0]), math.radians(photo.azimuth_deg))
+    distances = np.linalg.norm(explanation.vertices - photo.vertices, axis=1) if shown else np.zeros(1)
+    errors = {
+        "azimuth_error_deg": math.degrees(abs(azimuth_error)),
+        "shape_error_mm": 1000 * float(distances.mean()),
+        "segmentation_iou": float((explanation.mask & visible).sum() / (explanation.mask | visible).sum()),
+    }
+    names = {"photo": photo.name, "class": photo.class_name, "shows": photo.shows}
+    estimates = {name: [value if shown else None, described[name]] for name, value in truth.items()}
+    return {**names, **estimates, **(errors if shown else dict.fromkeys(errors)), "verdict": verdict}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shlex
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from contextlib import closing
 from datetime import datetime
 from functools import partial
@@ -17,24 +17,46 @@ from vig.io.errors import UserError
 from vig.io.printing import end, in_one_line, note
 from vig.io.progress import Meter
 from vig.record import read_explanation
-from vig_app.cli.options import FitCommand
-from vig_app.cli.tasks import Plan, files_of, plan_of
+from vig_app.cli.options import FitCommand, RunOptions
+from vig_app.cli.tasks import Plan, plan_of
 from vig_app.corrections import CORRECTIONS
 from vig_app.exports import export_run, run_formats
 from vig_app.report.folder_page import write_run_page
 from vig_app.report.sheet import write_sheets
-from vig_app.results import TRACK, RowsOnDisk, name_of, write_table
-from vig_app.runs import run, run_tracked
+from vig_app.results import RowsOnDisk, name_of, write_table
+from vig_app.runs import run
+
+Take = Callable[[dict[str, Any]], None]
 
 
 def fit(command: FitCommand) -> int:
     """Explain every photo into a folder of its own; returns the exit code."""
-    files_of(command.run)
-    if command.video.live is not None:
-        from vig_app.cli.live import fit_live
+    plan, options = plan_of(command), command.run
 
-        return fit_live(command)
-    plan, options, track = plan_of(command), command.run, command.video.track
+    def explain(take: Take, finish: Callable[[], None]) -> None:
+        how = options.workers, len(plan.tasks) > 1, options.cluster
+        with closing(run(plan.tasks, options.out, plan.settings, *how, finish)) as rows:
+            for row in rows:
+                take(row)
+
+    return write_results(plan, options, explain, partial(_next, plan, options.out))
+
+
+def write_results(
+    plan: Plan,
+    options: RunOptions,
+    explain: Callable[[Take, Callable[[], None]], None],
+    summarise: Callable[[int], str],
+) -> int:
+    """Explain photos and print a line of each; write their table and pages; return the exit code.
+
+    Args:
+        plan: Tasks of the photos.
+        options: Where to write and what to print.
+        explain: Explains them. It is given a function that takes a row as it is done, and one to call last,
+            however it ends, while no other run can write there.
+        summarise: Describes the results and next steps, from the number of rows without an error.
+    """
     out, tasks, lines = options.out, plan.tasks, not options.json and not options.quiet
     log = partial(_add_line, options.log)
     log(f"vig {__version__}: {len(tasks)} photos into '{out}'")
@@ -64,15 +86,7 @@ def fit(command: FitCommand) -> int:
 
     show_progress = len(tasks) > 1 and not options.quiet and sys.stderr.isatty()
     with Meter(len(tasks), 0, show_progress, "photos") as meter:
-        if track:
-            frames = run_tracked(list(tasks), out, plan.settings, take, finish).frames
-        else:
-            how = options.workers, len(tasks) > 1, options.cluster
-            with closing(run(tasks, out, plan.settings, *how, finish)) as found:
-                for row in found:
-                    take(row)
-    if track and lines:
-        print(f"{len(frames)} frames, {sum(frame.lost for frame in frames)} of them lost: {out / TRACK}.csv")
+        explain(take, finish)
     if len(tasks) > 1 and (formats := [name for name in options.export if name in run_formats()]):
         export_run(out, formats)
     if options.json:
@@ -82,23 +96,25 @@ def fit(command: FitCommand) -> int:
         if options.quiet:
             print(out)
         else:
-            end(out, _next(plan, out, track, len(rows) - failed))
+            end(out, summarise(len(rows) - failed))
     return 0 if not failed else 1 if failed < len(rows) else 2
 
 
-def _next(plan: Plan, out: Path, track: bool, explained: int) -> str:
+def _next(plan: Plan, out: Path, explained: int) -> str:
     """Return a summary of the results, and the next steps."""
     count = len(plan.tasks)
     folder = plan.tasks[0].folder if count == 1 else out
-    page = folder / "report.html"
-    look = f"open {page}" if page.exists() else f"the files are in {folder}"
-    if track:
-        return f"tracked: the path is {out / TRACK}.csv; of the frames {look}"
     made = "explained" if count == 1 else f"explained {explained} of {count} photos"
     if count == 1 and not any(folder.glob(f"**/{CORRECTIONS}")):  # a mask, marks or a pose was given
-        return f"{made}: {look}"
+        return f"{made}: {where_to_look(folder)}"
     order = "" if count == 1 else ", the least sure first"
-    return f"{made}: {look}; to correct{order}: vig view {shlex.quote(str(folder))}"
+    return f"{made}: {where_to_look(folder)}; to correct{order}: vig view {shlex.quote(str(folder))}"
+
+
+def where_to_look(folder: Path) -> str:
+    """Return the page of a folder of results, where it has one."""
+    page = folder / "report.html"
+    return f"open {page}" if page.exists() else f"the files are in {folder}"
 
 
 def _results(rows: Iterable[dict[str, Any]], out: Path) -> dict[str, Any]:

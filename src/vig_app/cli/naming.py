@@ -8,7 +8,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from decimal import Decimal
 from functools import cache
-from itertools import count
+from itertools import count, product
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -61,19 +61,27 @@ def by_photo(
     Raises:
         UserError: A name is that of several photos, or no entry is of any photo.
     """
+    folders = cache(lambda folder: _parts(os.path.realpath(folder)))
+    by_path = defaultdict[Parts, list[Path]](list)  # a photo may be given twice, in two ways
+    for photo in photos:
+        by_path[*folders(photo.parent), photo.name].append(photo)
+    by_end = defaultdict[Parts, list[Parts]](list)
+    for path_parts, depth in product(by_path, {len(_parts(name)) for name in entries} - {0}):
+        by_end[tuple(map(compose_name, path_parts[-depth:]))].append(path_parts)
     matches: dict[Path, tuple[int, Value]] = {}  # with the length of the name: the longest counts
     others: list[str] = []
-    names = PhotoNames(photos)
     for name, value in entries.items():
-        paths = names(name)
+        end = _parts(name)
+        paths = by_end.get(tuple(map(compose_name, end)), [])
+        paths = [each for each in paths if each[-len(end) :] == end] or paths if len(paths) > 1 else paths
         if len(paths) > 1:
-            depth = next(n for n in count(1) if len({path[-n:] for path in paths}) == len(paths))
+            depth = next(n for n in count(1) if len({each[-n:] for each in paths}) == len(paths))
             raise UserError(
                 f"expected {what} in '{path}' that name one photo each; got '{name}', which is the name of"
                 f" {len(paths)}. Name them by their folders too, such as '{'/'.join(paths[0][-depth:])}'."
             )
         others += [] if paths else [name]
-        for photo in names.photos[paths[0]] if paths else ():
+        for photo in by_path[paths[0]] if paths else ():
             if photo not in matches or len(name) > matches[photo][0]:
                 matches[photo] = len(name), value
     if not matches and entries:
@@ -85,34 +93,6 @@ def by_photo(
         noun = "photo" if len(others) == 1 else "photos"
         note(f"{what} of {len(others)} other {noun} passed over: {listed(others)}")
     return {photo: value for photo, (_, value) in matches.items()}
-
-
-class PhotoNames:
-    """Photos by the ends of their paths, each found in the same time however many there are.
-
-    Attributes:
-        photos: Those of each path, which is in parts: a photo may be given twice, in two ways.
-    """
-
-    def __init__(self, photos: Iterable[Path]):
-        folders = cache(lambda folder: _parts(os.path.realpath(folder)))
-        self.photos = defaultdict[Parts, list[Path]](list)
-        for photo in photos:
-            self.photos[*folders(photo.parent), photo.name].append(photo)
-        self._by_end: dict[int, dict[Parts, list[Parts]]] = {}
-
-    def __call__(self, name: str) -> list[Parts]:
-        """Return the paths that end with a name, in any composition unless they differ in that
-        alone.
-        """
-        end = _parts(name)
-        depth = len(end)
-        if depth not in self._by_end:
-            by_end = self._by_end[depth] = defaultdict[Parts, list[Parts]](list)
-            for path in self.photos if end else ():
-                by_end[tuple(map(compose_name, path[-depth:]))].append(path)
-        paths = self._by_end[depth].get(tuple(map(compose_name, end)), [])
-        return [path for path in paths if path[-depth:] == end] or paths if len(paths) > 1 else paths
 
 
 def _parts(path: str) -> Parts:

@@ -148,6 +148,12 @@ class FitCommand:
     run: RunOptions = field(default_factory=RunOptions)
 
     @property
+    def work(self) -> str:
+        """Return the function that does the work, see `Verb`."""
+        tracked = self.video.track or self.video.live is not None
+        return "vig_app.cli.track:track" if tracked else "vig_app.cli.fit:fit"
+
+    @property
     def groups(self) -> tuple[Any, ...]:
         """Return all groups."""
         return self.camera, self.model, self.video, self.place, self.hints, self.run

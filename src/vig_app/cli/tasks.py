@@ -18,15 +18,12 @@ from vig.recognition import WEIGHTS_FILE
 from vig_app.cli.boxes import boxes_of, check_place, classes_of
 from vig_app.cli.cameras import cameras_of
 from vig_app.cli.hints import hints_of, mask_of
-from vig_app.cli.naming import listed, note_order
-from vig_app.cli.options import FitCommand, ModelOptions, RunOptions, given
+from vig_app.cli.naming import listed
+from vig_app.cli.options import FitCommand, ModelOptions, RunOptions, VideoOptions, given
 from vig_app.cli.photos import photos_of, result_folders
 from vig_app.corrections import CORRECTIONS, Correction, corrected_in
 from vig_app.report.folder import FILES, check_files
 from vig_app.runs import RunSettings, Task, ledger_of
-
-WITHOUT_TRACK = {"boxes", "objects", "cluster", "mask", "marks", "points", "azimuth", "pose"}
-"""Options that do not go with `--track`."""
 
 
 @dataclass(frozen=True)
@@ -39,20 +36,15 @@ class Plan:
 
 def plan_of(command: FitCommand) -> Plan:
     """Resolve a command's options; UserError where they do not go together, or a file cannot be used."""
-    run, place = command.run, command.place
+    run, place, files = command.run, command.place, files_of(command.run)
     say: Callable[[str], None] = (lambda line: None) if run.quiet else note
-    if command.video.timeout != 10.0:
+    if command.video.timeout != VideoOptions.timeout:
         raise UserError("expected --timeout with --live; got it without. Leave it out.")
-    track = command.video.track
-    if track:
-        _check_track(command)
     with ledger_of(run.out) if any(map(is_video, command.images)) else nullcontext():
         photos = photos_of(command.images, run.out)
-    if track:
-        note_order(photos)
     folders = result_folders(photos, run.out)
     boxes = boxes_of(place, photos, command.hints)
-    check_place(place, command.hints, track, folders)
+    check_place(place, command.hints, command.video.track, folders)
     object_class, *others = classes_of(place, say)
     for name in (object_class, *others):
         if is_quick(Path(name)):
@@ -64,14 +56,17 @@ def plan_of(command: FitCommand) -> Plan:
             )
     hints, mask = hints_of(command.hints, photos), mask_of(command.hints.mask, photos)
     cameras = cameras_of(command.camera, photos)
-    if track and any(repr(camera) != repr(cameras[0]) for camera in cameras):
-        file = command.camera.cameras
-        raise UserError(f"expected one camera for all frames; got several in '{file}'. Name one.")
     hinted = given(command.hints, command.camera) or place.box is not None or place.boxes is not None
     by_hand: dict[Path, tuple[Correction, ...]] = dict.fromkeys(folders, ())
     if not (len(folders) == 1 and hinted):
         by_hand = {folder: corrected_in(folder, object_class) for folder in folders}
-        _note_corrected(by_hand, track, run.out, say)
+    taken = [
+        folder.name
+        for folder, corrections in by_hand.items()
+        if corrections and not any(correction.problem for correction in corrections)
+    ]
+    if taken and not command.video.track:  # which refuses them
+        say(f"corrected in vig view, taken as it is there (or remove {CORRECTIONS}): {listed(taken)}")
     tasks = tuple(
         Task(
             photo, folder, box, command.camera.focal, hints, mask(photo), objects, place.objects or 0, camera,
@@ -79,7 +74,7 @@ def plan_of(command: FitCommand) -> Plan:
         )
         for photo, folder, (box, objects), camera in zip(photos, folders, boxes, cameras, strict=True)
     )  # fmt: skip
-    explain, files = explain_settings(command.model), files_of(run)
+    explain = explain_settings(command.model)
     return Plan(tasks, RunSettings(object_class, explain, run.export, tuple(others), files, run.full_size))
 
 
@@ -101,44 +96,6 @@ def files_of(run: RunOptions) -> tuple[str, ...] | None:
         )
     check_files(run.files or ())
     return (*run.files, *("mask.png",) * bool(run.export)) if run.files else None
-
-
-def _check_track(command: FitCommand) -> None:
-    """Raise UserError for options that do not go with `--track`."""
-    images = command.images
-    if len(images) != 1 or not (images[0].is_dir() or is_video(images[0])):
-        names = f"{len(images)} names" if len(images) != 1 else f"'{images[0]}'"
-        raise UserError(
-            f"expected one folder of frames or one video with --track; got {names}. Track one by one."
-        )
-    for name in given(*command.groups):
-        if name in WITHOUT_TRACK:
-            raise UserError(f"expected --track without --{name}; got both. Leave one out.")
-    if command.run.workers > 1:
-        raise UserError(
-            "expected --track with one worker, as frames follow from each other. Leave out --workers."
-        )
-
-
-def _note_corrected(
-    by_hand: dict[Path, tuple[Correction, ...]], track: bool, out: Path, say: Callable[[str], None]
-) -> None:
-    """Report corrections by hand of photos of an earlier run; UserError where frames are tracked, which
-    would lose it.
-    """
-    edited = [folder.name for folder, corrections in by_hand.items() if corrections]
-    if track and edited:
-        raise UserError(
-            f"expected frames that were not corrected by hand with --track, which takes no hints on single"
-            f" frames; got {CORRECTIONS} of {listed(edited)} in '{out}'. Choose another --out."
-        )
-    taken = [
-        folder.name
-        for folder, corrections in by_hand.items()
-        if corrections and not any(correction.problem for correction in corrections)
-    ]
-    if taken:
-        say(f"corrected in vig view, taken as it is there (or remove {CORRECTIONS}): {listed(taken)}")
 
 
 def is_quick(pack: Path) -> bool:

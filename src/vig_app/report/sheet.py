@@ -17,7 +17,7 @@ from vig_app.report.html import QUALITY
 from vig_app.results import name_of
 
 TILE = 160
-"""Pixels of a picture's side."""
+"""Pixels of a picture's side in the sheets of a run."""
 BORDER = 4
 """Pixels of its frame in the verdict's colour."""
 LABEL = 34
@@ -48,12 +48,16 @@ def sheet_name(number: int) -> str:
     return "sheet.jpg" if number == 0 else f"sheet-{number + 1}.jpg"
 
 
-def write_sheets(out: Path, rows: Iterable[Mapping[str, Any]]) -> list[Path]:
+def write_sheets(
+    out: Path, rows: Iterable[Mapping[str, Any]], tile: int = TILE, picture: str = THUMBNAIL_FILE
+) -> list[Path]:
     """Write the photos of a run in the order of `review_order`, `PER_SHEET` to a sheet.
 
     Args:
         out: Folder of the run, which holds that of each photo.
         rows: Rows of the photos, see `vig_app.runs.run`.
+        tile: Pixels of a picture's side.
+        picture: File of each photo's folder that is shown.
 
     Returns:
         The files, `MOST_SHEETS` at most; further ones of an earlier run are removed.
@@ -67,39 +71,40 @@ def write_sheets(out: Path, rows: Iterable[Mapping[str, Any]]) -> list[Path]:
         path, part = out / sheet_name(number), ordered[number * PER_SHEET : (number + 1) * PER_SHEET]
         if part:
             with atomic_write(path) as temporary:
-                _sheet(out, part).save(temporary, "JPEG", quality=QUALITY)
+                _sheet(out, part, tile, picture).save(temporary, "JPEG", quality=QUALITY)
             written.append(path)
         elif path.is_file():
             path.unlink()
     return written
 
 
-def _sheet(out: Path, rows: Sequence[Mapping[str, Any]]) -> Image.Image:
+def _sheet(out: Path, rows: Sequence[Mapping[str, Any]], tile: int, picture: str) -> Image.Image:
     columns = min(MOST_COLUMNS, math.ceil(math.sqrt(1.5 * len(rows))))
-    width = TILE + 2 * BORDER + GAP
+    width = tile + 2 * BORDER + GAP
     height = width + LABEL
     lines = math.ceil(len(rows) / columns)
     sheet = Image.new("RGB", (columns * width + GAP, lines * height + GAP), BACKGROUND)
     for number, row in enumerate(rows):
-        sheet.paste(_tile(out, row), (GAP + number % columns * width, GAP + number // columns * height))
+        shown = _tile(row, out / row["folder"] / picture, tile)
+        sheet.paste(shown, (GAP + number % columns * width, GAP + number // columns * height))
     return sheet
 
 
-def _tile(out: Path, row: Mapping[str, Any]) -> Image.Image:
+def _tile(row: Mapping[str, Any], path: Path, pixels: int) -> Image.Image:
     """Return a photo in a frame of its verdict's colour, under it its name and the confidence."""
     verdict = "error" if row["error"] is not None else row["verdict"]
-    side = TILE + 2 * BORDER
+    side = pixels + 2 * BORDER
     tile = Image.new("RGB", (side, side + LABEL), BACKGROUND)
     pen, font = ImageDraw.Draw(tile), ImageFont.load_default(11)
     pen.rectangle((0, 0, side - 1, side - 1), fill=VERDICT_COLOURS[verdict])
     pen.rectangle((BORDER, BORDER, side - BORDER - 1, side - BORDER - 1), fill=BEHIND_PICTURE)
     try:
-        with Image.open(out / row["folder"] / THUMBNAIL_FILE) as picture:
-            picture.thumbnail((TILE, TILE))
+        with Image.open(path) as picture:
+            picture.thumbnail((pixels, pixels))
             tile.paste(picture, ((side - picture.width) // 2, (side - picture.height) // 2))
     except Exception:  # none was made, it is gone, or damaged, of which a decoder may raise anything
         reason = _printable(row["error"] or "without a picture").removeprefix(f"{_printable(row['photo'])}: ")
-        lines = textwrap.wrap(reason, LETTERS)[: TILE // 14]
+        lines = textwrap.wrap(reason, LETTERS)[: pixels // 14]
         pen.multiline_text((BORDER + 4, BORDER + 4), "\n".join(lines), fill=BACKGROUND, font=font, spacing=2)
     name = _printable(name_of(row))
     if len(name) > LETTERS:

@@ -34,7 +34,7 @@ def test_every_photo_is_explained_and_the_folder_printed_last(capsys, tmp_path: 
     photos = demo_photos()
     names = [photo.name for photo in photos]
     assert lines[-1] == str(out)
-    assert {path.name for path in out.iterdir()} == {*names, "overview.jpg", "report.html"}
+    assert {path.name for path in out.iterdir()} == {*names, "sheet.jpg", "report.html"}
     for photo in photos:
         assert {path.name for path in (out / photo.name).iterdir()} == FILES
         with Image.open(out / photo.name / "overlay.png") as overlay, Image.open(photo.photo) as image:

@@ -53,10 +53,13 @@ def rows_of(out: Path) -> list[dict[str, str]]:
 def test_a_file_is_tracked_as_a_stream(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source, out = write_stream(tmp_path / "pot.mp4"), tmp_path / "out"
     assert fitted("--track", "--live", source, "--K", "200,200,75,75", "--out", out) == 0
-    lines = capsys.readouterr().out.splitlines()
+    output = capsys.readouterr()
     rows = rows_of(out)
     assert tuple(rows[0]) == LIVE_COLUMNS and 1 <= len(rows) <= FRAMES
-    assert lines[-2] == f"{len(rows)} frames, 0 of them lost: {out / 'track.csv'}" and lines[-1] == str(out)
+    assert output.out.splitlines()[-1] == str(out)
+    assert output.err.startswith(
+        f"vig: tracked: 0 of {len(rows)} frames are lost, the path is {out}/track.csv"
+    )
     pose = [float(rows[-1][f"camera_from_object_{r}{c}"]) for r in range(3) for c in range(3)]
     turn = np.array(pose).reshape(3, 3)
     assert np.allclose(turn @ turn.T, np.eye(3), atol=1e-6)
@@ -188,6 +191,6 @@ def test_what_cannot_be_tracked_live_is_refused_in_a_line(
 
 
 def test_options_of_live_are_known() -> None:
-    from vig_app.cli.live import WITHOUT_LIVE
+    from vig_app.cli.track import WITHOUT_LIVE
 
     assert {each.name for group in FitCommand().groups for each in fields(group)} > WITHOUT_LIVE

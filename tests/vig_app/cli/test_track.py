@@ -56,7 +56,8 @@ def test_a_folder_of_frames_is_tracked(
     output = capsys.readouterr()
     assert output.out.splitlines()[-1] == str(out)
     assert output.err.splitlines()[-1] == (
-        f"vig: tracked: the path is {out / 'track.csv'}; of the frames open {out / 'report.html'}"
+        f"vig: tracked: 0 of 3 frames are lost, the path is {out / 'track.csv'};"
+        f" of the frames open {out / 'report.html'}"
     )
     with open(out / "track.csv", newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
@@ -102,7 +103,7 @@ def test_a_video_is_taken_as_its_frames(tmp_path: Path, capsys: pytest.CaptureFi
         (["pot", "--cluster", "auto"], "expected --track without --cluster"),
         (["pot", "--boxes", "b.json"], "expected --track without --boxes"),
         (["pot", "--azimuth", "30"], "expected --track without --azimuth"),
-        (["pot", "--workers", "2"], "expected --track with one worker"),
+        (["pot", "--workers", "2"], "expected --track without --workers"),
         (["empty"], "expected photos in 'empty'; got none"),
         (["pot", "--cameras", "c.json"], "expected one camera for all frames"),
         (["one"], "expected two or more frames of a video; got one"),
