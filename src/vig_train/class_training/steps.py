@@ -55,8 +55,8 @@ from vig_train.training.class_network import (
     new_network,
     read_images,
 )
+from vig_train.training.cutouts import model_cutouts
 from vig_train.training.examples import Examples
-from vig_train.training.model_cutouts import model_cutouts
 from vig_train.training.object_map import MapTraining
 from vig_train.training.studio import Studio
 from vig_world.assets.source_meshes import meshes_fingerprint

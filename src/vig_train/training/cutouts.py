@@ -1,20 +1,30 @@
-"""Cut-outs of solid things, to put pictures together from: the packaged props, in any pose and light."""
+"""Cut-outs of solid things, to put pictures together from: packaged props, and models in files."""
 
 from __future__ import annotations
 
 import functools
 import hashlib
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
-from vig.scene import Camera, linear_from_srgb, srgb_from_linear
+from vig.io.errors import UserError
+from vig.scene import Camera, srgb_from_linear
 from vig_world import SPLITS, Split
 from vig_world.asset_cache import asset_cache
+from vig_world.assets import own
 from vig_world.assets.models import packaged_props, vary
-from vig_world.assets.things import Prop, is_of_class
+from vig_world.assets.own.catalogue import mesh_folder
+from vig_world.assets.own.folder import files_of
+from vig_world.assets.own.load import SUFFIXES, load
+from vig_world.assets.own.props import standing_parts
+from vig_world.assets.own.settings import settings_of
+from vig_world.assets.own.standing import SizedKind
+from vig_world.assets.things import Prop, is_of_class, prop
 from vig_world.mesh import vertex_normals
 from vig_world.raster.rasterize import rasterize
 
@@ -29,48 +39,53 @@ LOOKALIKES = (
     "teapot", "tumbler", "utensils", "vase",
 )  # fmt: skip
 """Families of props that share something with vessels that pour, where a split has them."""
+VIEWS = 8
+"""Cut-outs of each model, each in another pose and light."""
+SPLIT_SHARES: dict[Split, float] = {"train": 0.7, "validation": 0.1, "test": 0.2}
+"""Shares of the models, by a hash of their names."""
+_ANY_SIZE = SizedKind("thing", 1e-3, 100.0, furniture=False)
+_MOST_FAILURES = 50
+"""Models in a row that give no cut-out before a drawing is given up."""
 
 
-def draw_cutout(rng: np.random.Generator, split: Split) -> Image.Image:
-    """Draw one of a split's things: RGBA, sRGB, as large as its outline."""
-    return _numbered_cutout(_first(split) + int(rng.integers(CUTOUTS_PER_SPLIT)), False)
+def draw_cutout(
+    rng: np.random.Generator, split: Split, unlike: str = "", lookalike: bool = False
+) -> Image.Image:
+    """Draw one of a split's packaged things: RGBA, sRGB, as large as its outline.
 
-
-def draw_other(rng: np.random.Generator, split: Split, name: str) -> Image.Image:
-    """Draw one of a split's things that are not of the class of this name; see `draw_cutout`."""
-    return _numbered_cutout(_unlike(rng, split, name, False), False)
-
-
-def draw_vessel(rng: np.random.Generator, split: Split, name: str) -> Image.Image:
-    """Draw one of a split's vessels that are not of the class of this name; see `draw_cutout`."""
-    return _numbered_cutout(_unlike(rng, split, name, True), True)
-
-
-def _first(split: Split) -> int:
-    """Return the number of a split's first cut-out."""
-    return CUTOUTS_PER_SPLIT * SPLITS.index(split)
-
-
-def _unlike(rng: np.random.Generator, split: Split, name: str, lookalike: bool) -> int:
-    """Draw a random number of a split's cut-outs whose family is not like a class."""
-    number = int(rng.integers(CUTOUTS_PER_SPLIT))
-    while is_of_class(_family_of(_first(split) + number, lookalike), name):
+    Args:
+        rng: Source of all randomness.
+        split: Split of the things.
+        unlike: Name of a class of which it is not.
+        lookalike: Whether it is one of the `LOOKALIKES`.
+    """
+    first, number = CUTOUTS_PER_SPLIT * SPLITS.index(split), int(rng.integers(CUTOUTS_PER_SPLIT))
+    while unlike and is_of_class(_family_of(first + number, lookalike), unlike):
         number = (number + 1) % CUTOUTS_PER_SPLIT
-    return _first(split) + number
+    return _numbered_cutout(first + number, lookalike)
 
 
 @functools.lru_cache(maxsize=2 * CUTOUTS_PER_SPLIT)
 def _numbered_cutout(number: int, lookalike: bool) -> Image.Image:
-    """Return the cut-out of a number, made at most once on a machine: it takes a hundredth of a second."""
-    name = f"{_code()}/{'lookalike' if lookalike else 'any'}/{number}"
-    made = asset_cache().arrays(name, lambda: {"rgba": np.asarray(_make_cutout(number, lookalike))})
-    return Image.fromarray(made["rgba"])
+    """Return the cut-out of a number: it takes a hundredth of a second."""
+    name = f"{'lookalike' if lookalike else 'any'}/{number}"
+    return _made_once(name, lambda: [_make_cutout(number, lookalike)])[0]
+
+
+def _made_once(name: str, make: Callable[[], list[Image.Image]]) -> tuple[Image.Image, ...]:
+    """Return the cut-outs of a name, made at most once on a machine."""
+    made = asset_cache().arrays(
+        f"{_code()}/{name}", lambda: {str(n): np.asarray(image) for n, image in enumerate(make())}
+    )
+    return tuple(Image.fromarray(made[str(n)]) for n in range(len(made)))
 
 
 @functools.cache
 def _code() -> str:
-    """Return the name under which this file's cut-outs are kept."""
-    return f"cutouts-{hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:8]}"
+    """Return the name under which the cut-outs of this code are kept."""
+    files = [Path(__file__), *sorted(Path(own.__file__).parent.rglob("*.py"))]
+    code = b"".join(file.read_bytes() for file in files)
+    return f"cutouts-{hashlib.sha256(code).hexdigest()[:8]}"
 
 
 def _make_cutout(number: int, lookalike: bool) -> Image.Image:
@@ -101,32 +116,82 @@ def _family_of(number: int, lookalike: bool = False) -> str:
     return families[number % len(families)]
 
 
-def place_cutout(
-    cutout: Image.Image, middle: tuple[float, float], size: float, angle: float, side: int
-) -> np.ndarray:
-    """Put a cut-out into an empty picture: (side, side, 4) linear RGB, not multiplied, and coverage.
+@dataclass(frozen=True)
+class ModelCutouts:
+    """The models of one split, in the order of their names.
+
+    Attributes:
+        root: Folder of the files.
+        files: Names of the files, relative to it.
+    """
+
+    root: Path
+    files: tuple[str, ...]
+
+    @property
+    def fingerprint(self) -> str:
+        """Return a hash of names and sizes of the files."""
+        sizes = [f"{name} {(self.root / name).stat().st_size}" for name in self.files]
+        return hashlib.sha256("\n".join(sizes).encode()).hexdigest()[:16]
+
+    def draw(self, rng: np.random.Generator) -> Image.Image:
+        """Draw one of the models in one of its poses: RGBA, sRGB, as large as its outline."""
+        for _ in range(_MOST_FAILURES):
+            name, number = self.files[int(rng.integers(len(self.files)))], int(rng.integers(VIEWS))
+            if cutouts := _cutouts(self.root, name):
+                return cutouts[number]
+        raise UserError(f"{self.root}: expected models that can be drawn; {_MOST_FAILURES} could not.")
+
+
+@functools.cache
+def model_cutouts(source: str, split: Split, class_name: str) -> ModelCutouts:
+    """Return the models of a folder or of catalogues that fall into a split and are not of a class.
 
     Args:
-        cutout: RGBA.
-        middle: Place of its middle, in widths from the picture's middle.
-        size: Its longest side, in widths of the picture.
-        angle: Degrees by which it is turned, counter-clockwise.
-        side: Side of the picture, pixels.
+        source: Argument of `mesh_folder`.
+        split: The same model always falls into the same split.
+        class_name: Models with a name like this class's are left out: before a car no cars.
+
+    Raises:
+        UserError: There is no such folder, or no model in it that falls into the split.
     """
-    rotated = cutout.rotate(angle, Image.Resampling.BILINEAR, expand=True) if abs(angle) > 1 else cutout
-    factor = size * side / max(cutout.size)
-    shape = (max(1, round(rotated.width * factor)), max(1, round(rotated.height * factor)))
-    rotated = rotated.resize(shape, Image.Resampling.BILINEAR)
-    canvas = Image.new("RGBA", (side, side))
-    left, top = (
-        round((0.5 + offset) * side - length / 2) for offset, length in zip(middle, shape, strict=True)
-    )
-    canvas.paste(rotated, (left, top))
-    pixels = np.asarray(canvas)
-    return np.concatenate([_LINEAR[pixels[..., :3]], pixels[..., 3:] / np.float32(255)], axis=2)
+    root = mesh_folder(source)
+    listed = [each for each in files_of(root, SUFFIXES) if not is_of_class(Path(each[0]).stem, class_name)]
+    files = tuple(path.relative_to(root).as_posix() for name, path in listed if _split_of(name) == split)
+    if not files:
+        raise UserError(
+            f"{source}: expected models for the {split} split; got none of {len(listed)}. Give more."
+        )
+    return ModelCutouts(root, files)
 
 
-_LINEAR = linear_from_srgb(np.arange(256) / 255).astype(np.float32)
+def _split_of(name: str) -> Split:
+    place = int.from_bytes(hashlib.sha256(name.encode()).digest()[:4]) / 2**32
+    for split, share in SPLIT_SHARES.items():
+        if place < share:
+            return split
+        place -= share
+    return "test"
+
+
+@functools.lru_cache(maxsize=2048)
+def _cutouts(root: Path, name: str) -> tuple[Image.Image, ...]:
+    """Return all cut-outs of a model; none where it cannot be read."""
+    path = root / name
+    seed = hashlib.sha256(name.encode() + path.read_bytes()).digest()
+
+    def make() -> list[Image.Image]:
+        try:
+            settings = settings_of(root, path, {})
+            parts, _ = standing_parts(path, load(root, path, settings.nodes).pieces, settings, _ANY_SIZE)
+        except UserError:
+            return []
+        shown, rng = prop("model", *parts), np.random.default_rng(list(seed[:16]))
+        # Some lie, at any angle.
+        rolls = [rng.uniform(0, 2 * math.pi) * (rng.random() < 0.15) for _ in range(VIEWS)]
+        return [render_cutout(rng, shown, roll) for roll in rolls]
+
+    return _made_once(f"model/{seed.hex()[:24]}", make)
 
 
 def render_cutout(rng: np.random.Generator, shown_prop: Prop, roll: float) -> Image.Image:

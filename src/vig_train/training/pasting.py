@@ -15,8 +15,7 @@ import torch
 from PIL import Image
 from torch.nn import functional
 
-from vig_train.training.cutouts import draw_other
-from vig_train.training.model_cutouts import ModelCutouts
+from vig_train.training.cutouts import ModelCutouts, draw_cutout
 from vig_world import Split
 
 SIDE, MARGIN = 128, 16
@@ -57,7 +56,7 @@ class CutoutLibrary:
         for picture in pictures:
             # Three quarters are of models in files, where there are such.
             of_file = models is not None and rng.random() < 0.75
-            drawn = models.draw(rng) if models and of_file else draw_other(rng, split, class_name)
+            drawn = models.draw(rng) if models and of_file else draw_cutout(rng, split, class_name)
             cutout = drawn.convert("RGBA")
             cutout.thumbnail((SIDE - 2 * MARGIN,) * 2, Image.Resampling.LANCZOS)
             left, top = ((SIDE - length) // 2 for length in cutout.size)

@@ -26,9 +26,9 @@ from vig.scene import (
     ObjectClass,
     ShapeModel,
 )
+from vig_train.training.cutouts import model_cutouts
 from vig_train.training.grounds import cast_shadow, draw_ground
 from vig_train.training.layers import Environment, Layer, continue_border, photograph, place_of
-from vig_train.training.model_cutouts import model_cutouts
 from vig_train.training.painted_meshes import appearance, draw_paint
 from vig_train.training.things import draw_instead, draw_thing
 from vig_world.assets.coats import any_colour, draw_coat

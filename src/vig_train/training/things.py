@@ -11,10 +11,9 @@ import numpy as np
 from PIL import Image
 from scipy import ndimage
 
-from vig.scene import IMAGE_SIZE
-from vig_train.training.cutouts import draw_cutout, draw_other, draw_vessel, place_cutout
+from vig.scene import IMAGE_SIZE, linear_from_srgb
+from vig_train.training.cutouts import ModelCutouts, draw_cutout
 from vig_train.training.layers import Layer, draw_sheet, pixels
-from vig_train.training.model_cutouts import ModelCutouts
 from vig_world import Split
 from vig_world.assets.coats import TEXTURES, any_colour, stock_texture
 
@@ -28,6 +27,7 @@ MOTTLED_SHARE, MOTTLED_MODEL_SHARE = 0.4, 0.1
 """Shares of cut-outs with an uneven surface: among things by code, and among models, which have textures."""
 NOISE_SIDE = 512
 """Side of the noise, pixels, from which uneven surfaces are cropped."""
+_LINEAR = linear_from_srgb(np.arange(256) / 255).astype(np.float32)
 
 
 def draw_thing(
@@ -54,7 +54,6 @@ def draw_thing(
     # A tenth has several round parts; all others are flat shapes, shaded as if they were round.
     if kind < CUTOUT_SHARE + REVOLVED_SHARE + 0.1:
         return _figure(rng, colours, place, in_front)
-    x, y = pixels()
     angle = rng.uniform(0, math.pi)
     if in_front:
         middle = np.array(place[:2]) + rng.uniform(-0.6, 0.6, 2) * place[2]
@@ -62,9 +61,7 @@ def draw_thing(
     else:
         middle = np.array(place[:2]) + rng.uniform(-1, 1, 2) * np.maximum(place[2], 0.3)
         reach = np.exp(rng.uniform(np.log(0.03), np.log(0.4), 2))
-    cos, sin = math.cos(angle), math.sin(angle)
-    along = cos * (x - middle[0]) + sin * (y - middle[1])
-    across = cos * (y - middle[1]) - sin * (x - middle[0])
+    along, across = _turned(middle, angle)
     if rng.random() < 0.3:  # a rod, a finger, a stalk
         reach = np.array([rng.uniform(0.15, 0.9), rng.uniform(0.01, 0.06)])
     across = across + rng.normal(0, 0.3) * along**2
@@ -98,11 +95,9 @@ def draw_instead(
     models: in files, to be drawn as well; they have none of the class.
     """
     middle, size = rng.normal(0, 0.04, 2), rng.uniform(0.5, 0.85)
-    if vessel:
-        return _place_cutout(rng, draw_vessel(rng, split, name), middle, size)
-    if models is not None and rng.random() < MODEL_SHARE:
+    if not vessel and models is not None and rng.random() < MODEL_SHARE:
         return _place_cutout(rng, models.draw(rng), middle, size, MOTTLED_MODEL_SHARE)
-    return _place_cutout(rng, draw_other(rng, split, name), middle, size)
+    return _place_cutout(rng, draw_cutout(rng, split, name, vessel), middle, size)
 
 
 def _cutout(
@@ -135,16 +130,35 @@ def _place_cutout(
     size: float,
     mottled: float = MOTTLED_SHARE,
 ) -> Layer:
-    """Place a cut-out of a size, either way round, in some light, sometimes turned."""
-    angle = rng.normal(0, 8) if rng.random() < 0.9 else rng.uniform(0, 360)
+    """Place a cut-out, either way round, in some light, sometimes turned.
+
+    Args:
+        rng: Source of all randomness.
+        cutout: RGBA, sRGB.
+        middle: (2,) place of its middle, in widths from the picture's middle.
+        size: Its longest side, in widths of the picture.
+        mottled: Share of cut-outs with an uneven surface.
+    """
+    longest_side = max(cutout.size)
+    angle = float(rng.normal(0, 8) if rng.random() < 0.9 else rng.uniform(0, 360))
     if rng.random() < 0.5:
         cutout = cutout.transpose(Image.Transpose.FLIP_LEFT_RIGHT)
-    picture = place_cutout(cutout, (float(middle[0]), float(middle[1])), size, float(angle), IMAGE_SIZE)
+    if abs(angle) > 1:
+        cutout = cutout.rotate(angle, Image.Resampling.BILINEAR, expand=True)
+    factor = size * IMAGE_SIZE / longest_side
+    shape = [max(1, round(length * factor)) for length in cutout.size]
+    corner = [
+        round((0.5 + float(offset)) * IMAGE_SIZE - length / 2)
+        for offset, length in zip(middle, shape, strict=True)
+    ]
+    canvas = Image.new("RGBA", (IMAGE_SIZE, IMAGE_SIZE))
+    canvas.paste(cutout.resize((shape[0], shape[1]), Image.Resampling.BILINEAR), (corner[0], corner[1]))
+    picture = np.asarray(canvas)
     gain = np.exp(rng.normal(0, 0.25)) * np.exp(rng.normal(0, 0.05, 3))
-    colour = picture[..., :3] * gain.astype(np.float32)
+    colour = _LINEAR[picture[..., :3]] * gain.astype(np.float32)
     if rng.random() < mottled:
         colour = colour * _mottle(rng)
-    return Layer(colour, picture[..., 3])
+    return Layer(colour, picture[..., 3] / np.float32(255))
 
 
 def _mottle(rng: np.random.Generator) -> np.ndarray:
@@ -170,14 +184,12 @@ def _revolved(
     rng: np.random.Generator, colours: list[np.ndarray], place: tuple[float, float, float], in_front: bool
 ) -> Layer:
     """Draw a bottle, jar, fruit, cup, candle or the like, seen from a little above, standing or lying."""
-    x, y = pixels()
     reach = max(place[2], 0.3) * np.exp(rng.uniform(np.log(0.1), np.log(0.5)))
     spread = 0.55 * place[2] if in_front else 1.0 * max(place[2], 0.3)
     middle = np.array(place[:2]) + rng.uniform(-1, 1, 2) * spread
     angle = rng.normal(0, 0.15) if rng.random() < 0.6 else rng.uniform(0, 2 * math.pi)
-    cos, sin = math.cos(angle), math.sin(angle)
-    across = (cos * (x - middle[0]) + sin * (y - middle[1])) / reach
-    up = -(cos * (y - middle[1]) - sin * (x - middle[0])) / reach
+    across, down = _turned(middle, angle)
+    across, up = across / reach, -down / reach
     heights = np.linspace(-1, 1, 65)
     knots = np.exp(rng.normal(0, rng.choice([0.02, 0.3]), 6))
     ends = (1 - np.abs(heights) ** rng.choice([2.0, 2.5, 8.0, 40.0])).clip(0) ** 0.5
@@ -239,10 +251,8 @@ def _figure(
         angle = rng.uniform(0, math.pi)
         radii = reach * np.exp(rng.uniform(np.log(0.15), np.log(0.6), 2)) * (1 if part else 1.6)
         centre = middle + (reach * rng.normal(0, 0.55, 2) if part else 0.0)
-        cos, sin = math.cos(angle), math.sin(angle)
-        along = (cos * (x - centre[0]) + sin * (y - centre[1])) / radii[0]
-        across = (cos * (y - centre[1]) - sin * (x - centre[0])) / radii[1]
-        part_level = (1 - along**2 - across**2) * min(radii)
+        along, across = _turned(centre, angle)
+        part_level = (1 - (along / radii[0]) ** 2 - (across / radii[1]) ** 2) * min(radii)
         paints.append((part_level > level, palette[int(rng.integers(3))]))
         level = np.maximum(level, part_level)
     cover = np.clip(0.5 + level * IMAGE_SIZE * 0.7, 0, 1)
@@ -264,6 +274,13 @@ def _figure(
     shading = (normal @ (light / np.linalg.norm(light))).clip(0)
     shaded = colour * (rng.uniform(0.2, 0.6) + rng.uniform(0.3, 0.9) * shading)[..., None]
     return Layer(shaded.astype(np.float32), cover.astype(np.float32))
+
+
+def _turned(middle: np.ndarray, angle: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return coordinates (H, W) of pixels about a middle, in axes turned clockwise by an angle, radians."""
+    x, y = (each - offset for each, offset in zip(pixels(), middle, strict=True))
+    cos, sin = math.cos(angle), math.sin(angle)
+    return cos * x + sin * y, cos * y - sin * x
 
 
 def _colour(rng: np.random.Generator, colours: list[np.ndarray]) -> np.ndarray:

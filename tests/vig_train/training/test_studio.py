@@ -8,16 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from PIL import Image
 
 from vig.renderer import render_latents
 from vig.scene import Camera, Latents, ObjectClass
-from vig_train.training import cutouts
 from vig_train.training.drawing import studio_examples
 from vig_train.training.layers import continue_border
 from vig_train.training.studio import Studio, StudioImage, StudioSettings
-from vig_world import SPLITS
-from vig_world.assets.things import Prop, is_of_class
 
 PLAIN = StudioSettings(
     decorated=0, metal=0, glass=0, occluded=0, absent=0, boxed=0, small=0, roll=0, continued=0, warp=0
@@ -152,34 +148,3 @@ def test_borders_are_continued_outside_the_object() -> None:
             if first and not columns[[0, -1]].any():
                 np.testing.assert_array_equal(side[0], side[1])
     assert changed > 15
-
-
-def test_what_stands_in_an_objects_place_is_not_of_its_class() -> None:
-    numbers = range(400)
-    families = [cutouts._family_of(number) for number in numbers]
-    assert {"animal", "model_car", "mug"} < set(families)
-    for name, family in (("car", "model_car"), ("mug", "mug"), ("coffee mug", "cup")):
-        assert is_of_class(family, name)
-        drawn: list[int] = []
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(cutouts, "_numbered_cutout", lambda number, lookalike, to=drawn: to.append(number))
-            for seed in range(100):
-                cutouts.draw_other(np.random.default_rng(seed), "validation", name)
-        assert not any(is_of_class(cutouts._family_of(number), name) for number in drawn)
-        assert len(set(drawn)) > 80 and all(
-            number // cutouts.CUTOUTS_PER_SPLIT == SPLITS.index("validation") for number in drawn
-        )
-
-
-def test_a_family_is_what_is_made() -> None:
-    for number in range(12):
-        seen: list[str] = []
-
-        def note(rng: np.random.Generator, shown: Prop, roll: float, to: list[str] = seen) -> Image.Image:
-            to.append(shown.family)
-            return Image.new("RGBA", (1, 1))
-
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(cutouts, "render_cutout", note)
-            cutouts._make_cutout(number, False)
-        assert seen == [cutouts._family_of(number)]

@@ -1,4 +1,4 @@
-"""Models of files as cut-outs: of one split each, none of the class's like, whatever a file holds."""
+"""Cut-outs, of packaged props and of models in files: of one split each, none of the class's like."""
 
 from __future__ import annotations
 
@@ -6,13 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
-from vig_train.training import model_cutouts as module
-from vig_train.training.model_cutouts import model_cutouts
+from vig_train.training import cutouts
+from vig_train.training.cutouts import model_cutouts
 from vig_train.training.studio import Studio, StudioSettings
 from vig_world import SPLITS
+from vig_world.assets.things import Prop, is_of_class
 
 BOX = """mtllib paint.mtl
 usemtl red
@@ -57,7 +59,7 @@ def test_cutouts_show_the_material_and_are_the_same_again(models: Path) -> None:
         return np.asarray(model_cutouts(str(models), "train", "teapot").draw(np.random.default_rng(3)))
 
     first = drawn()
-    module._cutouts.cache_clear()
+    cutouts._cutouts.cache_clear()
     assert np.array_equal(first, drawn())
     covered = first[first[..., 3] > 200].astype(int)
     assert len(covered) > 500 and (covered[:, 0] > covered[:, 1] + 20).mean() > 0.8
@@ -86,3 +88,34 @@ def test_the_studio_draws_them_before_objects(models: Path) -> None:
     assert differ >= 3
     image = with_models.draw(1, 0)
     assert np.array_equal(image.image, with_models.draw(1, 0).image)
+
+
+def test_what_stands_in_an_objects_place_is_not_of_its_class() -> None:
+    numbers = range(400)
+    families = [cutouts._family_of(number) for number in numbers]
+    assert {"animal", "model_car", "mug"} < set(families)
+    for name, family in (("car", "model_car"), ("mug", "mug"), ("coffee mug", "cup")):
+        assert is_of_class(family, name)
+        drawn: list[int] = []
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(cutouts, "_numbered_cutout", lambda number, lookalike, to=drawn: to.append(number))
+            for seed in range(100):
+                cutouts.draw_cutout(np.random.default_rng(seed), "validation", name)
+        assert not any(is_of_class(cutouts._family_of(number), name) for number in drawn)
+        assert len(set(drawn)) > 80 and all(
+            number // cutouts.CUTOUTS_PER_SPLIT == SPLITS.index("validation") for number in drawn
+        )
+
+
+def test_a_family_is_what_is_made() -> None:
+    for number in range(12):
+        seen: list[str] = []
+
+        def note(rng: np.random.Generator, shown: Prop, roll: float, to: list[str] = seen) -> Image.Image:
+            to.append(shown.family)
+            return Image.new("RGBA", (1, 1))
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(cutouts, "render_cutout", note)
+            cutouts._make_cutout(number, False)
+        assert seen == [cutouts._family_of(number)]
