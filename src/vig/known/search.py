@@ -14,7 +14,7 @@ from vig.known.surface import Surface
 from vig_native import engine
 
 VIEWS, TURNS = 400, 36
-"""Directions from which an object is drawn, some 10 degrees apart, and turns of each about the line of sight."""
+"""Directions from which an object is drawn, some 10 degrees apart, and turns of each about the sight line."""
 VIEW_PIXELS, VIEW_SAMPLES = 24, 4
 VIEW_DISTANCE = 6.0
 """Distance of the views' camera in radii of the object."""
