@@ -28,7 +28,7 @@ ORDER = {
     ),
     "vig": (
         "io", "parallel", "scene", "photo", "renderer", "search", "likelihood", "recognition", "inference",
-        "record", "outputs", "hints", "explanation", "explainer", "several", "video", "__main__",
+        "known", "record", "outputs", "hints", "explanation", "explainer", "several", "video", "__main__",
     ),
     "vig_app": (
         "examples", "demo", "results", "pictures", "glb", "exports", "report", "corrections", "runs",

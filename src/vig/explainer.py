@@ -28,6 +28,8 @@ from vig.inference.confidence import unsure
 from vig.inference.settings import for_tracking
 from vig.io.checks import number_of
 from vig.io.errors import UserError
+from vig.known import KnownObject, Place
+from vig.known.packs import pack_of_mesh
 from vig.parallel import map_in_processes, on_one_core
 from vig.photo import ImagePyramid, Intrinsics, Window, focal_of
 from vig.photo.images import Photo as Photo
@@ -86,7 +88,31 @@ class Explainer:
             object_class = on_one_core(partial(ObjectClass.load, object_class))
         self.object_class = object_class
         self.settings = settings
+        self.known = KnownObject.of(object_class) if recognizer is None else None
         self.recognizer = recognizer or on_one_core(partial(recognizer_of, object_class))
+
+    @staticmethod
+    def of_mesh(
+        mesh: str | Path,
+        length: float | None = None,
+        up: str | None = None,
+        say: Callable[[str], None] = lambda line: None,
+    ) -> Explainer:
+        """Return an explainer of the one object whose mesh a file holds, with its textures, in any rotation.
+
+        It is ready in seconds, and kept in the user's cache. Each photo needs a box or a mask.
+
+        Args:
+            mesh: The file: .glb .gltf .obj .ply .off .stl.
+            length: The object's longest side, metres, where the file is not in metres.
+            up: The file's axis that points up, from which azimuth and elevation are counted, such as "z" or
+                "-x"; by default it is estimated.
+            say: Called with a line for each assumption, and before what takes time.
+
+        Raises:
+            UserError: It is no mesh that can be used.
+        """
+        return Explainer(pack_of_mesh(mesh, length, say, up))
 
     def explain(
         self,
@@ -170,6 +196,8 @@ class Explainer:
             settings, expected = without_network(settings), None
         elif expected is not None:
             settings = for_tracking(settings)
+        if self.known is not None and window is None and not self.recognizer.informed:
+            return self._located(coded, pyramid, box, lens, hints)
         roll = None if hints is None else hints.views()[2]
         if window is None and box is not None:
             window = Window.of(width, height, checked_box(box))
@@ -205,6 +233,24 @@ class Explainer:
         return Explanation(
             coded, window, fit, self.object_class, settings.camera_distance_ratio, focal_from, hints
         )
+
+    def _located(
+        self,
+        coded: np.ndarray,
+        pyramid: ImagePyramid,
+        box: Box | None,
+        lens: Lens | None,
+        hints: Hints | None,
+    ) -> Explanation:
+        """Explain a photo of the one object that is known."""
+        assert self.known is not None
+        height, width = coded.shape[:2]
+        told = hints or Hints()
+        place = Place.of(None if box is None else checked_box(box), told.mask, told.in_front())
+        intrinsics = None if lens is None else Intrinsics.of(lens[0], width, height)
+        window, fit, ratio = self.known.explain(pyramid, place, intrinsics, told.pose, told.views())
+        focal_from = "assumed" if lens is None else lens[1]
+        return Explanation(coded, window, fit, self.object_class, ratio, focal_from, hints)
 
     def explain_many(
         self,

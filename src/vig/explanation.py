@@ -24,7 +24,7 @@ from vig.photo.masks import box_of
 from vig.photo.outline import REACH, SMALLEST_PICTURE, line_reach
 from vig.photo.pinhole import sight_axes
 from vig.record import Hints as HintsRecord
-from vig.record import record
+from vig.record import camera_from_mesh, record
 from vig.renderer.drawing import draw_latents
 from vig.scene import Camera, Latents, ObjectClass, latent_layout
 from vig.scene.camera import FOCAL_OVER_WIDTH
@@ -208,6 +208,14 @@ class Explanation:
     def camera_from_object(self) -> np.ndarray:
         """Return the pose (4, 4) float64, metres: OpenCV camera axes from the object's (Z up, +X `front`)."""
         return self.camera.camera_from_object(self.latents)
+
+    @property
+    def camera_from_mesh(self) -> np.ndarray | None:
+        """Return the rigid pose (4, 4) before the camera that took the photo of an object of one mesh, in the
+        axes and units of its file, OpenCV camera axes; None for other classes.
+        """
+        described = camera_from_mesh(self._pinhole[1], self.object_class)
+        return np.array(described["camera_from_mesh"]) if described else None
 
     @property
     def amodal(self) -> np.ndarray:

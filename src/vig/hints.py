@@ -15,6 +15,7 @@ from vig.io.errors import UserError
 from vig.photo import Window
 from vig.recognition.find import LocationHints
 from vig.scene import IMAGE_SIZE, ObjectClass
+from vig.scene.camera import view_of as view_of
 from vig.scene.functions import numpy_of_tensor
 
 BEYOND = 1.5
@@ -174,6 +175,11 @@ class Hints(PlainHints):
             stroke.paint(marks)
         return marks
 
+    def in_front(self) -> np.ndarray | None:
+        """Return the pixels (H, W) bool in which something else is marked; None where none are."""
+        hidden = None if self.marks is None else self.marks == PixelLabel.IN_FRONT
+        return hidden if hidden is not None and hidden.any() else None
+
     def clues(self) -> LocationHints | None:
         """Return the hints that locate the object; None where none does."""
         seen = self.mask if self.marks is None else self.marks == PixelLabel.SEEN
@@ -218,7 +224,7 @@ class Hints(PlainHints):
             labels[visible_share < 0.1] = PixelLabel.NOTHING if self.visible else PixelLabel.IN_FRONT
         if box is not None:
             labels[_beyond(box, window) & (labels != PixelLabel.SEEN)] = PixelLabel.NOTHING
-            box = None if window.roll else _in_window(box, window)
+            box = None if window.roll else window.box_within(box)
         if self.marks is not None:
             for kind in (PixelLabel.NOTHING, PixelLabel.IN_FRONT, PixelLabel.SEEN):
                 labels[_share(self.marks == kind, window) > 0.2] = kind
@@ -286,15 +292,6 @@ def checked_pose(value: Any, usual_distance: float) -> np.ndarray:
     return pose
 
 
-def view_of(pose: np.ndarray) -> tuple[float, float, float]:
-    """Return the azimuth, elevation and roll, radians, of a pose (4, 4) camera_from_object."""
-    rotation = pose[:3, :3]
-    forward, up = rotation[2], rotation[:, 2]  # the optical axis in the object's frame; its Z in the camera's
-    elevation = math.asin(float(np.clip(-forward[2], -1, 1)))
-    azimuth = math.atan2(-forward[0], forward[1])
-    return azimuth, elevation, math.atan2(up[0], -up[1])
-
-
 def _share(mask: np.ndarray, window: Window) -> np.ndarray:
     """Return the share (S, S) of the window's pixels that a mask (H, W) bool covers; 0 beyond the photo."""
     grey = np.repeat(mask[:, :, None].astype(np.float32), 3, axis=2)
@@ -312,20 +309,6 @@ def _beyond(box: tuple[float, float, float, float], window: Window) -> np.ndarra
     off_x, off_y = abs(x - box[0] - box[2] / 2) - box[2] / 2, abs(y - box[1] - box[3] / 2) - box[3] / 2
     beyond: np.ndarray = np.maximum(off_x, off_y) > margin
     return beyond
-
-
-def _in_window(box: tuple[float, float, float, float], window: Window) -> tuple[float, float, float, float]:
-    """Return a box (x, y, w, h) of the photo in sides of the window, which is not turned.
-
-    Through a lens sides become slanted lines; their middles, near which objects touch them, are taken.
-    """
-    left, top, w, h = box
-    right, bottom, middle = left + w, top + h, (left + w / 2, top + h / 2)
-    x, y = window.to_window(
-        np.array([left, right, middle[0], middle[0]]), np.array([middle[1], middle[1], top, bottom])
-    )
-    x, y = x / window.side + 0.5, y / window.side + 0.5
-    return float(x[0]), float(y[2]), float(x[1] - x[0]), float(y[3] - y[2])
 
 
 def _finite(what: str, value: Any, count: int) -> tuple[Any, ...]:

@@ -16,6 +16,7 @@
 
 namespace vig {
 
+void bind_poses(nb::module_& m);
 void bind_world(nb::module_& m);
 
 namespace {
@@ -410,6 +411,7 @@ NB_MODULE(VIG_MODULE, m) {
 #undef VIG_NAME
     m.attr("DENSITIES") = densities;
     bind_scenes(m);
+    bind_poses(m);
     m.def("minimum_cut", [](Input<bool> free, Input<int32_t> alone, InOut<int32_t> links) {
         check_shape("free", free, {-1, -1, -1});
         const size_t count = free.shape(0), height = free.shape(1), width = free.shape(2), size = height * width;

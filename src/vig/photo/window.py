@@ -235,6 +235,19 @@ class Window:
         """Return the place in the window of a point of the photo: pixels of the photo from the middle."""
         return _map(np.linalg.inv(self.photo_from_window), x, y)
 
+    def box_within(self, box: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+        """Return a box (x, y, w, h) of the photo in sides of the window, which is not turned.
+
+        Through a lens sides become slanted lines; their middles, near which objects touch them, are taken.
+        """
+        left, top, w, h = box
+        right, bottom, middle = left + w, top + h, (left + w / 2, top + h / 2)
+        x, y = self.to_window(
+            np.array([left, right, middle[0], middle[0]]), np.array([middle[1], middle[1], top, bottom])
+        )
+        x, y = x / self.side + 0.5, y / self.side + 0.5
+        return float(x[0]), float(y[2]), float(x[1] - x[0]), float(y[3] - y[2])
+
     def camera(self, camera: Camera, width: int, height: int) -> Camera:
         """Return the camera of the whole photo of width x height from that of its window, which has no
         lens.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -144,6 +145,15 @@ class Camera:
             mount = like(rotation, self.mount)
             rotation, translation = mount[:3, :3] @ rotation, translation @ mount[:3, :3].T + mount[:3, 3]
         return rotation, translation
+
+
+def view_of(pose: np.ndarray) -> tuple[Any, Any, Any]:
+    """Return the azimuth, elevation and roll, radians, of poses camera_from_object (4, 4, ...), or rotations
+    (3, 3, ...): each (...).
+    """
+    forward, up = pose[2, :3], pose[:3, 2]  # the optical axis in the object's frame; its Z in the camera's
+    elevation = np.arcsin(np.clip(-forward[2], -1, 1))
+    return np.arctan2(-forward[0], forward[1]), elevation, np.arctan2(up[0], -up[1])
 
 
 def _real(number: object) -> bool:

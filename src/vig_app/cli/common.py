@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 from importlib import import_module
@@ -13,7 +12,6 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from vig.io.errors import UserError
 from vig_app.exports import FORMATS
 
 
@@ -117,19 +115,6 @@ class ExitCode(IntEnum):
 
 GROUP = "vig.verbs"
 """Entry points under which a package adds its verbs, a tuple of (name, settings, work) of `Verb`."""
-
-
-MESH_GROUP = "vig.meshes"
-"""Entry points of functions that make a class pack of a mesh file: path, length, `say`, up in, folder out."""
-
-
-def pack_of_mesh(mesh: Path, length: float | None, say: Callable[[str], None], up: str | None) -> Path:
-    """Return the class pack of a mesh file; UserError for no mesh, or without a maker of packs."""
-    for point in entry_points(group=MESH_GROUP):
-        if find_spec(point.module.partition(".")[0]) is not None:
-            folder: Path = point.load()(mesh, length, say, up)
-            return folder
-    raise UserError("expected the package vig_train, to read --mesh; it is not installed. Install vig anew.")
 
 
 @dataclass(frozen=True)

@@ -133,7 +133,7 @@ def test_what_is_assumed_of_a_file_is_said(
     ):
         told: list[str] = []
         pack_of_mesh(tmp_path / "thing.glb", length, told.append)
-        assert words in told[-3] and "+y axis is taken as up; --up" in told[-2] and "colours" in told[-1]
+        assert words in told[-2] and "+y axis is taken as up; --up" in told[-1]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,332 @@
+"""A known object in a photo: the search for its pose, and the fit that it gives."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+
+from vig.inference.settings import UNIFORM_TURN, Fit, OtherView, Verdict
+from vig.io.errors import UserError
+from vig.known.search import VIEW_PIXELS, Picture, Poses, Views, locate
+from vig.known.surface import FILE, Surface
+from vig.likelihood import SPATIAL, spatial_posterior
+from vig.photo import ImagePyramid, Intrinsics, Window
+from vig.photo.masks import box_of
+from vig.photo.window import DISTANCE_RATIO_BOUNDS
+from vig.scene import IMAGE_SIZE, Latents, ObjectClass, latent_layout
+from vig.scene.camera import FOCAL_OVER_WIDTH, angle_difference, view_of
+from vig_native import engine
+
+Box = tuple[float, float, float, float]
+View = tuple[float | None, float | None, float | None]
+MARGIN = 1.3
+"""Side of the window that is searched over the longer side of the object's box."""
+ASSUMED_FOCAL = 0.9
+"""Focal length over the photo's longer side where none is known: of phones and webcams."""
+DISTINCT = math.radians(25.0)
+"""Angle from which poses are different."""
+STEPS = np.array([0.05, 0.05, 0.05, 0.01, 0.01, 0.02])
+"""Differences by which a score's curvature is measured: radians about x, y, z; shares of the distance."""
+EVIDENCE_PIXELS = 20.0
+"""Independent pixels that a score's mean log-likelihood counts for: neighbours err alike."""
+TRUSTED_SCORE, TRUSTED_LEAD = -6.6, 0.15
+"""Score, and lead over every other pose, from which a pose is trusted."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """The place of an object in a photo.
+
+    Attributes:
+        box: x, y, w, h in pixels round the whole object.
+        seen: (H, W) bool, its visible pixels; None where they are not known.
+        hidden: (H, W) bool, pixels in which something else is seen; None where none are known.
+    """
+
+    box: Box
+    seen: np.ndarray | None = None
+    hidden: np.ndarray | None = None
+
+    @staticmethod
+    def of(box: Box | None, seen: np.ndarray | None, hidden: np.ndarray | None) -> Place:
+        """Return a place; without a box that of the visible pixels. UserError where neither is given."""
+        if box is None:
+            found = None if seen is None else box_of(seen)
+            if found is None:
+                raise UserError(
+                    "expected a box or a mask, as no network finds this object; got neither. Give --box"
+                    " x,y,w,h round the whole object, or --mask."
+                )
+            box = (float(found[0]), float(found[1]), float(found[2]), float(found[3]))
+        return Place(box, seen, hidden)
+
+
+@dataclass(frozen=True)
+class KnownObject:
+    """One object whose mesh is known.
+
+    Attributes:
+        object_class: Its class, of exact shape.
+        surface: Its triangles with textures.
+    """
+
+    object_class: ObjectClass
+    surface: Surface
+
+    @staticmethod
+    def of(object_class: ObjectClass) -> KnownObject | None:
+        """Return the object of a class pack that has a surface, else None."""
+        folder = object_class.folder
+        if folder is None or not (folder / FILE).exists():
+            return None
+        return KnownObject(object_class, Surface.load(folder))
+
+    @cached_property
+    def views(self) -> Views:
+        """Return the surface as seen from all round."""
+        return Views(self.surface)
+
+    def explain(
+        self,
+        pyramid: ImagePyramid,
+        place: Place,
+        lens: Intrinsics | None,
+        start: np.ndarray | None = None,
+        view: View = (None, None, None),
+    ) -> tuple[Window, Fit, float]:
+        """Return a window of the photo, the fit in it, and the ratio of its camera, see `ExplainSettings`.
+
+        Args:
+            pyramid: The photo.
+            place: The place of the object in it.
+            lens: Of the photo; None: one as phones and webcams have.
+            start: (4, 4) camera_from_object with which the search begins, in place of views all round.
+            view: Azimuth, elevation and roll in radians, as far as they are known: only views within
+                `DISTINCT` of them are tried.
+        """
+        height, width = pyramid.shape[:2]
+        if lens is None:
+            lens = Intrinsics.of(ASSUMED_FOCAL * max(width, height), width, height)
+        x, y, w, h = place.box
+        Window.of(width, height, place.box)  # which refuses boxes beside the photo
+        side = MARGIN * max(w, h)
+        window = Window(x + w / 2 - side / 2, y + h / 2 - side / 2, side, lens=lens)
+        poses = self._search(pyramid, window, place, start, view)
+        return self._fit(pyramid, window, place, poses, lens)
+
+    def _search(
+        self, pyramid: ImagePyramid, window: Window, place: Place, start: np.ndarray | None, view: View
+    ) -> Poses:
+        """Return poses before the window's camera, the best first."""
+
+        def picture_of(pixels: int) -> Picture:
+            return self._picture(pyramid, window, place, round(MARGIN * pixels))
+
+        if start is None:
+            poses = self.views.candidates(picture_of(VIEW_PIXELS), partial(_agrees, view))
+        else:
+            rotation = window.turn @ start[:3, :3]
+            middle = window.turn @ (start[:3, :3] @ self.surface.middle + start[:3, 3])
+            poses = Poses(*_contiguous(rotation[None], middle[None]), np.zeros(1))
+        return locate(self.surface, poses, picture_of)
+
+    def _picture(self, pyramid: ImagePyramid, window: Window, place: Place, size: int) -> Picture:
+        """Return the window at a size in pixels."""
+        colour, inside = window.crop(pyramid, size)
+        seen = inside.astype(np.float32)
+        for mask, share in ((place.seen, 1), (place.hidden, -1)):
+            if mask is not None:
+                covered, _ = window.crop(np.repeat(mask[:, :, None].astype(np.float32), 3, axis=2), size)
+                seen = seen * (covered[..., 0] if share > 0 else 1 - covered[..., 0])
+        x, y, w, h = (size * number for number in window.box_within(place.box))
+        box = None if window.roll else (x, x + w, y, y + h)
+        assert window.focal is not None
+        colour = np.ascontiguousarray(colour, np.float32)
+        focal = window.focal * size / window.side
+        return Picture(colour, np.ascontiguousarray(seen, np.float32), place.seen is not None, focal, box)
+
+    def _fit(
+        self, pyramid: ImagePyramid, window: Window, place: Place, poses: Poses, lens: Intrinsics
+    ) -> tuple[Window, Fit, float]:
+        """Return window, fit and ratio of the best of some poses before the camera of `window`."""
+        back = window.turn.T
+        rotations, middles = back @ poses.rotations, poses.translations @ window.turn
+        targets = middles + (rotations @ (self._target - self.surface.middle))
+        around = self._window(rotations[0], middles[0], targets[0], lens)
+        distances = np.linalg.norm(targets, axis=1)
+        low, high = DISTANCE_RATIO_BOUNDS
+        ratio = float(np.clip(distances[0] / self.object_class.viewing_distance, low, high))
+        picture = self._picture(pyramid, around, place, IMAGE_SIZE)
+        native = picture.native(self.surface)
+        rotation, middle = around.turn @ rotations[0], around.turn @ middles[0]
+        drawn = engine.draw_pose(self.surface.mesh, native, *_contiguous(rotation, middle))
+        coverage, colour, normal, inlier, light = drawn
+        visible = coverage * picture.seen
+        if place.seen is None:
+            rendered = colour * np.exp(light[:3] + (normal @ light[3:])[..., None])
+            prior, amodal = SPATIAL.log_prior(*coverage.shape), coverage >= 0.5
+            assert SPATIAL.mask is not None
+            images = np.stack([picture.colour, rendered, prior]).astype(np.float32)[:, None]
+            posterior = spatial_posterior(images[0], images[1], images[2], amodal[None], SPATIAL.mask)
+            visible = posterior[0] * picture.seen
+        albedo, lit = _appearance(colour, coverage, light, rotation)
+        assert around.focal is not None
+        scale = math.log(around.focal / (FOCAL_OVER_WIDTH * around.side * ratio))
+        views = [
+            self._view(around, around.turn @ turn, around.turn @ target, albedo, lit, scale - math.log(far))
+            for turn, target, far in zip(rotations, targets, distances / distances[0], strict=True)
+        ]
+        latents, framing = views[0]
+        verdict, reason = _verdict(poses)
+        if not (visible > 0.5).any():
+            verdict, reason = Verdict.FAILED, Verdict.FAILED.value
+        deviation, framing_deviation = self._deviation(native, rotation, middle, latents, verdict)
+        behind = (poses.scores[0] - poses.scores).tolist()
+        fit = Fit(
+            latents=latents,
+            framing=framing,
+            deviation=deviation,
+            framing_deviation=framing_deviation,
+            visible=visible.astype(np.float32),
+            mask=visible > 0.5,
+            mask_by_pixel=inlier > 0.5,
+            coverage=coverage,
+            verdict=verdict,
+            reason=reason,
+            confidence=math.nan,
+            mask_confidence=math.nan,
+            mask_trusted=verdict is Verdict.TRUSTED,
+            confidence_features=np.zeros(0),
+            evidence=float(poses.scores[0]),
+            start_evidence=float(poses.scores[0]),
+            evaluations=0,
+            alternatives=tuple(
+                OtherView(*view, math.nan, lag) for view, lag in zip(views[1:], behind[1:], strict=True)
+            ),
+            descent=np.concatenate([latents.to_vector(), framing[None]], axis=1),
+            position_deviation=np.zeros(3, np.float32),
+        )
+        return around, fit, ratio
+
+    @property
+    def _target(self) -> np.ndarray:
+        """Return the point (3,) of the object at which the camera of a window looks, metres."""
+        return np.array([0.0, 0.0, self.object_class.target_height])
+
+    def _window(
+        self, rotation: np.ndarray, middle: np.ndarray, target: np.ndarray, lens: Intrinsics
+    ) -> Window:
+        """Return the upright window whose camera looks at a target before the camera of the photo.
+
+        The whole surface is in it, with a tenth about it.
+        """
+        x, y = (lens.K @ target)[:2] / target[2]
+        looking = Window(float(x) - 0.5, float(y) - 0.5, 1.0, lens=lens)
+        roll = view_of(looking.turn @ rotation)[2]
+        looking = replace(looking, roll=roll)
+        seen = ((self.surface.vertices - self.surface.middle) @ rotation.T + middle) @ looking.turn.T
+        assert looking.focal is not None
+        reach = looking.focal * float(np.abs(seen[:, :2] / seen[:, 2:]).max())
+        return replace(looking, left=float(x) - 1.1 * reach, top=float(y) - 1.1 * reach, side=2.2 * reach)
+
+    def _view(
+        self,
+        window: Window,
+        rotation: np.ndarray,
+        target: np.ndarray,
+        albedo: np.ndarray,
+        light: np.ndarray,
+        scale: float,
+    ) -> tuple[Latents, np.ndarray]:
+        """Return the latents and framing of a pose before the window's camera."""
+        azimuth, elevation, roll = view_of(rotation)
+        assert window.focal is not None
+        shift = window.focal * target[:2] / target[2] / window.side
+        shape = np.zeros((1, self.object_class.shape_model.modes), np.float32)
+        angles = np.array([[azimuth], [elevation]], np.float32)
+        latents = Latents(shape, angles[0], angles[1], albedo, light)
+        return latents, np.array([*shift, scale, roll], np.float32)
+
+    def _deviation(
+        self, photo: Any, rotation: np.ndarray, middle: np.ndarray, latents: Latents, verdict: Verdict
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return deviations of latents (P,) and framing (4,), from the curvature of the score at a pose."""
+        moves = np.concatenate([np.zeros((1, 6)), np.diag(STEPS), -np.diag(STEPS)])
+        turned = _rotations(moves[:, :3]) @ rotation
+        moved = middle + moves[:, 3:] * middle[2]
+        moved[:, :2] *= moved[:, 2:] / middle[2]
+        *_, scores = engine.refine_poses(
+            self.surface.mesh, photo, *_contiguous(turned, moved), 0, (0.0, 0.0, 0.0), 1
+        )
+        curvature = (2 * scores[0] - scores[1:7] - scores[7:]) / STEPS**2
+        about_x, about_y, about_z, x, y, z = 1 / np.sqrt(
+            np.maximum(EVIDENCE_PIXELS * curvature, 1 / (3 * STEPS) ** 2)
+        )
+        layout = latent_layout(latents.shape.shape[1])
+        deviation = np.zeros(layout.size, np.float32)
+        level = max(math.cos(float(latents.elevation[0])), 0.2)
+        sure = verdict is Verdict.TRUSTED
+        deviation[layout["azimuth"]] = min(about_y / level, UNIFORM_TURN) if sure else UNIFORM_TURN
+        deviation[layout["elevation"]] = about_x
+        return deviation, np.array([x, y, z, about_z], np.float32)
+
+
+def _verdict(poses: Poses) -> tuple[Verdict, str]:
+    """Return the verdict on the best of some poses, and why."""
+    best = poses.rotations[0]
+    cosines = (np.einsum("ij,kij->k", best, poses.rotations) - 1) / 2
+    rivals = poses.scores[cosines < math.cos(DISTINCT)]
+    lead = float(poses.scores[0] - rivals.max()) if len(rivals) else math.inf
+    if poses.scores[0] >= TRUSTED_SCORE and lead >= TRUSTED_LEAD:
+        return Verdict.TRUSTED, "the surface explains the photo, and no other pose does as well"
+    if lead < TRUSTED_LEAD:
+        return Verdict.AMBIGUOUS, "another pose explains the photo about as well"
+    return Verdict.AMBIGUOUS, "much of what the photo shows at this place is not explained by the surface"
+
+
+def _agrees(view: View, rotations: np.ndarray) -> np.ndarray:
+    """Return which (N,) of rotations (N, 3, 3) camera_from_object are near the known angles of a view."""
+    if view == (None, None, None):
+        return np.ones(len(rotations), bool)
+    angles = view_of(np.moveaxis(rotations, 0, 2))
+    off = [angle_difference(mine, told) for mine, told in zip(angles, view, strict=True) if told is not None]
+    return np.asarray((np.abs(off) < DISTINCT).all(0))
+
+
+def _rotations(turns: np.ndarray) -> np.ndarray:
+    """Return rotations (N, 3, 3) by the lengths of vectors (N, 3) about them, to second order made exact."""
+    skew = np.zeros((len(turns), 3, 3))
+    for (i, j), axis, sign in (((1, 2), 0, -1), ((0, 2), 1, 1), ((0, 1), 2, -1)):
+        skew[:, i, j], skew[:, j, i] = sign * turns[:, axis], -sign * turns[:, axis]
+    eye = np.eye(3)
+    # Cayley's form: a rotation for any skew matrix.
+    return np.linalg.solve(eye - skew / 2, eye + skew / 2)
+
+
+def _contiguous(rotations: np.ndarray, translations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return poses as the native library takes them."""
+    return np.ascontiguousarray(rotations, np.float32), np.ascontiguousarray(translations, np.float32)
+
+
+def _appearance(
+    colour: np.ndarray, coverage: np.ndarray, light: np.ndarray, rotation: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return one albedo (1, 3) and light (1, 9) that look like a surface under gains and a slope.
+
+    Reflected light of a unit albedo is gain x (1 + slope . normal), of the mean over the channels.
+    """
+    weight = coverage / max(float(coverage.sum()), 1e-6)
+    gain = np.exp(light[:3])
+    seen = (colour * weight[..., None]).sum((0, 1)) * gain
+    level = max(float(gain.mean()), 1e-3)
+    albedo = (seen / level).clip(0.0, 1.0)
+    slope = rotation.T @ light[3:]  # in the object's frame
+    lit = np.zeros(9)
+    # E(n) = L00 Y00 + 2 / 3 (L1-1 y + L10 z + L11 x) Y1, see `vig.scene.light`.
+    lit[0] = level / 0.28209479177387814
+    lit[1:4] = level * slope[[1, 2, 0]] / (2 / 3 * 0.4886025119029199)
+    return albedo[None].astype(np.float32), lit[None].astype(np.float32)

@@ -1,0 +1,24 @@
+"""Class packs of single meshes, made by a package that reads meshes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib.metadata import entry_points
+from importlib.util import find_spec
+from pathlib import Path
+
+from vig.io.errors import UserError
+
+GROUP = "vig.meshes"
+"""Entry points of functions that make a class pack of a mesh file: path, length, `say`, up in, folder out."""
+
+
+def pack_of_mesh(
+    mesh: str | Path, length: float | None, say: Callable[[str], None], up: str | None = None
+) -> Path:
+    """Return the class pack of a mesh file; UserError for no mesh, or without a maker of packs."""
+    for point in entry_points(group=GROUP):
+        if find_spec(point.module.partition(".")[0]) is not None:
+            folder: Path = point.load()(Path(mesh), length, say, up)
+            return folder
+    raise UserError("expected the package vig_train, to read a mesh; it is not installed. Install vig anew.")

@@ -1,0 +1,262 @@
+"""The pose of a known object in a window of a photo: views from all sides, the best few refined."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from vig.known.surface import Surface
+from vig_native import engine
+
+VIEWS, TURNS = 400, 36
+"""Directions from which an object is drawn, some 10 degrees apart, and turns of each about the sight line."""
+VIEW_PIXELS, VIEW_SAMPLES = 24, 4
+VIEW_DISTANCE = 6.0
+"""Distance of the views' camera in radii of the object."""
+MOST_ASPECT = 0.35
+"""A view is left out where the log ratio of its box's sides differs by more from the given box's."""
+APART = math.radians(16.0)
+"""Least angle between views that are refined."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Searches near the best poses of the stage before.
+
+    Attributes:
+        count: How many poses.
+        pixels: Pixels of the box's longer side.
+        evaluations: Of each pose.
+        steps: First steps: radians, shares of the distance across and away.
+    """
+
+    count: int
+    pixels: int
+    evaluations: int
+    steps: tuple[float, float, float]
+
+
+STAGES = (
+    Stage(20, 32, 35, (0.14, 0.02, 0.03)),
+    Stage(8, 48, 60, (0.1, 0.014, 0.02)),
+    Stage(4, 80, 90, (0.06, 0.008, 0.012)),
+    Stage(2, 80, 120, (0.025, 0.003, 0.005)),
+)
+BOX_DEVIATION = 0.02
+"""Standard deviation of a box's sides, of its longer one."""
+WEIGHTS = {
+    "sigma": 0.15,
+    "share": 0.8,
+    "gain_deviation": 0.2,
+    "slope_deviation": 0.5,
+    "pixels": 20.0,
+    "outline": 4.0,
+    "unseen": 0.5,
+}
+"""Of `score_pose`: deviation of log colours where the surface is seen, and its share; deviations of the log
+gains of channels about their mean and of the light's slope, worth so many pixels; weights of the outlines'
+overlap, and in it of pixels that a pose covers and that do not show the object."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A part of a photo, as a camera that looks at its middle sees it.
+
+    Attributes:
+        colour: (n, n, 3) float32 linear RGB.
+        seen: (n, n) float32, how far a pixel shows the object; where that is not known 1 in the photo.
+        outlined: Whether it is known.
+        focal: Pixels.
+        box: Left, right, top, bottom of the object in pixels; None where it is not known.
+    """
+
+    colour: np.ndarray
+    seen: np.ndarray
+    outlined: bool
+    focal: float
+    box: tuple[float, float, float, float] | None
+
+    def native(self, surface: Surface) -> Any:
+        """Return it for the native library."""
+        # Without a box the object is most of the picture.
+        left, right, top, bottom = self.box or (0.0, 0.75 * len(self.colour)) * 2
+        longer = max(right - left, bottom - top)
+        weights = [*WEIGHTS.values(), BOX_DEVIATION * longer]
+        middle = self.colour.shape[1] / 2
+        camera = self.focal, middle, middle
+        per_pixel = surface.diameter / longer / 1.5
+        return engine.pose_photo(
+            self.colour, self.seen, camera, self.box and list(self.box), self.outlined, per_pixel, weights
+        )
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Poses before the camera of a picture, the best first.
+
+    Attributes:
+        rotations: (N, 3, 3) float32.
+        translations: (N, 3) float32 metres, of the middle of the surface.
+        scores: (N,) float64.
+    """
+
+    rotations: np.ndarray
+    translations: np.ndarray
+    scores: np.ndarray
+
+    def __getitem__(self, rows: slice | np.ndarray) -> Poses:
+        """Return some of them."""
+        return Poses(self.rotations[rows], self.translations[rows], self.scores[rows])
+
+    def refined(self, surface: Surface, picture: Picture, stage: Stage) -> Poses:
+        """Return the best after a search near each, the best first, before the others."""
+        near, rest = self[: stage.count], self[stage.count :]
+        found = engine.refine_poses(
+            surface.mesh,
+            picture.native(surface),
+            near.rotations,
+            near.translations,
+            stage.evaluations,
+            stage.steps,
+            1,
+        )
+        best = Poses(*found)[np.argsort(-found[2], kind="stable")]
+        parts = zip(vars(best).values(), vars(rest).values(), strict=True)
+        return Poses(*(np.concatenate(pair) for pair in parts))
+
+
+@dataclass(frozen=True)
+class Views:
+    """Small pictures of a surface from all round it, and the bounds of each at every turn."""
+
+    surface: Surface
+
+    @cached_property
+    def rotations(self) -> np.ndarray:
+        """Return (VIEWS, 3, 3) float64, from the surface to cameras on a Fibonacci sphere."""
+        forward = -_sphere(VIEWS)
+        up = np.where(np.abs(forward[:, 2:]) < 0.99, [[0.0, 0.0, 1.0]], [[0.0, 1.0, 0.0]])
+        right = np.cross(forward, up)
+        right /= np.linalg.norm(right, axis=1, keepdims=True)
+        return np.stack([right, np.cross(forward, right), forward], 1)
+
+    @cached_property
+    def radius(self) -> float:
+        """Return the radius of the surface about its middle, metres."""
+        return float(np.linalg.norm(self.surface.vertices - self.surface.middle, axis=1).max())
+
+    @cached_property
+    def focal(self) -> float:
+        """Return the focal length at which a sphere of that radius fills a view."""
+        return 0.98 * VIEW_PIXELS / 2 * math.sqrt(VIEW_DISTANCE**2 - 1)
+
+    @cached_property
+    def planes(self) -> np.ndarray:
+        """Return (VIEWS, 7, n, n) float32: covered share, linear RGB, normal in the camera's frame."""
+        size = VIEW_PIXELS * VIEW_SAMPLES // 2  # each pixel has two samples a side
+        nothing = np.zeros((size, size, 3), np.float32)
+        per_pixel = VIEW_DISTANCE * self.radius / self.focal
+        camera = self.focal * size / VIEW_PIXELS, size / 2, size / 2
+        weights = [*WEIGHTS.values(), 1.0]
+        photo = engine.pose_photo(nothing, nothing[..., 0], camera, None, False, per_pixel, weights)
+        middle = np.array([0, 0, VIEW_DISTANCE * self.radius], np.float32)
+        planes = np.empty((VIEWS, 7, VIEW_PIXELS, VIEW_PIXELS), np.float32)
+        for number, rotation in enumerate(self.rotations.astype(np.float32)):
+            coverage, colour, normal, *_ = engine.draw_pose(self.surface.mesh, photo, rotation, middle)
+            sums = np.concatenate(
+                [coverage[..., None], coverage[..., None] * np.concatenate([colour, normal], 2)], 2
+            )
+            share = VIEW_SAMPLES // 2
+            pooled = sums.reshape(VIEW_PIXELS, share, VIEW_PIXELS, share, 7).mean((1, 3))
+            pooled[..., 1:] /= np.maximum(pooled[..., :1], 1e-6)
+            planes[number] = pooled.transpose(2, 0, 1)
+        return planes
+
+    @cached_property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return least and greatest x, y (TURNS, VIEWS, 2) in pixels of the views, from their middle."""
+        points = (self.surface.vertices - self.surface.middle) / self.radius
+        outermost = points[np.unique(np.argmax(points @ _sphere(600).T, axis=0))]
+        seen = np.einsum("nij,vj->nvi", self.rotations, outermost)
+        flat = seen[..., :2] / (seen[..., 2:] + VIEW_DISTANCE) * self.focal
+        turned = np.einsum("aij,nvj->anvi", _turns()[:, :2, :2], flat)
+        return turned.min(2), turned.max(2)
+
+    def candidates(self, picture: Picture, agrees: Callable[[np.ndarray], np.ndarray]) -> Poses:
+        """Return the views that explain a picture best, `APART` from each other, as poses.
+
+        agrees: Function that returns which (N,) of rotations (N, 3, 3) may be right; all may where none is.
+        """
+        assert picture.box is not None
+        left, right, top, bottom = picture.box
+        low, high = self.bounds
+        width, height = np.moveaxis(high - low, 2, 0)
+        aspect = math.log((right - left) / (bottom - top)) - np.log(width / height)
+        turn, view = np.nonzero(
+            np.abs(aspect) < max(MOST_ASPECT, float(np.partition(np.abs(aspect), 200, axis=None)[200]))
+        )
+        scale = np.sqrt((right - left) * (bottom - top) / (width * height))[turn, view]
+        angle = turn * math.tau / TURNS
+        at = np.array([left + right, top + bottom]) / 2 - scale[:, None] * (low + high)[turn, view] / 2
+        placed = np.stack([scale * np.cos(angle), scale * np.sin(angle), at[:, 0], at[:, 1], scale], 1)
+        planes = np.concatenate([picture.colour.transpose(2, 0, 1), picture.seen[None]])
+        middle = picture.colour.shape[1] / 2
+        ray = np.column_stack([(at - middle) / picture.focal, np.ones(len(at))])
+        rotations = _towards(ray) @ _turns()[turn] @ self.rotations[view]
+        # A view's pixel is focal / distance of its camera; the picture's is `scale` as large.
+        depth = picture.focal * VIEW_DISTANCE * self.radius / (self.focal * scale)
+        scores = engine.score_views(
+            self.planes, np.ascontiguousarray(planes), view.astype(np.int32), placed.astype(np.float32),
+            picture.outlined, WEIGHTS["outline"], WEIGHTS["unseen"], 1,
+        ) - 8 * aspect[turn, view] ** 2  # fmt: skip
+        allowed = agrees(rotations)
+        scores = np.where(allowed, scores, -math.inf) if allowed.any() else scores
+        chosen: list[int] = []
+        for index in np.argsort(-scores, kind="stable")[:1500]:
+            traces = np.einsum("ij,kij->k", rotations[index], rotations[chosen])
+            if np.isfinite(scores[index]) and (traces < 1 + 2 * math.cos(APART)).all():
+                chosen.append(int(index))
+            if len(chosen) == STAGES[0].count:
+                break
+        translations = (ray * depth[:, None])[chosen]
+        return Poses(rotations[chosen].astype(np.float32), translations.astype(np.float32), scores[chosen])
+
+
+def _sphere(count: int) -> np.ndarray:
+    """Return directions (count, 3) all round."""
+    place = np.arange(count) + 0.5
+    height, around = 1 - 2 * place / count, math.pi * (1 + math.sqrt(5)) * place
+    level = np.sqrt(1 - height**2)
+    return np.stack([level * np.cos(around), level * np.sin(around), height], 1)
+
+
+def _turns() -> np.ndarray:
+    """Return rotations (TURNS, 3, 3) about the optical axis."""
+    angle = np.arange(TURNS) * math.tau / TURNS
+    turns = np.zeros((TURNS, 3, 3))
+    turns[:, 0, 0] = turns[:, 1, 1] = np.cos(angle)
+    turns[:, 1, 0], turns[:, 0, 1], turns[:, 2, 2] = np.sin(angle), -np.sin(angle), 1
+    return turns
+
+
+def _towards(ray: np.ndarray) -> np.ndarray:
+    """Return the least rotations (N, 3, 3) from the optical axis to rays (N, 3)."""
+    x, y, z = (ray / np.linalg.norm(ray, axis=1, keepdims=True)).T
+    share = 1 / (1 + z)
+    rows = [[1 - share * x * x, -share * x * y, x], [-share * x * y, 1 - share * y * y, y], [-x, -y, z]]
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+def locate(surface: Surface, poses: Poses, picture_of: Callable[[int], Picture]) -> Poses:
+    """Return poses after all stages; the last one's come first, then others of the stage before.
+
+    picture_of: Function that returns the photo at so many pixels of the box's longer side.
+    """
+    for stage in STAGES:
+        poses = poses[: max(stage.count, STAGES[-2].count)].refined(surface, picture_of(stage.pixels), stage)
+    return poses

@@ -1,0 +1,143 @@
+"""The pose of a known textured object, in any rotation, against poses that pictures were drawn with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tests.toys import toy
+from vig import Explainer, Hints
+from vig.inference import Verdict
+from vig.io.errors import UserError
+from vig.known import FILE, KnownObject, Surface
+from vig.known.search import WEIGHTS
+from vig.scene.light import srgb8_from_linear
+from vig_native import engine
+
+WIDTH, HEIGHT, FOCAL = 320, 240, 400.0
+K = np.array([[FOCAL, 0, 150.0], [0, FOCAL, 125.0], [0, 0, 1]])
+SIDES = np.array([0.12, 0.08, 0.05])
+
+
+def carton() -> Surface:
+    """A box with another print on each side."""
+    rng = np.random.default_rng(5)
+    vertices, faces, uv, texels = [], [], [], []
+    for axis in range(3):
+        for sign in (-1, 1):
+            across = np.roll(np.eye(3), axis, axis=0)  # the axis comes first
+            corners = [across[0] * sign + across[1] * a * sign + across[2] * b
+                       for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]  # fmt: skip
+            faces.append(np.array([[0, 1, 2], [0, 2, 3]]) + len(vertices) * 4)
+            vertices.append(np.array(corners) * SIDES / 2 + [0, 0, SIDES[2] / 2])
+            uv.append([[0, 0], [1, 0], [1, 1], [0, 1]])
+            texels.append(np.kron(rng.integers(20, 235, (4, 4, 3)), np.ones((8, 8, 1))).reshape(-1, 3))
+    return Surface(
+        np.concatenate(vertices).astype(np.float32),
+        np.concatenate(faces).astype(np.int32),
+        np.concatenate(uv).astype(np.float32),
+        np.repeat(np.arange(6), 2).astype(np.int32),
+        np.full((6, 2), 32, np.int32),
+        np.concatenate(texels).astype(np.uint8),
+    )
+
+
+@pytest.fixture(scope="module")
+def pack(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("carton")
+    toy("fin").save(folder)
+    carton().save(folder)
+    return folder
+
+
+def photo_of(pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A photo (H, W, 3) uint8 with noise behind the object, and the pixels that it covers."""
+    surface, nothing = carton(), np.zeros((HEIGHT, WIDTH, 3), np.float32)
+    per_pixel = pose[2, 3] / FOCAL
+    camera = FOCAL, K[0, 2], K[1, 2]
+    given = engine.pose_photo(
+        nothing, nothing[..., 0], camera, None, False, per_pixel, [*WEIGHTS.values(), 1.0]
+    )
+    middle = pose[:3, :3] @ surface.middle + pose[:3, 3]
+    arrays = (np.ascontiguousarray(part, np.float32) for part in (pose[:3, :3], middle))
+    coverage, colour, normal, *_ = engine.draw_pose(surface.mesh, given, *arrays)
+    lit = colour * np.exp(-0.2 + normal @ [0.3, 0.4, -0.2])[..., None]
+    behind = np.random.default_rng(1).random((HEIGHT // 8, WIDTH // 8, 3)).repeat(8, 0).repeat(8, 1)
+    mixed = lit * coverage[..., None] + 0.6 * behind * (1 - coverage[..., None])
+    return srgb8_from_linear(mixed), coverage > 0.5
+
+
+def pose_at(seed: int) -> np.ndarray:
+    pose = np.eye(4)
+    pose[:3, :3] = Rotation.random(random_state=seed).as_matrix()
+    pose[:3, 3] = [0.02, -0.03, 0.55] - pose[:3, :3] @ [0, 0, SIDES[2] / 2]
+    return pose
+
+
+def box_round(mask: np.ndarray) -> tuple[float, float, float, float]:
+    rows, columns = np.nonzero(mask.any(1))[0], np.nonzero(mask.any(0))[0]
+    return columns[0], rows[0], columns[-1] - columns[0] + 1, rows[-1] - rows[0] + 1
+
+
+def off(found: np.ndarray, true: np.ndarray) -> tuple[float, float]:
+    """Degrees between two poses, and metres between the carton's middles."""
+    turn = Rotation.from_matrix(found[:3, :3] @ true[:3, :3].T).magnitude()
+    middle = [0, 0, SIDES[2] / 2, 1]
+    return float(np.degrees(turn)), float(np.linalg.norm((found - true)[:3] @ middle))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_any_rotation_is_found(pack: Path, seed: int) -> None:
+    pose = pose_at(seed)
+    photo, mask = photo_of(pose)
+    found = Explainer(pack).explain(photo, box_round(mask), camera=K, hints=Hints(mask=mask))
+    turned, moved = off(found.camera_from_object, pose)
+    assert turned < 4 and moved < 0.01
+    assert (found.mask & mask).sum() > 0.9 * (found.mask | mask).sum()
+    matrix, pinhole, covariance = found.pinhole_pose()
+    np.testing.assert_allclose(matrix, K)
+    np.testing.assert_allclose(pinhole, found.camera_from_object, atol=1e-6)
+    assert (np.linalg.eigvalsh(covariance) > 0).all()
+    # The pose is that of its angles, too, which reports and exports read.
+    camera = found.camera.camera_from_world(np.radians(found.azimuth_deg), np.radians(found.elevation_deg))
+    np.testing.assert_allclose(camera, found.camera_from_object, atol=1e-5)
+
+
+def test_a_covered_object_is_found(pack: Path) -> None:
+    pose = pose_at(7)
+    photo, mask = photo_of(pose)
+    box, seen = box_round(mask), mask.copy()
+    x, width = int(box[0]), int(box[2])
+    photo[:, x + int(0.6 * width) :] = (90, 140, 60)
+    seen[:, x + int(0.6 * width) :] = False
+    with_mask = Explainer(pack).explain(photo, box, camera=K, hints=Hints(mask=seen))
+    assert off(with_mask.camera_from_object, pose)[0] < 6
+    assert with_mask.hidden_fraction == pytest.approx(1 - seen.sum() / mask.sum(), abs=0.08)
+
+
+def test_hints_narrow_the_search(pack: Path) -> None:
+    pose = pose_at(0)  # at an elevation of -28 degrees: near a pole a small turn changes the azimuth by much
+    photo, mask = photo_of(pose)
+    turned = pose.copy()
+    turned[:3, :3] = Rotation.from_rotvec([0.1, -0.1, 0.1]).as_matrix() @ pose[:3, :3]
+    explainer = Explainer(pack)
+    from_pose = explainer.explain(photo, box_round(mask), camera=K, hints=Hints(pose=turned, mask=mask))
+    assert off(from_pose.camera_from_object, pose)[0] < 4
+    elsewhere = from_pose.azimuth_deg + 180
+    held = explainer.explain(photo, box_round(mask), camera=K, hints=Hints(azimuth_deg=elsewhere, mask=mask))
+    assert abs((held.azimuth_deg - elsewhere + 180) % 360 - 180) < 60
+    assert held.verdict is not Verdict.TRUSTED
+
+
+def test_without_a_place_or_with_a_damaged_surface(pack: Path, tmp_path: Path) -> None:
+    photo, _ = photo_of(pose_at(0))
+    with pytest.raises(UserError, match="expected a box or a mask"):
+        Explainer(pack).explain(photo)
+    toy("fin").save(tmp_path)
+    assert KnownObject.of(Explainer(tmp_path).object_class) is None
+    (tmp_path / FILE).write_bytes((pack / FILE).read_bytes()[:-100])
+    with pytest.raises(UserError, match="the surface of an object"):
+        Explainer(tmp_path)
