@@ -50,11 +50,11 @@ PLACES = [f"{package}.{name}" for package, names in ORDER.items() for name in na
 
 # The budget. A commit may lower a number; one that raises it says in CHANGELOG what was taken out for it.
 LINES = {
-    "vig_native": 7_249, "vig_renderer": 1_716, "vig": 13_413, "vig_app": 7_042, "vig_world": 19_263,
+    "vig_native": 7_249, "vig_renderer": 1_716, "vig": 13_413, "vig_app": 7_022, "vig_world": 19_263,
     "vig_train": 12_415, "vig_paper": 2_770,
 }  # fmt: skip
 CONSTANTS = 1_264
-REACHED_LINES = {"vig.explainer": 11_519, "vig_app.cli.fit": 17_000}
+REACHED_LINES = {"vig.explainer": 11_519, "vig_app.cli.fit": 16_949}
 """Lines of the modules that one imports, directly and indirectly: what is read to change it."""
 
 PICKLERS = {"pickle", "cPickle", "_pickle", "dill", "cloudpickle", "joblib", "shelve", "marshal"}

@@ -87,6 +87,8 @@ def test_a_photo_is_fitted_once_unless_it_or_what_is_said_changes(
 
 def test_a_run_that_is_killed_goes_on_with_the_same_rows(photos: Path, tmp_path: Path) -> None:
     quiet, out = tmp_path / "quiet", tmp_path / "out"
+    for number in range(5, 8):
+        (photos / f"{number}.png").unlink()
     assert fitted(photos, "--out", quiet, "--quiet") == 0
     with subprocess.Popen(
         [*COMMAND, photos, "--out", out, "--workers", "2"], stdout=subprocess.PIPE, text=True
@@ -96,9 +98,9 @@ def test_a_run_that_is_killed_goes_on_with_the_same_rows(photos: Path, tmp_path:
         killed.send_signal(signal.SIGKILL)
     with open(out / "results.jsonl", "a") as ledger:
         ledger.write('{"key": "half a li')
-    (out / f".7{PARTIAL}").mkdir()
+    (out / f".4{PARTIAL}").mkdir()
     done = len(list(out.glob("*/explanation.json")))
-    assert 1 <= done < 8
+    assert 1 <= done < 5
     ended = subprocess.run([*COMMAND, photos, "--out", out, "--workers", "2"], capture_output=True, text=True)
     assert ended.returncode == 0 and 1 <= ended.stdout.count("done before") <= done
     assert without_time(rows_of(out)) == without_time(rows_of(quiet))
@@ -224,23 +226,20 @@ def test_a_photo_that_vanishes_during_a_run_is_its_own_error(photos: Path, tmp_p
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["0", "results.jsonl"]
 
 
-@pytest.mark.parametrize(
-    ("number", "reason"), [(errno.ENOSPC, "No space left on device"), (errno.EROFS, "Read-only file system")]
-)
 def test_a_folder_that_cannot_be_written_is_its_photos_error(
-    number: int, reason: str, photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rename, out = os.rename, tmp_path / "out"
 
     def refusing(source: str | Path, target: str | Path) -> None:
         if Path(target).name == "1":
-            raise OSError(number, os.strerror(number))
+            raise OSError(errno.EROFS, os.strerror(errno.EROFS))
         rename(source, target)
 
     monkeypatch.setattr("vig_app.runs.work.os.rename", refusing)
     rows = list(run([Task(photos / f"{name}.png", out / name) for name in "012"], out, RunSettings()))
     assert [row["error"] is None for row in rows] == [True, False, True]
-    assert reason in rows[1]["error"] and "choose another --out" in rows[1]["error"]
+    assert "Read-only file system" in rows[1]["error"] and "choose another --out" in rows[1]["error"]
     assert sorted(path.name for path in out.iterdir()) == ["0", "2", "results.jsonl"]
 
 
@@ -361,10 +360,11 @@ def test_a_photo_that_kills_its_worker_is_named_and_the_others_go_on(
     """Any worker that begins with photo 3 is killed by us."""
     monkeypatch.setattr("vig_app.runs.photos.prepare", deadly)
     tasks = [
-        Task(photo, tmp_path / "out" / photo.stem, (10, 10, 130, 130)) for photo in sorted(photos.iterdir())
+        Task(photo, tmp_path / "out" / photo.stem, (10, 10, 130, 130))
+        for photo in sorted(photos.iterdir())[1:5]
     ]
     rows = {Path(row["photo"]).name: row for row in run(tasks, tmp_path / "out", RunSettings(), workers=2)}
-    assert len(rows) == 8
+    assert len(rows) == 4
     assert "killed 3 times" in rows.pop("3.png")["error"]
     assert all(row["error"] is None for row in rows.values())
 

@@ -37,14 +37,27 @@ def explainer() -> vig.Explainer:
     return vig.Explainer("teapot")
 
 
-@pytest.fixture
-def session(explainer: vig.Explainer, tmp_path: Path) -> Session:
+def large_photo(folder: Path) -> Path:
     """An example in the middle of a larger photo."""
     large = Image.new("RGB", (400, 300), (120, 120, 120))
     with Image.open(example_photos()[3].photo) as small:
         large.paste(small, (120, 70))
-    large.save(tmp_path / "photo.png")
-    return Session(explainer, tmp_path / "photo.png")
+    large.save(folder / "photo.png")
+    return folder / "photo.png"
+
+
+@pytest.fixture
+def session(explainer: vig.Explainer, tmp_path: Path) -> Session:
+    return Session(explainer, large_photo(tmp_path))
+
+
+@pytest.fixture(scope="module")
+def untouched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Viewer]:
+    """One for all tests of refusals, which leave it as it is."""
+    folder = tmp_path_factory.mktemp("untouched")
+    served = Viewer(Walk.of_photo(large_photo(folder), "teapot", folder / "saved"), port=8451)
+    yield served
+    served.stop()
 
 
 def test_a_result_of_vig_fit_can_be_resumed(session: Session, tmp_path: Path) -> None:
@@ -161,8 +174,9 @@ def test_corrections_of_other_types_are_refused(tmp_path: Path, content: Any) ->
     ],
 )
 def test_what_does_not_suit_the_photo_is_refused_before_it_is_a_state(
-    session: Session, state: State, message: str
+    untouched: Viewer, state: State, message: str
 ) -> None:
+    session = untouched.walk.session
     previous = session.explanation
     with pytest.raises(UserError, match=message):
         session.correct(lambda _: state, lambda _: State(visible=True))
@@ -228,9 +242,9 @@ def test_a_page_of_another_site_gets_nothing(viewer: Viewer) -> None:
     ],
     ids=lambda body: str(body)[:40],
 )
-def test_what_the_page_does_not_send_is_refused(viewer: Viewer, body: Any) -> None:
-    status, content = asked(viewer, "POST", "/act", body)
-    assert status == 400 and content["error"] and viewer.walk.session.states == [State()]
+def test_what_the_page_does_not_send_is_refused(untouched: Viewer, body: Any) -> None:
+    status, content = asked(untouched, "POST", "/act", body)
+    assert status == 400 and content["error"] and untouched.walk.session.states == [State()]
 
 
 def test_corrections_that_come_together_are_fitted_once_and_a_bad_one_alone_is_left_out(
@@ -351,13 +365,13 @@ def test_a_folder_of_results_is_opened_whatever_it_holds(session: Session, tmp_p
     ],
 )
 def test_what_vig_view_refuses(
-    session: Session,
+    tmp_path: Path,
     arguments: list[str],
     message: str,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.chdir(session.path.parent)
+    monkeypatch.chdir(large_photo(tmp_path).parent)
     Path("result").mkdir()
     write_table(Path("run"), [{"photo": "gone.png", "folder": "gone", "error": "gone"}])
     with pytest.raises(SystemExit) as ended:
