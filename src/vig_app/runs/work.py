@@ -26,17 +26,14 @@ from vig.several import explain_found, explain_together
 from vig.several.scene import SceneExplanation
 from vig_app.corrections import CORRECTIONS, REMEDY, Correction, Found, State, place_of
 from vig_app.exports import export_explanation, remove_exports
-from vig_app.report.folder import save_explanation, save_scene
+from vig_app.report.folder import FILES, OPTIONAL_FILES, save_explanation, save_scene
 from vig_app.results import COLUMNS, row_of_record
 
 PARTIAL = ".partial"
 """End of the name of a folder that is not complete."""
 KEY = ".key"
 """File within a folder with the key of its results, see `vig_app.runs.ledger.key_of`."""
-FILES = (
-    "explanation.json", "scene.json", CORRECTIONS, "mask.png", "object.glb", "overlay.png", "render.png",
-    "report.html", "scene.glb", "texture_seen.png", "thumbnail.jpg",
-)  # fmt: skip
+RESULTS = (*FILES, *OPTIONAL_FILES, "scene.json", "scene.glb", CORRECTIONS)
 """Files of a photo's results, whether of one object or of several."""
 SAME_OBJECT = 0.5
 """Intersection over union of boxes of one object, at least: as detections are counted as right."""
@@ -245,7 +242,7 @@ def beside_folder(task: Task) -> Iterator[Path]:
         if not os.path.lexists(task.folder):
             os.rename(beside, task.folder)
             return
-        for name in (KEY, *FILES):
+        for name in (KEY, *RESULTS):
             (task.folder / name).unlink(missing_ok=True)
         remove_exports(task.folder)
         for path in task.folder.glob("[0-9]*-*/explanation.json"):  # folders of several objects

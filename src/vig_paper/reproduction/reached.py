@@ -40,16 +40,6 @@ class ReachedMedian:
     passed: bool
     """Ours is about as good, or better."""
 
-    @property
-    def text(self) -> str:
-        """Return the range of those runs."""
-        return f"{self.least:.3g} to {self.largest:.3g}"
-
-    @property
-    def word(self) -> str:
-        """Return the verdict on our median."""
-        return "ok" if self.passed else "worse"
-
 
 def reached(settings: Mapping[str, Any], table: Mapping[str, Any]) -> list[ReachedMedian]:
     """Compare a table with those of runs of the same size; empty where none was measured.
@@ -91,11 +81,11 @@ def training_line(settings: Mapping[str, Any], photos: int) -> str:
 def reached_block(medians: list[ReachedMedian]) -> TableBlock:
     """Return the comparison for a terminal."""
     methods = list(dict.fromkeys(median.method for median in medians))
-    rows = []
-    for metric in dict.fromkeys(median.metric for median in medians):
-        of_metric = {median.method: median for median in medians if median.metric == metric}
-        lines = [
-            f"{m.ours:.3g}\n{m.text}: {m.word}" if (m := of_metric.get(name)) else "-" for name in methods
-        ]
-        rows.append([METRICS[metric], *lines])
+    cells = {
+        (each.metric, each.method): f"{each.ours:.3g}\n{each.least:.3g} to {each.largest:.3g}:"
+        f" {'ok' if each.passed else 'worse'}"
+        for each in medians
+    }
+    metrics = dict.fromkeys(median.metric for median in medians)
+    rows = [[METRICS[name], *(cells.get((name, method), "-") for method in methods)] for name in metrics]
     return TableBlock(f"Our medians, and what {RUNS} reached", ["", *methods], rows)

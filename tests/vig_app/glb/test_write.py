@@ -14,8 +14,7 @@ from tests.support import latents
 from vig import Camera
 from vig.record import glb_from_object
 from vig.scene import ObjectClass
-from vig_app.glb import GlbObject, write_glb
-from vig_app.glb.files import MOST_SCALED, on_one_ground
+from vig_app.glb.files import MOST_SCALED, GlbObject, on_one_ground, write_glb
 
 
 def write(
