@@ -34,8 +34,8 @@ STEPS = np.array([0.05, 0.05, 0.05, 0.01, 0.01, 0.02])
 EVIDENCE_PIXELS = 20.0
 """Independent pixels that a score's mean log-likelihood counts for: neighbours err alike."""
 TRUSTED_SCORE, TRUSTED_LEAD = -7.0, 1.0
-"""Score, and lead over every other pose, from which a pose is trusted: 97 % of the rotations of such poses were
-within 15 degrees on the photos of HOPE under one of its lights, on which both were chosen."""
+"""Score, and lead over every other pose, from which a pose is trusted: 97 % of the rotations of such poses
+were within 15 degrees on the photos of HOPE under one of its lights, on which both were chosen."""
 
 
 @dataclass(frozen=True)

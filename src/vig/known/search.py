@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from vig.known.surface import Surface
+from vig.known.surface import Surface, sphere
 from vig_native import engine
 
 VIEWS, TURNS = 400, 36
@@ -129,6 +129,32 @@ class Poses:
         parts = zip(vars(best).values(), vars(rest).values(), strict=True)
         return Poses(*(np.concatenate(pair) for pair in parts))
 
+    def at_box(self, surface: Surface, picture: Picture) -> Poses:
+        """Return them moved so that each fills the picture's box, where that has the higher score."""
+        if picture.box is None:
+            return self
+        left, right, top, bottom = picture.box
+        at = np.array([left + right, top + bottom]) / 2 - picture.colour.shape[1] / 2
+        points = surface.outermost - surface.middle
+        turned, moved = points @ self.rotations.transpose(0, 2, 1), self.translations.astype(np.float64)
+        for _ in range(4):  # each a fixed point's step: the size by the depth, then the place
+            seen = turned + moved[:, None]
+            flat = picture.focal * seen[..., :2] / seen[..., 2:]
+            low, high = flat.min(1), flat.max(1)
+            grown = np.sqrt((high - low).prod(1) / ((right - left) * (bottom - top)))[:, None]
+            across = (at - (low + high) / 2) / picture.focal
+            moved = moved * grown + np.column_stack([across * (moved * grown)[:, 2:], np.zeros(len(moved))])
+        native, moved = picture.native(surface), moved.astype(np.float32)
+        there, here = (
+            engine.refine_poses(surface.mesh, native, self.rotations, places, 0, (0.0, 0.0, 0.0), 1)[2]
+            for places in (moved, self.translations)
+        )
+        return Poses(
+            self.rotations,
+            np.where((there > here)[:, None], moved, self.translations),
+            np.maximum(there, here),
+        )
+
 
 @dataclass(frozen=True)
 class Views:
@@ -139,7 +165,7 @@ class Views:
     @cached_property
     def rotations(self) -> np.ndarray:
         """Return (VIEWS, 3, 3) float64, from the surface to cameras on a Fibonacci sphere."""
-        forward = -_sphere(VIEWS)
+        forward = -sphere(VIEWS)
         up = np.where(np.abs(forward[:, 2:]) < 0.99, [[0.0, 0.0, 1.0]], [[0.0, 1.0, 0.0]])
         right = np.cross(forward, up)
         right /= np.linalg.norm(right, axis=1, keepdims=True)
@@ -180,8 +206,7 @@ class Views:
     @cached_property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Return least and greatest x, y (TURNS, VIEWS, 2) in pixels of the views, from their middle."""
-        points = (self.surface.vertices - self.surface.middle) / self.radius
-        outermost = points[np.unique(np.argmax(points @ _sphere(600).T, axis=0))]
+        outermost = (self.surface.outermost - self.surface.middle) / self.radius
         seen = np.einsum("nij,vj->nvi", self.rotations, outermost)
         flat = seen[..., :2] / (seen[..., 2:] + VIEW_DISTANCE) * self.focal
         turned = np.einsum("aij,nvj->anvi", _turns()[:, :2, :2], flat)
@@ -227,14 +252,6 @@ class Views:
         return Poses(rotations[chosen].astype(np.float32), translations.astype(np.float32), scores[chosen])
 
 
-def _sphere(count: int) -> np.ndarray:
-    """Return directions (count, 3) all round."""
-    place = np.arange(count) + 0.5
-    height, around = 1 - 2 * place / count, math.pi * (1 + math.sqrt(5)) * place
-    level = np.sqrt(1 - height**2)
-    return np.stack([level * np.cos(around), level * np.sin(around), height], 1)
-
-
 def _turns() -> np.ndarray:
     """Return rotations (TURNS, 3, 3) about the optical axis."""
     angle = np.arange(TURNS) * math.tau / TURNS
@@ -258,5 +275,7 @@ def locate(surface: Surface, poses: Poses, picture_of: Callable[[int], Picture])
     picture_of: Function that returns the photo at so many pixels of the box's longer side.
     """
     for stage in STAGES:
-        poses = poses[: max(stage.count, STAGES[-2].count)].refined(surface, picture_of(stage.pixels), stage)
+        picture = picture_of(stage.pixels)
+        poses = poses[: max(stage.count, STAGES[-2].count)].at_box(surface, picture)
+        poses = poses.refined(surface, picture, stage)
     return poses

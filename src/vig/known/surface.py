@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -86,6 +87,11 @@ class Surface:
         return np.asarray((self.vertices.min(0) + self.vertices.max(0)) / 2)
 
     @cached_property
+    def outermost(self) -> np.ndarray:
+        """Return (n, 3) float32, the vertices that are the farthest out in one of 600 directions, metres."""
+        return np.asarray(self.vertices[np.unique(np.argmax(self.vertices @ sphere(600).T, axis=0))])
+
+    @cached_property
     def diameter(self) -> float:
         """Return the diagonal of its bounds, metres."""
         return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
@@ -128,6 +134,14 @@ class Surface:
             density.clip(0, 1e9).astype(np.float32),
             _is_closed(place.ravel()[self.faces], corners),
         )
+
+
+def sphere(count: int) -> np.ndarray:
+    """Return directions (count, 3) all round, evenly: a Fibonacci sphere."""
+    place = np.arange(count) + 0.5
+    height, around = 1 - 2 * place / count, math.pi * (1 + math.sqrt(5)) * place
+    level = np.sqrt(1 - height**2)
+    return np.stack([level * np.cos(around), level * np.sin(around), height], 1)
 
 
 def _pyramid(picture: np.ndarray) -> list[np.ndarray]:
