@@ -50,11 +50,11 @@ PLACES = [f"{package}.{name}" for package, names in ORDER.items() for name in na
 
 # The budget. A commit may lower a number; one that raises it says in CHANGELOG what was taken out for it.
 LINES = {
-    "vig_native": 7_876, "vig_renderer": 1_716, "vig": 13_944, "vig_app": 6_976, "vig_world": 18_746,
+    "vig_native": 7_876, "vig_renderer": 1_716, "vig": 13_978, "vig_app": 6_976, "vig_world": 18_746,
     "vig_train": 12_388, "vig_paper": 2_760,
 }  # fmt: skip
 CONSTANTS = 1_220
-REACHED_LINES = {"vig.explainer": 12_095, "vig_app.cli.fit": 17_317}
+REACHED_LINES = {"vig.explainer": 12_129, "vig_app.cli.fit": 17_351}
 """Lines of the modules that one imports, directly and indirectly: what is read to change it."""
 
 PICKLERS = {"pickle", "cPickle", "_pickle", "dill", "cloudpickle", "joblib", "shelve", "marshal"}
