@@ -267,3 +267,21 @@ def test_processes_give_the_same_explanations(explainer: vig.Explainer, photo: n
     assert [e.to_dict() for e in shared] == [e.to_dict() for e in alone]
     for one, two in zip(alone, shared, strict=True):
         assert np.array_equal(one.mask, two.mask) and np.array_equal(one.photo, two.photo)
+
+
+def test_an_object_is_found_without_a_box(explainer: vig.Explainer, photo: np.ndarray) -> None:
+    """The photo in the corner of a larger one."""
+    given = explainer.explain(photo, BOX)
+    wide = np.full((300, 420, 3), 200, np.uint8)
+    wide[150:290, 200:400] = photo
+    found = explainer.explain(wide)
+    assert given.box is not None and found.box is not None
+    for at, (here, there) in enumerate(zip(found.box, given.box, strict=True)):
+        assert here - (200, 150, 0, 0)[at] == pytest.approx(there, abs=12)
+
+
+def test_the_verdict_and_the_pose_are_those_of_the_photo(explanation: vig.Explanation) -> None:
+    truth = json.loads((files("vig_app") / "examples" / "truth.json").read_text())["photos"][0]
+    assert explanation.verdict is vig.Verdict.TRUSTED
+    assert explanation.elevation_deg == pytest.approx(truth["elevation_deg"], abs=10)
+    assert abs((explanation.azimuth_deg - truth["azimuth_deg"] + 180) % 360 - 180) < 10

@@ -19,7 +19,7 @@ from vig.scene.object_class import PACKAGED
 from vig_renderer import MeshObject, Pinhole, Scene, Topology, jacobian, render
 from vig_renderer.defaults import default_settings
 
-SETTINGS = ("bfloat16", "inference", "errstate")
+SETTINGS = ("bfloat16", "meta", "autocast", "inference", "errstate")
 
 
 @contextmanager

@@ -154,3 +154,17 @@ def test_the_lowest_versions_that_ci_installs_are_those_of_the_package() -> None
     assert floors.keys() == pinned.keys()
     for name, floor in floors.items():
         assert re.fullmatch(rf"{re.escape(floor)}(\.0)*", pinned[name]), name
+
+
+def test_verbs_that_need_an_extra_name_it_and_help_needs_none(tmp_path: Path) -> None:
+    out = str(tmp_path / "D")
+    for verb in (["--help"], ["dataset", "make", "--help"]):
+        assert "usage" in run(COMMAND, *verb).stdout
+    for verb in (
+        ["dataset", "make", "--out", out, "--count", "1"],
+        ["dataset", "check", out],
+        ["train", "--dataset", out, "--out", out],
+        ["evaluate", "--dataset", out, "--out", out],
+    ):
+        (line,) = run(COMMAND, *verb, exits=2).stderr.splitlines()
+        assert re.search(r"pip install 'vig\[(world|torch|train)\]'", line), line

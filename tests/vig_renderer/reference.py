@@ -12,7 +12,7 @@ from typing import Any
 import torch
 
 from vig_native import engine
-from vig_renderer import NEAR, Topology
+from vig_renderer import NEAR, Pyramid, Topology
 from vig_renderer.general import MARGIN
 
 Edges = set[tuple[int, int, int, int, int]]
@@ -91,6 +91,56 @@ def visible_faces(points: torch.Tensor, faces: torch.Tensor, size: tuple[int, in
         nearest = torch.where(nearer, depth, nearest)
         seen = torch.where(nearer, face, seen)
     return seen
+
+
+def barycentrics(points: torch.Tensor, corners: torch.Tensor, pixels: torch.Tensor) -> torch.Tensor:
+    """Weights by their definition, and their derivatives along the screen by the quotient rule."""
+    x, y = (pixels.to(points.dtype) + 0.5).unbind(1)
+    triangles = points[corners.long()]
+    functions = _edge_functions(triangles, x, y)
+    total = functions.sum(1, keepdim=True)
+    weights = functions / total
+    rows = [weights]
+    for step_x, step_y in ((1, 0), (0, 1)):
+        # Edge functions are linear in x and y: one whole step is their derivative.
+        change = _edge_functions(triangles, x + step_x, y + step_y) - functions
+        rows.append((change - weights * change.sum(1, keepdim=True)) / total)
+    return torch.stack(rows, dim=1)
+
+
+def interpolate(attributes: torch.Tensor, corners: torch.Tensor, weights: torch.Tensor) -> torch.Tensor:
+    """The weighted sum over the three corners."""
+    return (attributes[corners.long()] * weights[..., None]).sum(1)
+
+
+def sample_texture(texture: Pyramid, uv: torch.Tensor, footprint: torch.Tensor) -> torch.Tensor:
+    """One point after the other."""
+    rows, last = [], len(texture.levels) - 1
+    _, height, width = texture.levels[0].tolist()
+    for place, change in zip(uv, footprint.reshape(-1, 2, 2), strict=True):
+        texels = change * change.new_tensor([width, height])
+        mean_square = texels.square().sum() / 2
+        level = (0.5 * torch.log2(mean_square.clamp_min(1e-12))).clamp(0, last)
+        fine = int(level)
+        share = level - fine
+        coarse = _bilinear(texture, min(fine + 1, last), place)
+        rows.append((1 - share) * _bilinear(texture, fine, place) + share * coarse)
+    return torch.stack(rows)
+
+
+def _bilinear(textures: Pyramid, level: int, uv: torch.Tensor) -> torch.Tensor:
+    start, height, width = textures.levels[level].tolist()
+    image = textures.texels[start : start + height * width].view(height, width, -1)
+    x, y = uv[0] * width - 0.5, (1 - uv[1]) * height - 0.5
+    left, top = int(x.floor()), int(y.floor())
+    fx, fy = x - left, y - top
+
+    def texel(row: int, column: int) -> torch.Tensor:
+        return image[row % height, column % width]
+
+    upper = (1 - fx) * texel(top, left) + fx * texel(top, left + 1)
+    lower = (1 - fx) * texel(top + 1, left) + fx * texel(top + 1, left + 1)
+    return (1 - fy) * upper + fy * lower
 
 
 def visible_edges(points: torch.Tensor, topology: Topology, size: tuple[int, int]) -> Edges:

@@ -57,6 +57,18 @@ def test_batches_of_cotangents_are_those_one_by_one(draw: Draw, place: torch.Ten
     torch.testing.assert_close(torch.func.vmap(pulled)(cotangents), expected, rtol=1e-8, atol=1e-10)
 
 
+def test_a_jacobian_of_all_pixels_at_once_is_that_of_one_after_another(
+    draw: Draw, place: torch.Tensor
+) -> None:
+    def coverage(where: torch.Tensor) -> torch.Tensor:
+        return draw(where).coverage
+
+    jacobian: Callable[..., Any] = torch.autograd.functional.jacobian
+    expected = jacobian(coverage, place)
+    assert expected.abs().max() > 0
+    torch.testing.assert_close(jacobian(coverage, place, vectorize=True), expected, rtol=1e-8, atol=1e-10)
+
+
 def test_renderings_are_pickled_saved_and_copied_whole(draw: Draw, place: torch.Tensor) -> None:
     expected, file = draw(place), io.BytesIO()
     torch.save(draw(place), file)

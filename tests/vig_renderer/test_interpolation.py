@@ -10,10 +10,32 @@ import torch
 
 from tests.vig_renderer import reference
 from vig_renderer import Pyramid, pyramid
-from vig_renderer.interpolation import barycentrics
+from vig_renderer.interpolation import barycentrics, interpolate
 from vig_renderer.texture import sample_texture
 
 Function = Callable[..., torch.Tensor]
+
+
+def agree(function: Function, expected: Function, inputs: list[torch.Tensor], rest: tuple = ()) -> None:
+    """Same values, reverse and forward derivatives, in float64; same values in float32."""
+    torch.testing.assert_close(function(*inputs, *rest), expected(*inputs, *rest), rtol=1e-9, atol=1e-10)
+    single = function(*(x.float() for x in inputs), *rest)
+    assert single.dtype == torch.float32
+    torch.testing.assert_close(single.double(), expected(*inputs, *rest), rtol=1e-3, atol=1e-3)
+    generator = torch.Generator().manual_seed(0)
+    value = expected(*inputs, *rest)
+    cotangent = torch.randn(value.shape, generator=generator, dtype=value.dtype)
+    tangents = tuple(torch.randn(x.shape, generator=generator, dtype=x.dtype) for x in inputs)
+    leaves = [x.clone().requires_grad_() for x in inputs]
+    for found, wanted in zip(
+        torch.autograd.grad(function(*leaves, *rest), leaves, cotangent),
+        torch.autograd.grad(expected(*leaves, *rest), leaves, cotangent),
+        strict=True,
+    ):
+        torch.testing.assert_close(found, wanted, rtol=1e-8, atol=1e-8 * float(wanted.abs().max()) + 1e-10)
+    moved = torch.func.jvp(lambda *x: function(*x, *rest), tuple(inputs), tangents)[1]
+    wanted = torch.func.jvp(lambda *x: expected(*x, *rest), tuple(inputs), tangents)[1]
+    torch.testing.assert_close(moved, wanted, rtol=1e-8, atol=1e-8 * float(wanted.abs().max()) + 1e-10)
 
 
 @pytest.fixture
@@ -27,12 +49,45 @@ def seen(triangles: Callable) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]
     return points, corners[area > 0.5], pixels[area > 0.5]
 
 
+def test_barycentrics_and_their_derivatives_are_the_references(seen: tuple) -> None:
+    points, corners, pixels = seen
+    assert len(corners) > 100
+    agree(barycentrics, reference.barycentrics, [points], (corners, pixels))
+
+
 def test_barycentrics_find_the_pixel_again(seen: tuple) -> None:
     points, corners, pixels = seen
     weights = barycentrics(points, corners, pixels)
     met = (weights[:, 0, :, None] * points[corners.long()]).sum(1)
     torch.testing.assert_close(met[:, :2] / met[:, 2:], (pixels + 0.5).double())
     torch.testing.assert_close(weights.sum(2), torch.tensor([1.0, 0, 0]).double().expand(len(corners), 3))
+
+
+def test_interpolation_is_the_references(seen: tuple) -> None:
+    points, corners, pixels = seen
+    attributes = torch.from_numpy(np.random.default_rng(2).normal(size=(len(points), 5)))
+    weights = barycentrics(points, corners, pixels)[:, 0]
+    agree(
+        lambda a, w: interpolate(a, corners, w),
+        lambda a, w: reference.interpolate(a, corners, w),
+        [
+            attributes,
+            weights,
+        ],
+    )
+
+
+@pytest.mark.parametrize("shape", [(7, 12), (16, 16), (1, 1), (1, 5)])
+def test_textures_are_looked_up_as_by_the_reference(shape: tuple[int, int]) -> None:
+    rng = np.random.default_rng(3)
+    made = pyramid(torch.from_numpy(rng.random((*shape, 3))))
+    uv = torch.from_numpy(rng.uniform(-2, 3, (60, 2)))
+    footprint = torch.from_numpy(rng.normal(size=(60, 2, 2)) * 10 ** rng.uniform(-3, 0.5, (60, 1, 1)))
+
+    def look_up(function: Function) -> Function:
+        return lambda texels, uv, footprint: function(Pyramid(texels, made.levels), uv, footprint)
+
+    agree(look_up(sample_texture), look_up(reference.sample_texture), [made.texels, uv, footprint])
 
 
 def test_texel_centres_give_texels_and_rows_run_down() -> None:
@@ -60,3 +115,12 @@ def test_a_pyramid_halves_to_one_texel_and_keeps_the_mean() -> None:
     torch.testing.assert_close(made.texels[-1], made.texels[:32].mean(0))
     with pytest.raises(ValueError, match=r"\(H, W, C\)"):
         pyramid(torch.rand(8, 4))
+
+
+def test_no_pixels_are_no_rows() -> None:
+    corners, pixels = torch.zeros(0, 3).long(), torch.zeros(0, 2).long()
+    weights = barycentrics(torch.rand(4, 3), corners, pixels)
+    assert weights.shape == (0, 3, 3)
+    assert interpolate(torch.rand(4, 5), corners, weights[:, 0]).shape == (0, 5)
+    rows = sample_texture(pyramid(torch.rand(2, 2, 3)), weights[:, 0, :2], weights[:, 1:, :2])
+    assert rows.shape == (0, 3)

@@ -130,6 +130,19 @@ def test_no_picture_passes_through_operations_that_torch_shares_out(world: Calla
     assert large.names <= {"new_empty", "empty_like", "ones_like", "detach", "select", "alias"}
 
 
+def test_what_is_computed_later_belongs_to_the_graph_of_its_rendering(world: Callable[..., World]) -> None:
+    made = world(np.random.default_rng(26))
+    place = made.inputs["front translation"].clone().requires_grad_()
+    seen = render(made.build({**made.inputs, "front translation": place}))
+    with torch.no_grad():
+        assert seen.full_masks.requires_grad and seen.depth.requires_grad
+        bare = render(made.build({**made.inputs, "front translation": place}))
+    assert not bare.full_masks.requires_grad
+    assert torch.equal(seen.full_masks, bare.full_masks)
+    with pytest.raises(AttributeError, match="no shadow"):
+        _ = seen.shadow
+
+
 SHORT_OF_MEMORY = """
 import resource
 from collections import Counter

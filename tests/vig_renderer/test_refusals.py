@@ -10,20 +10,45 @@ import pytest
 import torch
 
 from tests.support import TEAPOT
-from vig.scene import ObjectClass
+from vig.likelihood import Photos
+from vig.scene import Camera, ObjectClass
 from vig_native import engine
 from vig_renderer import MeshObject, Pinhole, Pyramid, Scene, Topology, pyramid, render
 from vig_world.mesh import Mesh
+from vig_world.raster.rasterize import rasterize
 
 TRIANGLE = np.array([[-0.1, -0.1, 0.4], [0.1, -0.1, 0.4], [0.0, 0.1, 0.4]], np.float32)
 FACE = np.array([[0, 1, 2]], np.int32)
+CAMERA = Camera.standard(20)
+RASTER: dict[str, Any] = {
+    "vertices": TRIANGLE, "faces": FACE, "rotation": np.eye(3), "translation": np.zeros(3), "camera": CAMERA,
+}  # fmt: skip
 POINTS = torch.from_numpy(TRIANGLE)
 FACES = torch.from_numpy(FACE)
 TOPOLOGY = Topology.of(FACE, TRIANGLE)
 PINHOLE = Pinhole(8, 8, torch.full((2,), 8.0), torch.full((2,), 4.0), torch.eye(3), torch.zeros(3))
 LONG = FACES.long()
 BEYOND = torch.tensor([[0, 1, 3]], dtype=torch.int32)
+FAR = torch.tensor([[0, 1, 2**31 - 1]], dtype=torch.int32)
 BELOW = torch.tensor([[0, -1, 2]], dtype=torch.int32)
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"faces": FAR.numpy()}, "faces must be from 0 to 2; they are from 0 to 2147483647"),
+        ({"faces": np.array([[0, 1, 2**32]])}, "faces must be from 0 to 2"),
+        ({"faces": BELOW.numpy()}, "faces must be from 0 to 2; they are from -1"),
+        ({"faces": FACE.astype(float)}, r"faces must be \(F, 3\) whole numbers; got \(1, 3\) float64"),
+        ({"faces": FACE[0]}, r"faces must be \(F, 3\) whole numbers; got \(3,\)"),
+        ({"vertices": TRIANGLE[:, :2]}, r"vertices must be .*; got"),
+        ({"vertices": TRIANGLE.astype(str)}, "vertices must be"),
+    ],
+)
+def test_rasterize(change: dict[str, Any], why: str) -> None:
+    assert (rasterize(**RASTER).face == 0).any()
+    with pytest.raises(ValueError, match=why):
+        rasterize(**RASTER | change)
 
 
 @pytest.mark.parametrize(
@@ -160,6 +185,23 @@ def test_shape_models(name: str, value: np.ndarray, why: str) -> None:
     model = ObjectClass.load(TEAPOT).shape_model
     with pytest.raises(ValueError, match=why):
         replace(model, **{name: value})
+
+
+@pytest.mark.parametrize(
+    ("linear", "why"),
+    [
+        (
+            np.zeros((1, 8, 8, 3), np.uint8),
+            "photos must be arrays of floating-point linear RGB; got uint8",
+        ),
+        (torch.zeros(1, 8, 8, 3), "photos must be arrays of floating-point .* got torch.float32"),
+        (np.full((1, 8, 8, 3), -1.5), "photos must be linear RGB in .* got a minimum of -1.5"),
+        (np.zeros((1, 3, 8, 8)), r"photos must be \(N, H, W, 3\)"),
+    ],
+)
+def test_photos(linear: np.ndarray, why: str) -> None:
+    with pytest.raises(ValueError, match=why):
+        Photos(linear, np.zeros(linear.shape))
 
 
 @pytest.mark.parametrize(

@@ -190,6 +190,24 @@ def test_what_is_seen_is_what_the_rasteriser_sees(teapot: ObjectClass) -> None:
     np.testing.assert_allclose(seen.depth[0].numpy()[same], expected.depth[same], atol=1e-4)
 
 
+def test_a_batch_is_its_images_one_by_one(world: Callable[..., World]) -> None:
+    rng = np.random.default_rng(8)
+    scenes = [world(rng).scene for _ in range(3)]
+    scenes[1] = replace(scenes[1], objects=[], background=torch.rand(3, dtype=torch.float64))
+    scenes[2] = replace(scenes[2], objects=scenes[2].objects[:1], background=None, lamp=None)
+    for shading in ("vertex", "pixel"):
+        together = render(scenes, shading)
+        assert together.visible_masks.shape == (3, 2, 32, 32)
+        for number, scene in enumerate(scenes):
+            alone = render(scene, shading)
+            for entry in fields(Rendering):
+                mine, theirs = getattr(together, entry.name)[number], getattr(alone, entry.name)[0]
+                if "masks" in entry.name:
+                    assert not mine[len(scene.objects) :].any()
+                    mine = mine[: len(scene.objects)]
+                torch.testing.assert_close(mine, theirs)
+
+
 def test_light_reaches_the_picture(world: Callable[..., World]) -> None:
     # A white ball seen from the front under light from behind the eye is as bright as the light says.
     item = replace(ball((0.0, 0, 0.5), (1.0, 1, 1)), light=torch.zeros(9))
@@ -244,8 +262,22 @@ def test_what_cannot_be_drawn_is_refused(world: Callable[..., World]) -> None:
             ValueError, match="must be finite; 1 of" if name != "texture" else "must be finite"
         ):
             render(made.build({**made.inputs, name: broken}))
+    for name, match in [("front vertices", r"must be \(.*, 3\); got"), ("back light", r"\(9,\) or \(9, 3\)")]:
+        with pytest.raises(ValueError, match=match):
+            render(made.build({**made.inputs, name: made.inputs[name][:-1]}))
+    with pytest.raises(ValueError, match=r"float64.*like the camera; got torch.float32"):
+        render(made.build({**made.inputs, "back albedo": made.inputs["back albedo"].float()}))
     with pytest.raises(ValueError, match="corners up to"):
         render(made.build({**made.inputs, "texture coordinates": made.inputs["texture coordinates"][:-1]}))
+    scene = made.scene
+    with pytest.raises(ValueError, match="of one size"):
+        render([scene, replace(scene, camera=replace(scene.camera, width=31))])
+    with pytest.raises(ValueError, match="got none"):
+        render([])
+    with pytest.raises(ValueError, match="shading"):
+        render(scene, shading="phong")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="samples"):
+        render(scene, samples=0)
 
 
 def test_an_image_is_the_crop_of_a_larger_one(world: Callable[..., World]) -> None:

@@ -8,7 +8,9 @@ import torch
 
 from tests.vig_renderer import reference
 from tests.vig_renderer.reference import find
+from vig.scene import Camera
 from vig_renderer import NEAR, Topology
+from vig_world.raster.rasterize import rasterize
 
 SIZE = (24, 32)
 
@@ -36,6 +38,24 @@ def test_random_triangles_are_seen_as_by_the_reference(
         assert (b >= 0).float().mean() > 0.2
         past += int((b < 0).sum())
     assert past > 100 and max(different) <= flips and abs(np.mean(covered)) <= flips / 4
+
+
+def test_layers_are_drawn_as_single_meshes_are(triangles: Callable) -> None:
+    """Each layer shows what `rasterize` shows of its faces, numbered after those of layers before."""
+    rng = np.random.default_rng(2)
+    camera = Camera(32, 24, 40.0, 16.2, 11.9)
+    points, faces = triangles(rng, 100)
+    ahead = (points[:, 2][faces.long()] > NEAR).all(1)  # `rasterize` draws no others
+    halves = faces[ahead].numpy()[:30], faces[ahead].numpy()[30:]
+    topologies = [Topology.of(half, points.numpy()) for half in halves]
+    found = find(points.float().repeat(2, 1), topologies, SIZE)
+    in_camera = points.numpy().copy()
+    in_camera[:, :2] = (in_camera[:, :2] - np.array([16.2, 11.9]) * in_camera[:, 2:]) / 40.0
+    for layer, half, first in zip(found, halves, (0, 30), strict=True):
+        alone = rasterize(in_camera, half, np.eye(3), np.zeros(3), camera).face
+        expected = np.where(alone < 0, -1, alone + first)
+        assert (expected >= 0).mean() > 0.2
+        assert (layer.face.numpy() != expected).mean() < 2e-3
 
 
 def test_what_lies_nearer_than_the_near_plane_is_cut_off_and_the_rest_is_drawn(triangles: Callable) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.support import assert_close, points_of
+from tests.vig.likelihood.mixture import mixture
 from vig.likelihood import Geometry, Likelihood, Photos
 from vig.recognition.network import latents_of, mirrored
 from vig.scene import EXPOSURE_L00, Latents
@@ -127,3 +128,20 @@ def test_an_object_out_of_the_frame_leaves_the_background(studio) -> None:
     found = studio.likelihood(photo).at(points_of(studio.latents(rng), away), *studio.whose(1), images=True)
     assert found.value == 0
     assert not found.coverage.any() and not found.gradient.any() and not found.normal.any()
+
+
+def test_with_the_papers_silhouette_the_value_is_eq_4_summed_plainly(studio) -> None:
+    rng = np.random.default_rng(0)
+    latents = studio.latents(rng)
+    photo = studio.photo(rng, studio.near(rng, latents))
+    log_prior = np.log(rng.dirichlet((5, 2, 3), (1, studio.camera.height, studio.camera.width)))
+    likelihood = Likelihood(studio.geometry, studio.camera, Photos(photo, log_prior), "paper")
+    found = likelihood.at(points_of(latents), *studio.whose(1), images=True)
+    inside = covered_centres(studio, latents)
+    rendered = latents.albedo * found.irradiance[0, inside][:, None]
+    value, posterior = mixture(photo[0, inside], rendered, log_prior[0, inside], studio.pixels.sigma)
+    expected = value.sum() + log_prior[0, ~inside][:, 2].sum()
+    assert found.value == pytest.approx(expected, rel=1e-10)
+    assert_close(found.posterior[0, inside], posterior)
+    assert not found.posterior[0, ~inside].any() and not found.irradiance[0, ~inside].any()
+    assert_close(found.coverage[0], inside.astype(np.float64))

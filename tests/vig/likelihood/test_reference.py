@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 import torch
 
-from tests.support import POINT, assert_close, points_of
+from tests.support import LATENT_PLACES, POINT, assert_close, points_of
 from tests.vig.likelihood import reference
 from tests.vig.likelihood.reference import faces_seen, shade, surface_at
-from vig.likelihood import Geometry, Likelihood, Photos
+from vig.likelihood import Evaluation, Geometry, Likelihood, Photos
 from vig.parallel.threads import set_thread_count, thread_count
+from vig.scene import Camera, Latents
+from vig_world.raster.rasterize import rasterize
 
 SIGMA = 0.03
 
@@ -34,27 +36,67 @@ def case(studio, seed: int) -> Case:
     return Case(photo, log_prior, points_of(studio.near(rng, latents), rng.normal(0, 0.02, (1, 4))))
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_with_the_papers_mask_value_and_gradient_are_autograds(studio, seed: int) -> None:
-    """Those of covered pixels, with the faces that they show held; so are irradiances and pixels' faces."""
-    given = case(studio, 10 + seed)
-    shaded = shade(studio.geometry, studio.camera, torch.from_numpy(given.point[0]))
-    seen = faces_seen(studio.geometry, shaded.screen, studio.camera).numpy()
-    photos = Photos(given.photo, given.log_prior)
-    run = Likelihood(studio.geometry, studio.camera, photos, "paper").at(
-        given.point, np.zeros(1, np.int32), np.array([SIGMA]), images=True
-    )
+def run_of(geometry: Geometry, camera: Camera, given: Case) -> Evaluation:
+    """The evaluation of a case with the authors' constant mask."""
+    likelihood = Likelihood(geometry, camera, Photos(given.photo, given.log_prior), "paper")
+    return likelihood.at(given.point, np.zeros(1, np.int32), np.array([SIGMA]), images=True)
+
+
+def assert_is_the_references(geometry: Geometry, camera: Camera, given: Case) -> Evaluation:
+    """Value and gradient with the faces that pixels show held; coverage, and irradiances interpolated."""
+    shaded = shade(geometry, camera, torch.from_numpy(given.point[0]))
+    seen = faces_seen(geometry, shaded.screen, camera).numpy()
+    run = run_of(geometry, camera, given)
     value, gradient = reference.value_and_gradient(
-        studio.geometry, studio.camera, given.point[0], given.photo[0], given.log_prior[0], SIGMA, seen
+        geometry, camera, given.point[0], given.photo[0], given.log_prior[0], SIGMA, seen
     )
     assert run.value == pytest.approx(value, rel=1e-11)
     known, scale = POINT.indices(*reference.BLOCKS), np.abs(gradient).max()
     assert_close(run.gradient[0, known], gradient[known], rtol=1e-8, atol=1e-8 * scale)
     assert_close(run.coverage[0], (seen >= 0).astype(np.float64))
     y, x = np.nonzero(seen >= 0)
+    assert len(y) > 500
     shown = torch.from_numpy(seen[y, x]), torch.from_numpy(np.stack([x + 0.5, y + 0.5], 1))
-    lit, _ = surface_at(studio.geometry, shaded, *shown)
+    lit, _ = surface_at(geometry, shaded, *shown)
     assert_close(run.irradiance[0][y, x], lit.numpy(), rtol=1e-9, atol=1e-9)
+    return run
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_with_the_papers_mask_value_and_gradient_are_autograds(studio, seed: int) -> None:
+    assert_is_the_references(studio.geometry, studio.camera, case(studio, 10 + seed))
+
+
+def test_no_vertex_is_lit_by_less_than_nothing(studio) -> None:
+    """Under light of one side the other's sum of lobes is negative: it is dark."""
+    given = case(studio, 4)
+    given.point[0, studio.geometry.layout["light"]] = [2.0, 0, 0, 4.0, 0, 0, 0, 0, 0]
+    expected = shade(studio.geometry, studio.camera, torch.from_numpy(given.point[0])).irradiances.numpy()
+    assert (expected == 0).sum() > 20 and (expected > 0).sum() > 20
+    run = assert_is_the_references(studio.geometry, studio.camera, given)
+    inside = run.coverage[0] > 0.5
+    assert (run.irradiance[0][inside] == 0).sum() > 20 and (run.irradiance[0] >= 0).all()
+
+
+def test_self_shadow_enters_value_and_gradient_as_in_torch(studio, teapot) -> None:
+    """A transfer table adds D_0 + sum c_k D_k to the nine lobes of each vertex."""
+    shadowed = Geometry(teapot.shape_model, np.float64, transfer=teapot.transfer.astype(np.float64))
+    for seed in range(2):
+        given = case(studio, 50 + seed)
+        run = assert_is_the_references(shadowed, studio.camera, given)
+        plain = run_of(studio.geometry, studio.camera, given)
+        assert np.abs(run.irradiance - plain.irradiance).max() > 0.02
+
+
+def test_the_pixels_covered_are_those_of_the_rasteriser(studio) -> None:
+    """Which draws in single precision and without framing, and differs at a few edges only."""
+    given = case(studio, 20)
+    latents = Latents.from_vector(given.point[:, LATENT_PLACES])
+    run = run_of(studio.geometry, studio.camera, Case(given.photo, given.log_prior, points_of(latents)))
+    pose = (part[0] for part in studio.camera.pose(latents.azimuth, latents.elevation))
+    vertices = studio.geometry.model.vertices(latents.shape)[0]
+    fragments = rasterize(vertices, studio.geometry.model.faces, *pose, studio.camera, cull=True)
+    assert ((fragments.face >= 0) != (run.coverage[0] > 0.5)).mean() < 2e-4
 
 
 def test_several_threads_say_the_same(studio, teapot) -> None:

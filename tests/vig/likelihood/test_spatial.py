@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 
 import numpy as np
 import pytest
@@ -105,6 +106,16 @@ def test_mean_field_solves_its_equation_and_nears_the_marginals(seed: int) -> No
     exact = (weight[:, None, None] * masks).sum(0) / weight.sum()
     alone = sigmoid(log_odds)[0] * covered[0]
     assert np.abs(q[0] - exact).max() < 0.5 * np.abs(alone - exact).max()
+
+
+def test_a_message_is_the_sum_over_eight_neighbours() -> None:
+    """In a flat photo straight neighbours weigh `coupling` each, diagonal ones that over sqrt(2)."""
+    covered = np.ones((1, 5, 5), bool)
+    weights = tied(np.full((1, 5, 5, 3), 0.3, np.float32), covered, SpatialMask(coupling=2.0))
+    everywhere = messages(np.ones((1, 5, 5), np.float32), covered, weights)[0]
+    assert everywhere[2, 2] == pytest.approx(4 * 2 + 4 * 2 / math.sqrt(2))
+    assert everywhere[0, 0] == pytest.approx(2 * 2 + 2 / math.sqrt(2))
+    assert np.abs(messages(np.full((1, 5, 5), 0.5, np.float32), covered, weights)).max() == 0
 
 
 def test_an_edge_of_the_photo_weakens_what_crosses_it() -> None:

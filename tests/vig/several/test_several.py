@@ -21,8 +21,8 @@ from vig_app.results import read_results
 from vig_world.generation.groups import Group, make_group
 from vig_world.library import Library
 
-SEED, INDEX = 7, 19
-"""Three objects; the fit alone of the last takes much of what is before it for its own."""
+SEED, INDEX = 7, 44
+"""Four objects; the fit alone of the second takes much of what is before it for its own."""
 
 
 @pytest.fixture(scope="module")
@@ -183,7 +183,7 @@ def test_command_writes_a_folder_for_each_object_and_its_row(photo: Path, scene:
 def test_each_is_fitted_again_and_what_is_before_it_is_not_its_own(
     group: Group, scene: SceneExplanation, alone: list[Explanation]
 ):
-    behind = 2
+    behind = 1
     infront, _ = _Refit(alone, scene.occludes, behind)._others()
     taken, left = ((each[behind].fit.mask & infront).sum() for each in (alone, scene.objects))
     assert taken > 50
@@ -193,7 +193,7 @@ def test_each_is_fitted_again_and_what_is_before_it_is_not_its_own(
         (each.mask & visible).sum() / (each.mask | visible).sum()
         for each in (alone[behind], scene.objects[behind])
     )
-    assert after > max(0.55, before + 0.1), ".45 and .62 when this was written"
+    assert after > max(0.65, before + 0.3), ".33 and .92 when this was written"
     assert np.allclose(scene.poses[behind][0], scene.poses[0][0])  # one camera
 
 

@@ -203,7 +203,9 @@ def test_options_of_a_fit_are_heeded(capsys, tmp_path):
         ("fit photo.png --class spaceship", "teapot"),
         ("fit photo.png --likelihood no-such", "robust"),
         ("fit photo.png --up -z", "expected --up with --mesh"),  # which the parser takes for an option
+        ("fit photo.png --files mask.png picture.png", "thumbnail.jpg"),
         ("fit photo.png --files mask.png picture.png", "got 'picture.png'"),
+        ("fit photo.png --files", "thumbnail.jpg"),
         ("fit photo.png --files", "got none. Leave it out for all"),
         ("fit photo.png --K 1,2,3", "--K"),
         ("fit photo.png --K a,b,c,d", "--K"),
@@ -227,6 +229,8 @@ def test_a_mistake_is_named_in_one_line(
     error = refused(capsys, *given)
     assert words in error and error.count("\n") == 1
     assert not list(Path().glob("vig-fit/*/*"))
+    if "--K" in given or "--files" in given:
+        assert not Path("vig-fit").exists()
 
 
 def test_help_loads_nothing_heavy():

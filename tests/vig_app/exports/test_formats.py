@@ -82,6 +82,16 @@ def test_bops_model_pose_and_camera_put_the_object_on_the_photo(
     assert info["visib_fract"] == pytest.approx(1 - explanation.hidden_fraction)
 
 
+def test_cocos_run_lengths_are_the_masks(folder: Path, explanation: vig.Explanation) -> None:
+    described = read_json(folder / "coco.json")
+    (annotation,) = described["annotations"]
+    for name, mask in (("segmentation", explanation.amodal), ("visible_segmentation", explanation.mask)):
+        counts, size = annotation[name]["counts"], annotation[name]["size"]
+        flat = np.repeat(np.arange(len(counts)) % 2, counts).astype(bool)
+        assert np.array_equal(flat.reshape(size, order="F"), mask)
+    assert described["images"][0]["file_name"] == "02_egg_cup.png"
+
+
 def test_nerfstudios_camera_is_that_of_the_photo(folder: Path, explanation: vig.Explanation) -> None:
     described = read_json(folder / "transforms.json")
     fx, fy, cx, cy = (described[name] for name in ("fl_x", "fl_y", "cx", "cy"))
@@ -125,7 +135,7 @@ def test_a_covariance_is_that_of_many_poses_drawn(explanation: vig.Explanation) 
     )
     _, pose, covariance = narrow.pinhole_pose()
     places = []
-    for _ in range(300):
+    for _ in range(800):
         step = rng.standard_normal(6).astype(np.float32)
         latents = replace(
             fit.latents,
@@ -135,7 +145,7 @@ def test_a_covariance_is_that_of_many_poses_drawn(explanation: vig.Explanation) 
         moved = replace(fit, latents=latents, framing=fit.framing + framing * step[2:])
         places.append(replace(explanation, fit=moved).pinhole_pose()[1][:3, 3])
     spread = np.cov(np.array(places).T)
-    np.testing.assert_allclose(np.sqrt(np.diag(spread)), np.sqrt(np.diag(covariance)[:3]), rtol=0.15)
+    np.testing.assert_allclose(np.sqrt(np.diag(spread)), np.sqrt(np.diag(covariance)[:3]), rtol=0.1)
 
 
 def test_usd_has_parts_materials_and_the_camera(folder: Path, explanation: vig.Explanation) -> None:

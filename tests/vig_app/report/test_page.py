@@ -108,9 +108,8 @@ def test_an_azimuth_that_is_known_of_the_right_view_alone_is_said_so(explanation
     assert rows["azimuth of the eye"].endswith("°, if this is the right view")
 
 
-@pytest.mark.parametrize(
-    ("size", "scheme"), [((390, 844), "light"), ((1100, 800), "dark"), ((1920, 1080), "light")]
-)
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("size", [(390, 844), (1100, 800), (1920, 1080)])
 def test_a_browser_draws_it_without_errors_or_requests(
     browser: Any, explanation: vig.Explanation, tmp_path: Path, size: tuple[int, int], scheme: str
 ) -> None:

@@ -226,20 +226,23 @@ def test_a_photo_that_vanishes_during_a_run_is_its_own_error(photos: Path, tmp_p
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["0", "results.jsonl"]
 
 
+@pytest.mark.parametrize(
+    ("number", "reason"), [(errno.ENOSPC, "No space left on device"), (errno.EROFS, "Read-only file system")]
+)
 def test_a_folder_that_cannot_be_written_is_its_photos_error(
-    photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    number: int, reason: str, photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     rename, out = os.rename, tmp_path / "out"
 
     def refusing(source: str | Path, target: str | Path) -> None:
         if Path(target).name == "1":
-            raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+            raise OSError(number, os.strerror(number))
         rename(source, target)
 
     monkeypatch.setattr("vig_app.runs.work.os.rename", refusing)
     rows = list(run([Task(photos / f"{name}.png", out / name) for name in "012"], out, RunSettings()))
     assert [row["error"] is None for row in rows] == [True, False, True]
-    assert "Read-only file system" in rows[1]["error"] and "choose another --out" in rows[1]["error"]
+    assert reason in rows[1]["error"] and "choose another --out" in rows[1]["error"]
     assert sorted(path.name for path in out.iterdir()) == ["0", "2", "results.jsonl"]
 
 

@@ -132,7 +132,7 @@ class Page:
         self.context.close()
 
 
-@pytest.mark.parametrize("screen", ["phone", "wide"])
+@pytest.mark.parametrize("screen", SCREENS)
 def test_a_box_a_stroke_another_view_saving_and_the_next_photo(browser: Any, run: Path, screen: str) -> None:
     viewer = Viewer(Walk.of_folder(run), 8431)
     shown = Page(browser, viewer, screen)
