@@ -28,7 +28,8 @@ ORDER = {
     ),
     "vig": (
         "io", "parallel", "scene", "photo", "renderer", "search", "likelihood", "recognition", "inference",
-        "known", "record", "outputs", "hints", "explanation", "explainer", "several", "video", "__main__",
+        "record", "outputs", "hints", "known_object", "explanation", "explainer", "several", "video",
+        "__main__",
     ),
     "vig_app": (
         "examples", "demo", "results", "pictures", "glb", "exports", "report", "corrections", "runs",
@@ -50,11 +51,11 @@ PLACES = [f"{package}.{name}" for package, names in ORDER.items() for name in na
 
 # The budget. A commit may lower a number; one that raises it says in CHANGELOG what was taken out for it.
 LINES = {
-    "vig_native": 7_876, "vig_renderer": 1_716, "vig": 13_978, "vig_app": 6_976, "vig_world": 18_746,
+    "vig_native": 7_876, "vig_renderer": 1_716, "vig": 14_012, "vig_app": 6_976, "vig_world": 18_746,
     "vig_train": 12_388, "vig_paper": 2_760,
 }  # fmt: skip
-CONSTANTS = 1_220
-REACHED_LINES = {"vig.explainer": 12_129, "vig_app.cli.fit": 17_351}
+CONSTANTS = 1_219
+REACHED_LINES = {"vig.explainer": 12_163, "vig_app.cli.fit": 17_385}
 """Lines of the modules that one imports, directly and indirectly: what is read to change it."""
 
 PICKLERS = {"pickle", "cPickle", "_pickle", "dill", "cloudpickle", "joblib", "shelve", "marshal"}

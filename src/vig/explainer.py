@@ -28,8 +28,8 @@ from vig.inference.confidence import unsure
 from vig.inference.settings import for_tracking
 from vig.io.checks import number_of
 from vig.io.errors import UserError
-from vig.known import KnownObject, Place
-from vig.known.packs import pack_of_mesh
+from vig.known_object import KnownObject, Place
+from vig.known_object.packs import pack_of_mesh
 from vig.parallel import map_in_processes, on_one_core
 from vig.photo import ImagePyramid, Intrinsics, Window, focal_of
 from vig.photo.images import Photo as Photo
@@ -98,9 +98,10 @@ class Explainer:
         up: str | None = None,
         say: Callable[[str], None] = lambda line: None,
     ) -> Explainer:
-        """Return an explainer of the one object whose mesh a file holds, with its textures, in any rotation.
+        """Return an explainer of the object of a mesh file: by its colours and textures, in any rotation.
 
-        It is ready in seconds, and kept in the user's cache. Each photo needs a box or a mask.
+        It is ready in some 15 seconds, and kept in the user's cache. Each photo needs a box or a mask. A mesh
+        of one colour is fitted standing, see docs/own_class.md.
 
         Args:
             mesh: The file: .glb .gltf .obj .ply .off .stl.
@@ -246,7 +247,7 @@ class Explainer:
         assert self.known is not None
         height, width = coded.shape[:2]
         told = hints or Hints()
-        place = Place.of(None if box is None else checked_box(box), told.mask, told.in_front())
+        place = Place.of(None if box is None else checked_box(box), told)
         intrinsics = None if lens is None else Intrinsics.of(lens[0], width, height)
         window, fit, ratio = self.known.explain(pyramid, place, intrinsics, told.pose, told.views())
         focal_from = "assumed" if lens is None else lens[1]

@@ -175,11 +175,6 @@ class Hints(PlainHints):
             stroke.paint(marks)
         return marks
 
-    def in_front(self) -> np.ndarray | None:
-        """Return the pixels (H, W) bool in which something else is marked; None where none are."""
-        hidden = None if self.marks is None else self.marks == PixelLabel.IN_FRONT
-        return hidden if hidden is not None and hidden.any() else None
-
     def clues(self) -> LocationHints | None:
         """Return the hints that locate the object; None where none does."""
         seen = self.mask if self.marks is None else self.marks == PixelLabel.SEEN

@@ -9,7 +9,7 @@ from typing import Any
 from vig.explainer import Box, checked_box
 from vig.io.checks import MOST_TABLE, read_json, reading
 from vig.io.errors import UserError
-from vig.known.packs import pack_of_mesh
+from vig.known_object.packs import pack_of_mesh
 from vig.several import MOST_OBJECTS
 from vig_app.cli.naming import by_photo
 from vig_app.cli.options import HintOptions, PlaceOptions, given

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from vig.io.errors import UserError
-from vig.known import Surface
+from vig.known_object import Surface
 from vig.scene import ObjectClass, Symmetry
 from vig.scene.object_class import axis_name
 from vig_train.building.build import build_class, is_step

@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from tests.toys import toy
 from vig import Explainer, Hints
-from vig.inference import Verdict
+from vig.inference import PixelLabel, Verdict
 from vig.io.errors import UserError
-from vig.known import FILE, KnownObject, Surface
-from vig.known.search import WEIGHTS
+from vig.known_object import FILE, KnownObject, Surface
+from vig.known_object.search import WEIGHTS
 from vig.scene.light import srgb8_from_linear
 from vig_native import engine
 
@@ -58,9 +58,7 @@ def photo_of(pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     surface, nothing = carton(), np.zeros((HEIGHT, WIDTH, 3), np.float32)
     per_pixel = pose[2, 3] / FOCAL
     camera = FOCAL, K[0, 2], K[1, 2]
-    given = engine.pose_photo(
-        nothing, nothing[..., 0], camera, None, False, per_pixel, [*WEIGHTS.values(), 1.0]
-    )
+    given = engine.pose_photo(nothing, nothing[..., 0], camera, None, False, per_pixel, WEIGHTS.of_box(1.0))
     middle = pose[:3, :3] @ surface.middle + pose[:3, 3]
     arrays = (np.ascontiguousarray(part, np.float32) for part in (pose[:3, :3], middle))
     coverage, colour, normal, *_ = engine.draw_pose(surface.mesh, given, *arrays)
@@ -101,6 +99,8 @@ def test_any_rotation_is_found(pack: Path, seed: int) -> None:
     np.testing.assert_allclose(matrix, K)
     np.testing.assert_allclose(pinhole, found.camera_from_object, atol=1e-6)
     assert (np.linalg.eigvalsh(covariance) > 0).all()
+    assert moved < 6 * np.sqrt(np.trace(covariance[:3, :3])) < 0.1
+    assert np.radians(turned) < 6 * np.sqrt(np.trace(covariance[3:, 3:]))
     # The pose is that of its angles, too, which reports and exports read.
     camera = found.camera.camera_from_world(np.radians(found.azimuth_deg), np.radians(found.elevation_deg))
     np.testing.assert_allclose(camera, found.camera_from_object, atol=1e-5)
@@ -130,6 +130,9 @@ def test_hints_narrow_the_search(pack: Path) -> None:
     held = explainer.explain(photo, box_round(mask), camera=K, hints=Hints(azimuth_deg=elsewhere, mask=mask))
     assert abs((held.azimuth_deg - elsewhere + 180) % 360 - 180) < 60
     assert held.verdict is not Verdict.TRUSTED
+    marks = np.where(mask, PixelLabel.SEEN, PixelLabel.UNKNOWN).astype(np.uint8)
+    marked = explainer.explain(photo, camera=K, hints=Hints(pose=turned, marks=marks, visible=True))
+    assert off(marked.camera_from_object, pose)[0] < 4 and marked.hidden_fraction == 0
 
 
 def test_without_a_place_or_with_a_damaged_surface(pack: Path, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""A known object in a photo: the search for its pose, and the fit that it gives."""
+"""Fits of a known object: its place in a photo, the search for its pose, masks, verdict, deviations."""
 
 from __future__ import annotations
 
@@ -9,17 +9,19 @@ from typing import Any
 
 import numpy as np
 
+from vig.hints import Hints
+from vig.inference.hints import PixelLabel
 from vig.inference.settings import UNIFORM_TURN, Fit, OtherView, Verdict
 from vig.io.errors import UserError
-from vig.known.search import VIEW_PIXELS, Picture, Poses, Views, locate
-from vig.known.surface import FILE, Surface
+from vig.known_object.search import VIEW_PIXELS, Picture, Poses, Views, locate
+from vig.known_object.surface import FILE, Surface
 from vig.likelihood import SPATIAL, spatial_posterior
 from vig.photo import ImagePyramid, Intrinsics, Window
-from vig.photo.masks import box_of
 from vig.photo.window import DISTANCE_RATIO_BOUNDS
 from vig.scene import IMAGE_SIZE, Latents, ObjectClass, latent_layout
 from vig.scene.camera import FOCAL_OVER_WIDTH, angle_difference, view_of
 from vig_native import engine
+from vig_renderer.harmonics import COSINE_LOBE, L_COUNT, Y00, Y1
 
 Box = tuple[float, float, float, float]
 View = tuple[float | None, float | None, float | None]
@@ -46,24 +48,31 @@ class Place:
         box: x, y, w, h in pixels round the whole object.
         seen: (H, W) bool, its visible pixels; None where they are not known.
         hidden: (H, W) bool, pixels in which something else is seen; None where none are known.
+        whole: Whether nothing hides any of the object.
     """
 
     box: Box
     seen: np.ndarray | None = None
     hidden: np.ndarray | None = None
+    whole: bool = False
 
     @staticmethod
-    def of(box: Box | None, seen: np.ndarray | None, hidden: np.ndarray | None) -> Place:
-        """Return a place; without a box that of the visible pixels. UserError where neither is given."""
+    def of(box: Box | None, told: Hints) -> Place:
+        """Return the place that a box or hints tell: without a box, that of what is known to be seen.
+
+        Raises:
+            UserError: Nothing tells the place.
+        """
         if box is None:
-            found = None if seen is None else box_of(seen)
-            if found is None:
+            clues = told.clues()
+            if clues is None:
                 raise UserError(
                     "expected a box or a mask, as no network finds this object; got neither. Give --box"
                     " x,y,w,h round the whole object, or --mask."
                 )
-            box = (float(found[0]), float(found[1]), float(found[2]), float(found[3]))
-        return Place(box, seen, hidden)
+            box = clues.box
+        hidden = None if told.marks is None else told.marks == PixelLabel.IN_FRONT
+        return Place(box, told.mask, hidden, told.visible)
 
 
 @dataclass(frozen=True)
@@ -139,10 +148,10 @@ class KnownObject:
         """Return the window at a size in pixels."""
         colour, inside = window.crop(pyramid, size)
         seen = inside.astype(np.float32)
-        for mask, share in ((place.seen, 1), (place.hidden, -1)):
+        for mask, shown in ((place.seen, True), (place.hidden, False)):
             if mask is not None:
-                covered, _ = window.crop(np.repeat(mask[:, :, None].astype(np.float32), 3, axis=2), size)
-                seen = seen * (covered[..., 0] if share > 0 else 1 - covered[..., 0])
+                picture = np.repeat((mask == shown)[:, :, None].astype(np.float32), 3, axis=2)
+                seen = seen * window.crop(picture, size)[0][..., 0]
         x, y, w, h = (size * number for number in window.box_within(place.box))
         box = None if window.roll else (x, x + w, y, y + h)
         assert window.focal is not None
@@ -167,7 +176,7 @@ class KnownObject:
         drawn = engine.draw_pose(self.surface.mesh, native, *_contiguous(rotation, middle))
         coverage, colour, normal, inlier, light = drawn
         visible = coverage * picture.seen
-        if place.seen is None:
+        if place.seen is None and not place.whole:
             rendered = colour * np.exp(light[:3] + (normal @ light[3:])[..., None])
             prior, amodal = SPATIAL.log_prior(*coverage.shape), coverage >= 0.5
             assert SPATIAL.mask is not None
@@ -186,6 +195,7 @@ class KnownObject:
         if not (visible > 0.5).any():
             verdict, reason = Verdict.FAILED, Verdict.FAILED.value
         deviation, framing_deviation = self._deviation(native, rotation, middle, latents, verdict)
+        framing_deviation[:2] *= around.focal / around.side
         behind = (poses.scores[0] - poses.scores).tolist()
         fit = Fit(
             latents=latents,
@@ -200,7 +210,7 @@ class KnownObject:
             reason=reason,
             confidence=math.nan,
             mask_confidence=math.nan,
-            mask_trusted=verdict is Verdict.TRUSTED,
+            mask_trusted=False,
             confidence_features=np.zeros(0),
             evidence=float(poses.scores[0]),
             start_evidence=float(poses.scores[0]),
@@ -255,7 +265,10 @@ class KnownObject:
     def _deviation(
         self, photo: Any, rotation: np.ndarray, middle: np.ndarray, latents: Latents, verdict: Verdict
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return deviations of latents (P,) and framing (4,), from the curvature of the score at a pose."""
+        """Return deviations of latents (P,) and framing (4,) from the curvature of the score at a pose.
+
+        Shifts are in shares of the distance.
+        """
         moves = np.concatenate([np.zeros((1, 6)), np.diag(STEPS), -np.diag(STEPS)])
         turned = _rotations(moves[:, :3]) @ rotation
         moved = middle + moves[:, 3:] * middle[2]
@@ -290,7 +303,7 @@ def _verdict(poses: Poses) -> tuple[Verdict, str]:
 
 
 def _agrees(view: View, rotations: np.ndarray) -> np.ndarray:
-    """Return which (N,) of rotations (N, 3, 3) camera_from_object are near the known angles of a view."""
+    """Return which of rotations (N, 3, 3) camera_from_object are near a view's known angles: (N,) bool."""
     if view == (None, None, None):
         return np.ones(len(rotations), bool)
     angles = view_of(np.moveaxis(rotations, 0, 2))
@@ -299,13 +312,11 @@ def _agrees(view: View, rotations: np.ndarray) -> np.ndarray:
 
 
 def _rotations(turns: np.ndarray) -> np.ndarray:
-    """Return rotations (N, 3, 3) by the lengths of vectors (N, 3) about them, to second order made exact."""
-    skew = np.zeros((len(turns), 3, 3))
-    for (i, j), axis, sign in (((1, 2), 0, -1), ((0, 2), 1, 1), ((0, 1), 2, -1)):
-        skew[:, i, j], skew[:, j, i] = sign * turns[:, axis], -sign * turns[:, axis]
-    eye = np.eye(3)
-    # Cayley's form: a rotation for any skew matrix.
-    return np.linalg.solve(eye - skew / 2, eye + skew / 2)
+    """Return rotations (N, 3, 3) about vectors (N, 3) by about their lengths (Cayley): small turns."""
+    x, y, z = turns.T / 2
+    zero = np.zeros_like(x)
+    skew = np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), 2, 0)
+    return np.linalg.solve(np.eye(3) - skew, np.eye(3) + skew)
 
 
 def _contiguous(rotations: np.ndarray, translations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -316,9 +327,10 @@ def _contiguous(rotations: np.ndarray, translations: np.ndarray) -> tuple[np.nda
 def _appearance(
     colour: np.ndarray, coverage: np.ndarray, light: np.ndarray, rotation: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return one albedo (1, 3) and light (1, 9) that look like a surface under gains and a slope.
+    """Return one albedo (1, 3) and light (1, 9) in place of a texture, gains and a slope of log colours.
 
-    Reflected light of a unit albedo is gain x (1 + slope . normal), of the mean over the channels.
+    light: (6,) log gains of the channels, and the slope along the normal in the camera's frame; reflected
+    light is then about gain x (1 + slope . normal).
     """
     weight = coverage / max(float(coverage.sum()), 1e-6)
     gain = np.exp(light[:3])
@@ -326,8 +338,8 @@ def _appearance(
     level = max(float(gain.mean()), 1e-3)
     albedo = (seen / level).clip(0.0, 1.0)
     slope = rotation.T @ light[3:]  # in the object's frame
-    lit = np.zeros(9)
-    # E(n) = L00 Y00 + 2 / 3 (L1-1 y + L10 z + L11 x) Y1, see `vig.scene.light`.
-    lit[0] = level / 0.28209479177387814
-    lit[1:4] = level * slope[[1, 2, 0]] / (2 / 3 * 0.4886025119029199)
+    lit = np.zeros(L_COUNT)
+    # For a normal (x, y, z) it is L00 Y00 + 2 / 3 (L1-1 y + L10 z + L11 x) Y1, see `vig.scene.light`.
+    lit[0] = level / Y00
+    lit[1:4] = level * slope[[1, 2, 0]] / (COSINE_LOBE[1] * Y1)
     return albedo[None].astype(np.float32), lit[None].astype(np.float32)

@@ -1,25 +1,27 @@
-"""The pose of a known object in a window of a photo: views from all sides, the best few refined."""
+"""Search for the pose of a known object in a window of a photo: views all round, the best few refined."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from vig.known.surface import Surface, sphere
+from vig.known_object.surface import Surface, sphere
 from vig_native import engine
 
 VIEWS, TURNS = 400, 36
 """Directions from which an object is drawn, some 10 degrees apart, and turns of each about the sight line."""
 VIEW_PIXELS, VIEW_SAMPLES = 24, 4
+"""Pixels a side of a view, and samples a side of each: print is blurred, as in a photo that small."""
 VIEW_DISTANCE = 6.0
-"""Distance of the views' camera in radii of the object."""
+"""Distance of the views' camera in radii of the object, with little perspective."""
 MOST_ASPECT = 0.35
-"""A view is left out where the log ratio of its box's sides differs by more from the given box's."""
+"""A view is left out where the log ratio of its box's sides differs by more from the given box's, unless
+fewer than 200 remained."""
 APART = math.radians(16.0)
 """Least angle between views that are refined."""
 
@@ -47,20 +49,39 @@ STAGES = (
     Stage(4, 80, 90, (0.06, 0.008, 0.012)),
     Stage(2, 80, 120, (0.025, 0.003, 0.005)),
 )
-BOX_DEVIATION = 0.02
-"""Standard deviation of a box's sides, of its longer one."""
-WEIGHTS = {
-    "sigma": 0.15,
-    "share": 0.8,
-    "gain_deviation": 0.2,
-    "slope_deviation": 0.5,
-    "pixels": 20.0,
-    "outline": 4.0,
-    "unseen": 0.5,
-}
-"""Of `score_pose`: deviation of log colours where the surface is seen, and its share; deviations of the log
-gains of channels about their mean and of the light's slope, worth so many pixels; weights of the outlines'
-overlap, and in it of pixels that a pose covers and that do not show the object."""
+"""Chosen on every third object of the photos of HOPE under one light."""
+
+
+@dataclass(frozen=True)
+class ScoreWeights:
+    """Weights of the parts of a pose's score, `score_pose` in vig_native/pose.h; chosen on HOPE's photos.
+
+    Attributes:
+        sigma: Standard deviation of log colours where the surface is seen.
+        share: Share of such pixels; the others have a deviation of 1.
+        gain_deviation: Of the log gains of the channels about their mean.
+        slope_deviation: Of the log colours' slope along the normals, by which light comes from one side.
+        pixels: Independent pixels that the mean log-likelihood is worth against these priors.
+        outline: Weight of the log overlap of pose and visible pixels.
+        unseen: Weight in it of pixels that a pose covers and that do not show the object.
+        box_deviation: Of the sides of the object's box, over its longer one.
+    """
+
+    sigma: float = 0.15
+    share: float = 0.8
+    gain_deviation: float = 0.2
+    slope_deviation: float = 0.5
+    pixels: float = 20.0
+    outline: float = 4.0
+    unseen: float = 0.5
+    box_deviation: float = 0.02
+
+    def of_box(self, longer: float) -> list[float]:
+        """Return all for the native library, with the box's longer side in pixels."""
+        return [*astuple(self)[:-1], self.box_deviation * longer]
+
+
+WEIGHTS = ScoreWeights()
 
 
 @dataclass(frozen=True)
@@ -86,12 +107,17 @@ class Picture:
         # Without a box the object is most of the picture.
         left, right, top, bottom = self.box or (0.0, 0.75 * len(self.colour)) * 2
         longer = max(right - left, bottom - top)
-        weights = [*WEIGHTS.values(), BOX_DEVIATION * longer]
         middle = self.colour.shape[1] / 2
         camera = self.focal, middle, middle
         per_pixel = surface.diameter / longer / 1.5
         return engine.pose_photo(
-            self.colour, self.seen, camera, self.box and list(self.box), self.outlined, per_pixel, weights
+            self.colour,
+            self.seen,
+            camera,
+            self.box and list(self.box),
+            self.outlined,
+            per_pixel,
+            WEIGHTS.of_box(longer),
         )
 
 
@@ -114,7 +140,7 @@ class Poses:
         return Poses(self.rotations[rows], self.translations[rows], self.scores[rows])
 
     def refined(self, surface: Surface, picture: Picture, stage: Stage) -> Poses:
-        """Return the best after a search near each, the best first, before the others."""
+        """Return the first `stage.count` after a search near each, the best first, and then the others."""
         near, rest = self[: stage.count], self[stage.count :]
         found = engine.refine_poses(
             surface.mesh,
@@ -188,8 +214,8 @@ class Views:
         nothing = np.zeros((size, size, 3), np.float32)
         per_pixel = VIEW_DISTANCE * self.radius / self.focal
         camera = self.focal * size / VIEW_PIXELS, size / 2, size / 2
-        weights = [*WEIGHTS.values(), 1.0]
-        photo = engine.pose_photo(nothing, nothing[..., 0], camera, None, False, per_pixel, weights)
+        unused = WEIGHTS.of_box(1.0)
+        photo = engine.pose_photo(nothing, nothing[..., 0], camera, None, False, per_pixel, unused)
         middle = np.array([0, 0, VIEW_DISTANCE * self.radius], np.float32)
         planes = np.empty((VIEWS, 7, VIEW_PIXELS, VIEW_PIXELS), np.float32)
         for number, rotation in enumerate(self.rotations.astype(np.float32)):
@@ -237,7 +263,7 @@ class Views:
         depth = picture.focal * VIEW_DISTANCE * self.radius / (self.focal * scale)
         scores = engine.score_views(
             self.planes, np.ascontiguousarray(planes), view.astype(np.int32), placed.astype(np.float32),
-            picture.outlined, WEIGHTS["outline"], WEIGHTS["unseen"], 1,
+            picture.outlined, WEIGHTS.outline, WEIGHTS.unseen, 1,
         ) - 8 * aspect[turn, view] ** 2  # fmt: skip
         allowed = agrees(rotations)
         scores = np.where(allowed, scores, -math.inf) if allowed.any() else scores
