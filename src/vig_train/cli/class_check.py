@@ -6,7 +6,7 @@ import contextlib
 import json
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -70,23 +70,8 @@ class PhotoErrors:
     verdict: str
 
 
-@dataclass(frozen=True)
-class CheckRow:
-    """A row of the table, of N photos. Balanced shares count views from each side alike."""
-
-    photos: str
-    count: int
-    azimuth_deg: float
-    within_15: float
-    within_30: float
-    balanced_15: float
-    balanced_30: float
-    turned: float
-    elevation_deg: float
-    outline_iou: float
-    visible_iou: float
-    trusted: int
-    trusted_right: float
+CheckRow = dict[str, Any]
+"""A row of the table, of N photos; None where nothing is known, as JSON has no NaN."""
 
 
 def check_class(settings: CheckClass) -> int:
@@ -107,9 +92,8 @@ def check_class(settings: CheckClass) -> int:
     table = table_of(rows, settings)
     if pack is not None:
         replace_section(pack, object_class, f"{HEADING}\n\n{table}\n")
-    plain = [{name: _known(value) for name, value in asdict(row).items()} for row in rows]
     if settings.json:
-        print(json.dumps({"rows": plain, "folder": pack and str(pack)}, indent=2))
+        print(json.dumps({"rows": rows, "folder": pack and str(pack)}, indent=2))
         return 0
     print(table)
     if pack is not None:
@@ -217,35 +201,28 @@ def _iou(a: np.ndarray, b: np.ndarray) -> float:
 
 def row_of(name: str, errors: Sequence[PhotoErrors], tolerance: float) -> CheckRow:
     """Return a row of the table. Where any turn looks the same a view is right by its elevation."""
-    azimuth = np.array([error.azimuth_deg for error in errors])
-    elevation = np.array([error.elevation_deg for error in errors])
+    columns: dict[str, Any] = {
+        key: np.array([vars(error)[key] for error in errors]) for key in vars(errors[0])
+    }
+    azimuth, elevation, side = (columns[key] for key in ("azimuth_deg", "elevation_deg", "side"))
     view = np.where(np.isnan(azimuth), elevation, azimuth)
-    sides = np.array([error.side for error in errors])
-
-    def balanced(most: float) -> float:
-        return float(np.mean([(view[sides == side] <= most).mean() for side in np.unique(sides)]))
-
-    trusted = np.array([error.verdict == "trusted" for error in errors])
-    return CheckRow(
-        name,
-        len(errors),
-        float(np.median(azimuth)),
-        float((view <= 15).mean()),
-        float((view <= 30).mean()),
-        balanced(15),
-        balanced(30),
-        float((view > 150).mean()),
-        float(np.median(elevation)),
-        _median([error.outline_iou for error in errors]),
-        _median([error.visible_iou for error in errors]),
-        int(trusted.sum()),
-        float((view[trusted] <= tolerance).mean()) if trusted.any() else float("nan"),
-    )
+    trusted = columns["verdict"] == "trusted"
+    row: CheckRow = {"photos": name, "count": len(errors), "azimuth_deg": _median_known(azimuth)}
+    for most in (15, 30):
+        row[f"within_{most}"] = float((view <= most).mean())
+        # Views from each side count alike.
+        row[f"balanced_{most}"] = float(np.mean([(view[side == each] <= most).mean() for each in set(side)]))
+    return row | {
+        "turned": float((view > 150).mean()),
+        **{key: _median_known(columns[key]) for key in ("elevation_deg", "outline_iou", "visible_iou")},
+        "trusted": int(trusted.sum()),
+        "trusted_right": float((view[trusted] <= tolerance).mean()) if trusted.any() else None,
+    }
 
 
-def _median(values: Sequence[float]) -> float:
-    known = [value for value in values if not np.isnan(value)]
-    return float(np.median(known)) if known else float("nan")
+def _median_known(values: np.ndarray) -> float | None:
+    known = values[~np.isnan(values)]
+    return float(np.median(known)) if len(known) else None
 
 
 def table_of(rows: Sequence[CheckRow], settings: CheckClass) -> str:
@@ -255,23 +232,23 @@ def table_of(rows: Sequence[CheckRow], settings: CheckClass) -> str:
         f" within {settings.tolerance:g} degrees; balanced: views from right, left, elsewhere count alike.",
         "",
     ]
-    table = []
-    for row in rows:
-        shares = ((row.within_15, row.within_30), (row.balanced_15, row.balanced_30))
-        cells = [row.photos, str(row.count), _cell(row.azimuth_deg, 1)]
-        cells += [" / ".join(_cell(share) for share in pair) for pair in shares]
-        cells += [_cell(row.turned), _cell(row.elevation_deg, 1), _cell(row.outline_iou)]
-        cells += [_cell(row.visible_iou), str(row.trusted), _cell(row.trusted_right)]
-        table.append(cells)
-    columns = ["photos", "count", "azimuth, median", "within 15 / 30", "balanced", "turned by more than 150"]
-    columns += ["elevation", "outline IoU", "visible IoU", "trusted", "right"]
-    return "\n".join(lines + table_lines(columns, table))
-
-
-def _known(value: Any) -> Any:
-    """Return a value for JSON, which has no NaN: None in its place."""
-    return None if isinstance(value, float) and np.isnan(value) else value
-
-
-def _cell(value: float, digits: int = 2) -> str:
-    return "-" if np.isnan(value) else f"{value:.{digits}f}"
+    columns = {
+        "azimuth, median": ("{:.1f}", "azimuth_deg"),
+        "within 15 / 30": ("{:.2f} / {:.2f}", "within_15", "within_30"),
+        "balanced": ("{:.2f} / {:.2f}", "balanced_15", "balanced_30"),
+        "turned by more than 150": ("{:.2f}", "turned"),
+        "elevation": ("{:.1f}", "elevation_deg"),
+        "outline IoU": ("{:.2f}", "outline_iou"),
+        "visible IoU": ("{:.2f}", "visible_iou"),
+        "trusted": ("{}", "trusted"),
+        "right": ("{:.2f}", "trusted_right"),
+    }
+    table = [
+        [row["photos"], str(row["count"])]
+        + [
+            "-" if row[keys[0]] is None else text.format(*map(row.get, keys))
+            for text, *keys in columns.values()
+        ]
+        for row in rows
+    ]
+    return "\n".join(lines + table_lines(["photos", "count", *columns], table))

@@ -126,9 +126,9 @@ def test_balanced_shares_count_each_side_alike() -> None:
         photo_errors(160, "other", "trusted"),
     ]
     row = row_of("all", errors, 15)
-    assert (row.within_15, row.within_30, row.turned) == (0.8, 0.8, 0.1)
-    assert row.balanced_15 == pytest.approx(1 / 3)
-    assert (row.trusted, row.trusted_right) == (1, 0.0)
+    assert (row["within_15"], row["within_30"], row["turned"]) == (0.8, 0.8, 0.1)
+    assert row["balanced_15"] == pytest.approx(1 / 3)
+    assert (row["trusted"], row["trusted_right"]) == (1, 0.0)
 
 
 @pytest.mark.parametrize(
