@@ -7,7 +7,7 @@ import pytest
 
 from tests.support import TEAPOT
 from vig.scene import ObjectClass, rotate_z
-from vig_train.packs.teapot import designs_of_scenes, teapot_families
+from vig_train.packs.teapot import teapot, teapot_families
 from vig_world.assets.designs import (
     HELD_OUT_DESIGNS,
     TRAINING_DESIGNS,
@@ -52,7 +52,7 @@ def test_the_pack_holds_the_held_out_designs() -> None:
 
 @pytest.mark.slow
 def test_the_designs_of_the_pack_are_those_that_the_builder_draws() -> None:
-    held, drawn = held_out_designs_of(ObjectClass.load("teapot")), designs_of_scenes()
+    held, drawn = held_out_designs_of(ObjectClass.load("teapot")), teapot().scenes
     assert held is not None
     designs = [(design.name, split) for split, of_split in drawn.items() for design in of_split]
     assert list(zip(held.names, held.splits, strict=True)) == designs

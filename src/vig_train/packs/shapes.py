@@ -3,19 +3,77 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from vig.scene import ObjectClass, ShapeModel
 from vig.scene.object_class import PACKAGED
+from vig_train.packs.lights import light_prior
 from vig_train.packs.transfer import write_transfer
-from vig_world.assets.designs import TeapotDesign
+from vig_world.assets.coded_designs import Design
 from vig_world.assets.held_out import save_coded
-from vig_world.assets.mugs import MugDesign
 from vig_world.assets.target import nearest_coefficients
+
+
+@dataclass(frozen=True)
+class CodedClass:
+    """A class whose shapes are designed by code.
+
+    Attributes:
+        name: Name of the class.
+        vertices: Returns the vertices (V, 3) of a design.
+        faces: (F, 3) of every design.
+        parts: (V,) number of each vertex's part.
+        part_names: Names of the parts.
+        designs: Designs from which the shape model is learned.
+        modes: Components of the shape model.
+        scenes: Designs of scenes by split. Never reorder them: datasets hold their numbers.
+        fields: Returns further fields of the class, given its shape model.
+    """
+
+    name: str
+    vertices: Callable[[Any], np.ndarray]
+    faces: np.ndarray
+    parts: np.ndarray
+    part_names: tuple[str, ...]
+    designs: Sequence[Design]
+    modes: int
+    scenes: Mapping[str, Sequence[Design]]
+    fields: Callable[[ShapeModel], dict[str, Any]]
+
+    def vertices_of(self, designs: Sequence[Design]) -> np.ndarray:
+        """Return the vertices of designs, (N, V, 3) float32."""
+        return np.stack([self.vertices(design) for design in designs])
+
+    def build(self) -> ObjectClass:
+        """Fit shape model and light prior; a pure function of the code."""
+        designs = self.vertices_of(self.designs)
+        model = fit_shape_model(designs, self.faces, self.parts, self.part_names, self.modes)
+        mean, covariance = light_prior()
+        return ObjectClass(
+            self.name,
+            model,
+            light_prior_mean=mean,
+            light_prior_covariance=covariance,
+            **self.fields(model),
+        )
+
+    def main(self, folder: Path | None = None) -> None:
+        """Build, save and describe the class.
+
+        folder: Where to, unless the command line names one; by default that of the packaged class.
+        """
+        folder = Path(sys.argv[1]) if len(sys.argv) > 1 else folder or PACKAGED / self.name
+        built = self.build()
+        built.save(folder)
+        save_coded(self.scenes, folder)
+        write_transfer(built, folder)
+        vertices = {split: self.vertices_of(designs) for split, designs in self.scenes.items()}
+        print(*describe_model(built.shape_model, vertices), folder, sep="\n")
 
 
 def fit_shape_model(
@@ -56,20 +114,6 @@ def beyond_model_mm(model: ShapeModel, vertices: np.ndarray) -> np.ndarray:
     return 1000 * np.linalg.norm(vertices - nearest, axis=-1).mean(axis=1)
 
 
-def save_packaged(built: ObjectClass, scenes: Mapping[str, Sequence[MugDesign | TeapotDesign]]) -> Path:
-    """Save a class in the folder that the command line names, or as the packaged one.
-
-    Args:
-        built: The class.
-        scenes: Designs of scenes, by split.
-    """
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else PACKAGED / built.name
-    built.save(folder)
-    save_coded(scenes, folder)
-    write_transfer(built, folder)
-    return folder
-
-
 def describe_model(model: ShapeModel, kinds: Mapping[str, np.ndarray]) -> Iterator[str]:
     """Yield lines on a shape model: its size, its components, and how near it comes to designs.
 
@@ -84,12 +128,7 @@ def describe_model(model: ShapeModel, kinds: Mapping[str, np.ndarray]) -> Iterat
     for components in range(2, model.modes + 1, 2):
         errors = (f"{kind} {relative_distance(model, v, components):.2%}" for kind, v in kinds.items())
         yield f"{components:2d}: {', '.join(errors)}"
-    yield from distance_lines(model, kinds)
-
-
-def distance_lines(model: ShapeModel, designs: Mapping[str, np.ndarray]) -> Iterator[str]:
-    """Yield how far shapes (N, V, 3) of each name are from the model, a line each."""
-    for name, vertices in designs.items():
+    for name, vertices in kinds.items():
         away = beyond_model_mm(model, vertices)
         far = f"{away.min():.1f} to {away.max():.1f}, mean {away.mean():.1f} mm"
         yield f"{name} designs from the model: {far}"

@@ -7,7 +7,8 @@ import pytest
 
 from vig.scene import ObjectClass
 from vig.scene.symmetry import Symmetry
-from vig_train.packs.mug import DRAWN_DESIGNS, MODES, TRAINING_SCENE_DESIGNS, designs_of_scenes, vertices_of
+from vig_train.packs.mug import DRAWN_DESIGNS, MODES, TRAINING_SCENE_DESIGNS
+from vig_train.packs.mug import mug as coded_mug
 from vig_train.packs.shapes import relative_distance
 from vig_world.assets.designs.crossings import crossings
 from vig_world.assets.held_out import held_out_designs_of
@@ -37,7 +38,7 @@ def test_the_pack_holds_the_designs_of_the_code(mug: ObjectClass) -> None:
     held = held_out_designs_of(mug)
     assert held is not None and TRAINING_SCENE_DESIGNS <= DRAWN_DESIGNS
     assert held.splits == ("test",) * 10 + ("validation",) * 10 + ("train",) * (112 + TRAINING_SCENE_DESIGNS)
-    named = vertices_of(HELD_OUT_MUGS + VALIDATION_MUGS)
+    named = coded_mug().vertices_of(HELD_OUT_MUGS + VALIDATION_MUGS)
     np.testing.assert_allclose(held.vertices[: len(named)], named, atol=1e-6)
     assert (
         held.names[:2] == ("harvest", "cottage") and held.names[-1] == f"drawn 0.{TRAINING_SCENE_DESIGNS - 1}"
@@ -49,16 +50,18 @@ def test_the_pack_holds_the_designs_of_the_code(mug: ObjectClass) -> None:
 
 @pytest.mark.slow
 def test_the_designs_are_those_that_the_builder_draws(mug: ObjectClass) -> None:
-    held, drawn = held_out_designs_of(mug), designs_of_scenes()
+    held, drawn = held_out_designs_of(mug), coded_mug().scenes
     assert held is not None
     designs = [(design.name, split) for split, of_split in drawn.items() for design in of_split]
     assert list(zip(held.names, held.splits, strict=True)) == designs
-    np.testing.assert_allclose(held.vertices[-40:], vertices_of(drawn["train"][-40:]), atol=1e-6)
+    np.testing.assert_allclose(held.vertices[-40:], coded_mug().vertices_of(drawn["train"][-40:]), atol=1e-6)
 
 
 @pytest.mark.parametrize("designs", [HELD_OUT_MUGS, VALIDATION_MUGS], ids=["test", "validation"])
 def test_designs_beyond_training_are_within_a_hundredth_of_their_size(mug: ObjectClass, designs) -> None:
-    errors = [relative_distance(mug.shape_model, vertices_of(designs), count) for count in (4, 8, MODES)]
+    errors = [
+        relative_distance(mug.shape_model, coded_mug().vertices_of(designs), count) for count in (4, 8, MODES)
+    ]
     assert errors[0] > errors[1] > errors[2] and errors[2] < 0.01
 
 
