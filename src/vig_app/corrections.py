@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from vig.explainer import Box, Explainer, checked_focal, lower_confidence
+from vig.explainer import Box, Explainer, checked_focal
 from vig.explanation import Explanation
 from vig.hints import Hints, PlainHints
 from vig.inference import PixelLabel
+from vig.inference.presence import lower_confidence
 from vig.io.checks import decode, read_json, reading
 from vig.io.errors import UserError
 from vig.io.files import write_json

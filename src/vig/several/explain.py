@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from vig.explainer import LEAST_PRESENT, Box, Explainer, Lens, Photo, lens_of
+from vig.explainer import Box, Explainer, Lens, Photo, lens_of
 from vig.explanation import Explanation
+from vig.inference.presence import LEAST_PRESENT
 from vig.io.errors import UserError
 from vig.parallel import on_one_core
 from vig.photo import ImagePyramid, Window

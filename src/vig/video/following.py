@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from vig.explainer import LEAST_PRESENT, Box, Explainer, Photo
+from vig.explainer import Box, Explainer, Photo
 from vig.explanation import Explanation
 from vig.hints import Hints
 from vig.inference import ExpectedStart, Verdict
+from vig.inference.presence import LEAST_PRESENT
 from vig.parallel import on_one_core
 from vig.photo import Window
 from vig.photo.checks import MIN_SIDE

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from vig.explainer import LEAST_PRESENT
+from vig.inference.presence import LEAST_PRESENT
 from vig.scene import Latents
 from vig.scene.light import srgb8_from_linear
 
