@@ -191,7 +191,7 @@ class KnownObject:
             for turn, target, far in zip(rotations, targets, distances / distances[0], strict=True)
         ]
         latents, framing = views[0]
-        verdict, reason = _verdict(poses)
+        verdict, reason = _verdict(poses, picture.outlined)
         if not (visible > 0.5).any():
             verdict, reason = Verdict.FAILED, Verdict.FAILED.value
         deviation, framing_deviation = self._deviation(native, rotation, middle, latents, verdict)
@@ -289,12 +289,17 @@ class KnownObject:
         return deviation, np.array([x, y, z, about_z], np.float32)
 
 
-def _verdict(poses: Poses) -> tuple[Verdict, str]:
-    """Return the verdict on the best of some poses, and why."""
+def _verdict(poses: Poses, outlined: bool) -> tuple[Verdict, str]:
+    """Return the verdict on the best of some poses, and why.
+
+    outlined: Whether the visible pixels are known: the limits hold for such scores alone.
+    """
     best = poses.rotations[0]
     cosines = (np.einsum("ij,kij->k", best, poses.rotations) - 1) / 2
     rivals = poses.scores[cosines < math.cos(DISTINCT)]
     lead = float(poses.scores[0] - rivals.max()) if len(rivals) else math.inf
+    if not outlined:
+        return Verdict.AMBIGUOUS, "without a mask no pose of a known object is trusted"
     if poses.scores[0] >= TRUSTED_SCORE and lead >= TRUSTED_LEAD:
         return Verdict.TRUSTED, "the surface explains the photo, and no other pose does as well"
     if lead < TRUSTED_LEAD:

@@ -95,6 +95,8 @@ def test_any_rotation_is_found(pack: Path, seed: int) -> None:
     turned, moved = off(found.camera_from_object, pose)
     assert turned < 4 and moved < 0.01
     assert (found.mask & mask).sum() > 0.9 * (found.mask | mask).sum()
+    boxed = Explainer(pack).explain(photo, box_round(mask), camera=K)
+    assert off(boxed.camera_from_object, pose)[0] < 6 and boxed.verdict is Verdict.AMBIGUOUS
     matrix, pinhole, covariance = found.pinhole_pose()
     np.testing.assert_allclose(matrix, K)
     np.testing.assert_allclose(pinhole, found.camera_from_object, atol=1e-6)
