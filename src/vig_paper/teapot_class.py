@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from vig.io.files import atomic_write
-from vig_train.packs.shapes import CodedClass
+from vig_train.packs.shapes import CodedClass, main
 from vig_train.packs.teapot import teapot, teapot_fields
 from vig_world.assets.designs import HELD_OUT_DESIGNS, TRAINING_DESIGNS, VALIDATION_DESIGNS
 from vig_world.assets.held_out import NAMED
@@ -49,4 +49,4 @@ def copy_class(folder: Path, designs: bool) -> None:
 
 
 if __name__ == "__main__":
-    paper_teapot().main(PACK)
+    main(paper_teapot(), PACK)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 
-from vig_train.packs.shapes import CodedClass
+from vig_train.packs.shapes import CodedClass, main
 from vig_world.assets.mugs import (
     HELD_OUT_MUGS,
     MUG_FACES,
@@ -22,7 +22,7 @@ from vig_world.assets.mugs import (
 from vig_world.assets.mugs.mug import POINTS
 
 MODES = 12
-"""Enough for the held-out designs to be within 1 % of their size in the mean: `CodedClass.main` prints it."""
+"""Enough for the held-out designs to be within 1 % of their size in the mean: shapes.py prints it."""
 DRAWN_DESIGNS = 150
 """Random designs from which the shape model is learned, beside the named ones."""
 TRAINING_SCENE_DESIGNS = 40
@@ -64,4 +64,4 @@ def mug() -> CodedClass:
 
 
 if __name__ == "__main__":
-    mug().main()
+    main(mug())

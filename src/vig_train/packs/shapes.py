@@ -62,18 +62,19 @@ class CodedClass:
             **self.fields(model),
         )
 
-    def main(self, folder: Path | None = None) -> None:
-        """Build, save and describe the class.
 
-        folder: Where to, unless the command line names one; by default that of the packaged class.
-        """
-        folder = Path(sys.argv[1]) if len(sys.argv) > 1 else folder or PACKAGED / self.name
-        built = self.build()
-        built.save(folder)
-        save_coded(self.scenes, folder)
-        write_transfer(built, folder)
-        vertices = {split: self.vertices_of(designs) for split, designs in self.scenes.items()}
-        print(*describe_model(built.shape_model, vertices), folder, sep="\n")
+def main(coded: CodedClass, folder: Path | None = None) -> None:
+    """Build, save and describe a class.
+
+    folder: Where to, unless the command line names one; by default that of the packaged class.
+    """
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else folder or PACKAGED / coded.name
+    built = coded.build()
+    built.save(folder)
+    save_coded(coded.scenes, folder)
+    write_transfer(built, folder)
+    vertices = {split: coded.vertices_of(designs) for split, designs in coded.scenes.items()}
+    print(*describe_model(built.shape_model, vertices), folder, sep="\n")
 
 
 def fit_shape_model(

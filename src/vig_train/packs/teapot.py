@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from vig.scene import Family, ShapeModel
-from vig_train.packs.shapes import CodedClass
+from vig_train.packs.shapes import CodedClass, main
 from vig_world.assets.designs import (
     HANDLES,
     HELD_OUT_DESIGNS,
@@ -84,4 +84,4 @@ def teapot_families(model: ShapeModel) -> tuple[Family, ...]:
 
 
 if __name__ == "__main__":
-    teapot().main()
+    main(teapot())
