@@ -3,7 +3,7 @@
     python -m benchmarks.one_mesh MESH... [--count 50] [--seed 77]
 
 Scenes are `vig dataset make --class PACK --seed SEED`, with up to 0.9 of the object hidden; the mask is what
-is seen of it, the box is round the whole of it.
+is seen of it, the box is round the whole of it. That it stands upright is told.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def _errors(explainer: vig.Explainer, dataset: Dataset, mask: bool) -> Iterator[
     for index, photo in enumerate(photos):
         if (box := box_of(whole[index])) is None or not seen[index].any():
             continue
-        hints = vig.Hints(mask=seen[index]) if mask else None
+        hints = vig.Hints(mask=seen[index], roll_deg=0.0) if mask else None
         found = explainer.explain(photo, box=box, hints=hints)
         off = found.object_class.symmetry.difference(found.latents.azimuth, truth.azimuth[index : index + 1])
         elevation = found.latents.elevation - truth.elevation[index : index + 1]

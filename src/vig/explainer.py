@@ -92,10 +92,10 @@ class Explainer:
         up: str | None = None,
         say: Callable[[str], None] = lambda line: None,
     ) -> Explainer:
-        """Return an explainer of the object of a mesh file: by its colours and textures, in any rotation.
+        """Return an explainer of the object of a mesh file, in any rotation.
 
         It is ready in some 15 seconds, and kept in the user's cache. Each photo needs a box or a mask. A mesh
-        of one colour is fitted standing, see docs/own_class.md.
+        of one colour is found by its outline: without a mask, or where a roll is told, it is fitted standing.
 
         Args:
             mesh: The file: .glb .gltf .obj .ply .off .stl.
@@ -191,9 +191,12 @@ class Explainer:
             settings, expected = without_network(settings), None
         elif expected is not None:
             settings = for_tracking(settings)
-        if self.known is not None and window is None and not self.recognizer.informed:
-            return self._located(coded, pyramid, box, lens, hints)
         roll = None if hints is None else hints.views()[2]
+        if self.known is not None and window is None and not self.recognizer.informed:
+            # One colour all over tells little: then any rotation is sought by the outline alone.
+            outlined = hints is not None and hints.mask is not None and roll is None
+            if outlined or not self.known.surface.one_colour:
+                return self._located(coded, pyramid, box, lens, hints)
         if window is None and box is not None:
             window = Window.of(width, height, checked_box(box))
             window = upright(pyramid, window, self.recognizer) if roll is None else replace(window, roll=roll)

@@ -8,11 +8,10 @@ namespace vig {
 
 namespace {
 
-Vec3<float> texture_at(const TexturedMesh& mesh, int face, float u, float v, float metres_per_pixel) {
+Vec3<float> texture_at(const TexturedMesh& mesh, int face, float u, float v, float octave) {
     const Texture& texture = mesh.textures[mesh.texture_of_face[face]];
-    const float texels = mesh.texels_per_metre[face] * metres_per_pixel;
     const int last = (int)texture.levels.size() - 1;
-    const int number = texels > 1 ? std::min(last, (int)(std::log2(texels) + 0.5f)) : 0;
+    const int number = std::clamp((int)(mesh.octave[face] + octave + 0.5f), 0, last);
     const Texture::Level& level = texture.levels[number];
     const float x = (u - std::floor(u)) * level.width - 0.5f, y = (1 - (v - std::floor(v))) * level.height - 0.5f;
     const int left = (int)std::floor(x), top = (int)std::floor(y);
@@ -61,36 +60,38 @@ bool draw_pose(const TexturedMesh& mesh, const PosePhoto& photo, const RigidPose
     scratch.seen.clear(width * height);
     draw_faces(scratch.screen.data(), mesh.corners.data(), mesh.faces, width, height, mesh.closed, scratch.seen, scratch.facing.data());
     scratch.pixels.clear();
+    const float octave = std::log2(photo.metres_per_pixel);
     const int top = std::clamp((int)std::floor(bounds[2]), 0, photo.height), bottom = std::clamp((int)std::ceil(bounds[3]), 0, photo.height);
     const int left = std::clamp((int)std::floor(bounds[0]), 0, photo.width), right = std::clamp((int)std::ceil(bounds[1]), 0, photo.width);
     for (int y = top; y < bottom; ++y)
         for (int x = left; x < right; ++x) {
-            int covered = 0;
+            int covered = 0, shaded = 0;
             Vec3<float> colour{}, normal{};
-            for (int sample = 0; sample < SAMPLES * SAMPLES; ++sample) {
+            for (const int sample : {0, 3, 1, 2}) {  // two on a diagonal tell the colour, others where these are not covered
                 const int column = x * SAMPLES + sample % SAMPLES, row = y * SAMPLES + sample / SAMPLES;
                 const int face = scratch.seen.face[(size_t)row * width + column];
                 if (face == NO_FACE)
                     continue;
                 ++covered;
+                if (shaded > 0 && sample != 3)
+                    continue;
+                ++shaded;
                 const Fragment<float> here = fragment_at(scratch.screen.data(), mesh.corners.data(), face, column, row);
                 float u = 0, v = 0;
-                Vec3<float> tint{};
                 for (int k = 0; k < 3; ++k) {
                     const size_t corner = mesh.corners[3 * (size_t)face + k];
-                    u += here.weights[k] * mesh.uv[2 * corner];
-                    v += here.weights[k] * mesh.uv[2 * corner + 1];
+                    u += here.weights[k] * mesh.uv[6 * (size_t)face + 2 * k];
+                    v += here.weights[k] * mesh.uv[6 * (size_t)face + 2 * k + 1];
                     normal = normal + load3(&mesh.normals[3 * corner]) * here.weights[k];
-                    tint = tint + load3(&mesh.colours[3 * corner]) * here.weights[k];
                 }
-                colour = colour + by_channel(texture_at(mesh, face, u, v, photo.metres_per_pixel), tint);
+                colour = colour + texture_at(mesh, face, u, v, octave);
             }
             if (covered == 0)
                 continue;
-            colour = colour * (1.0f / covered);
+            colour = colour * (1.0f / shaded);
             const Vec3<float> log_colour{std::log(colour.x + LEAST_COLOUR), std::log(colour.y + LEAST_COLOUR), std::log(colour.z + LEAST_COLOUR)};
             scratch.pixels.push_back({y * photo.width + x, (float)covered / (SAMPLES * SAMPLES), log_colour,
-                                      pose.rotation * (normal * (1.0f / covered))});
+                                      pose.rotation * (normal * (1.0f / shaded))});
         }
     return true;
 }

@@ -14,14 +14,14 @@ struct Texture {
     std::vector<Level> levels;
 };
 
-// A mesh about its middle, metres. A face's colour is its texture's at uv, (0, 0) at the bottom left, times its corners'.
+// A mesh about its middle, metres. A face's colour is its texture's at uv, (0, 0) at the bottom left.
 struct TexturedMesh {
     int vertices, faces;
     bool closed;  // then faces that look away are never seen
-    std::vector<float> positions, normals, colours, uv;  // (V, 3) three times, (V, 2)
-    std::vector<int32_t> corners, texture_of_face;       // (F, 3), (F,)
+    std::vector<float> positions, normals, uv;      // (V, 3) twice, (F, 3, 2)
+    std::vector<int32_t> corners, texture_of_face;  // (F, 3), (F,)
     std::vector<Texture> textures;
-    std::vector<float> texels, texels_per_metre;         // of all textures' levels; (F,) of the finest
+    std::vector<float> texels, octave;  // of all textures' levels; (F,) log2 of the finest's texels per metre
 };
 
 struct RigidPose {

@@ -14,22 +14,21 @@ namespace vig {
 namespace {
 
 // `levels` (L, 4): texture, width, height, first number of its texels; in order, a texture's finest first.
-TexturedMesh make_mesh(Input<float> positions, Input<int32_t> corners, Input<float> normals, Input<float> colours, Input<float> uv,
-                       Input<int32_t> texture_of_face, Input<int64_t> levels, Input<float> texels, Input<float> texels_per_metre, bool closed) {
+TexturedMesh make_mesh(Input<float> positions, Input<int32_t> corners, Input<float> normals, Input<float> uv,
+                       Input<int32_t> texture_of_face, Input<int64_t> levels, Input<float> texels, Input<float> octave, bool closed) {
     check_shape("positions", positions, {-1, 3});
     check_shape("faces", corners, {-1, 3});
     const int64_t vertices = positions.shape(0), faces = corners.shape(0);
     check_shape("normals", normals, {vertices, 3});
-    check_shape("colours", colours, {vertices, 3});
-    check_shape("uv", uv, {vertices, 2});
+    check_shape("uv", uv, {faces, 3, 2});
     check_shape("texture_of_face", texture_of_face, {faces});
     check_shape("levels", levels, {-1, 4});
     check_shape("texels", texels, {-1});
-    check_shape("texels_per_metre", texels_per_metre, {faces});
+    check_shape("octave", octave, {faces});
     if (std::max(vertices, faces) > INT_MAX / 8 || vertices < 1 || faces < 1)
         throw std::invalid_argument("positions and faces must be 1 or more, and fit into memory");
-    TexturedMesh mesh{(int)vertices, (int)faces, closed, copy(positions), copy(normals), copy(colours), copy(uv), copy(corners),
-                      copy(texture_of_face), {}, copy(texels), copy(texels_per_metre)};
+    TexturedMesh mesh{(int)vertices, (int)faces, closed, copy(positions), copy(normals), copy(uv), copy(corners),
+                      copy(texture_of_face), {}, copy(texels), copy(octave)};
     for (size_t i = 0; i < levels.shape(0); ++i) {
         const int64_t* const level = levels.data() + 4 * i;
         const bool next = level[0] == (int64_t)mesh.textures.size(), same = level[0] + 1 == (int64_t)mesh.textures.size();
@@ -42,6 +41,9 @@ TexturedMesh make_mesh(Input<float> positions, Input<int32_t> corners, Input<flo
     }
     check_table("faces", mesh.corners, 0, vertices);
     check_table("texture_of_face", mesh.texture_of_face, 0, (int64_t)mesh.textures.size());
+    for (const float number : mesh.octave)
+        if (!(std::abs(number) < 1e3f))
+            throw std::invalid_argument("octave must be finite");
     for (const float number : mesh.uv)
         if (!(std::abs(number) < 1e6f))
             throw std::invalid_argument("uv must be finite, within a million");
@@ -86,8 +88,8 @@ void check_poses(const Input<float>& rotations, const Input<float>& translations
 void bind_poses(nb::module_& m) {
     nb::class_<TexturedMesh>(m, "TexturedMesh");
     nb::class_<PosePhoto>(m, "PosePhoto");
-    m.def("textured_mesh", &make_mesh, "positions"_a, "faces"_a, "normals"_a, "colours"_a, "uv"_a, "texture_of_face"_a, "levels"_a,
-          "texels"_a, "texels_per_metre"_a, "closed"_a);
+    m.def("textured_mesh", &make_mesh, "positions"_a, "faces"_a, "normals"_a, "uv"_a, "texture_of_face"_a, "levels"_a,
+          "texels"_a, "octave"_a, "closed"_a);
     m.def("pose_photo", &make_photo, "colour"_a, "seen"_a, "camera"_a, "box"_a.none(), "outlined"_a, "metres_per_pixel"_a,
           "weights"_a);
     // Scores (N,) of poses; with `evaluations` they are refined first: rotations (N, 3, 3), translations (N, 3), scores (N,).

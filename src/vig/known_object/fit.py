@@ -13,7 +13,7 @@ from vig.hints import Hints
 from vig.inference.hints import PixelLabel
 from vig.inference.settings import UNIFORM_TURN, Fit, OtherView, Verdict
 from vig.io.errors import UserError
-from vig.known_object.search import VIEW_PIXELS, Picture, Poses, Views, locate
+from vig.known_object.search import VIEW_PIXELS, WEIGHTS, Picture, Poses, Views, locate
 from vig.known_object.surface import FILE, Surface
 from vig.likelihood import SPATIAL, spatial_posterior
 from vig.photo import ImagePyramid, Intrinsics, Window
@@ -33,8 +33,6 @@ DISTINCT = math.radians(25.0)
 """Angle from which poses are different."""
 STEPS = np.array([0.05, 0.05, 0.05, 0.01, 0.01, 0.02])
 """Differences by which a score's curvature is measured: radians about x, y, z; shares of the distance."""
-EVIDENCE_PIXELS = 20.0
-"""Independent pixels that a score's mean log-likelihood counts for: neighbours err alike."""
 TRUSTED_SCORE, TRUSTED_LEAD = -7.0, 1.0
 """Score, and lead over every other pose, from which a pose is trusted: 97 % of the rotations of such poses
 were within 15 degrees on the photos of HOPE under one of its lights, on which both were chosen."""
@@ -175,6 +173,7 @@ class KnownObject:
         rotation, middle = around.turn @ rotations[0], around.turn @ middles[0]
         drawn = engine.draw_pose(self.surface.mesh, native, *_contiguous(rotation, middle))
         coverage, colour, normal, inlier, light = drawn
+        light[:3] -= math.log(picture.exposure)
         visible = coverage * picture.seen
         if place.seen is None and not place.whole:
             rendered = colour * np.exp(light[:3] + (normal @ light[3:])[..., None])
@@ -191,7 +190,7 @@ class KnownObject:
             for turn, target, far in zip(rotations, targets, distances / distances[0], strict=True)
         ]
         latents, framing = views[0]
-        verdict, reason = _verdict(poses, picture.outlined)
+        verdict, reason = _verdict(poses, picture.outlined, self.surface.one_colour)
         if not (visible > 0.5).any():
             verdict, reason = Verdict.FAILED, Verdict.FAILED.value
         deviation, framing_deviation = self._deviation(native, rotation, middle, latents, verdict)
@@ -278,7 +277,7 @@ class KnownObject:
         )
         curvature = (2 * scores[0] - scores[1:7] - scores[7:]) / STEPS**2
         about_x, about_y, about_z, x, y, z = 1 / np.sqrt(
-            np.maximum(EVIDENCE_PIXELS * curvature, 1 / (3 * STEPS) ** 2)
+            np.maximum(WEIGHTS.pixels * curvature, 1 / (3 * STEPS) ** 2)
         )
         layout = latent_layout(latents.shape.shape[1])
         deviation = np.zeros(layout.size, np.float32)
@@ -289,15 +288,17 @@ class KnownObject:
         return deviation, np.array([x, y, z, about_z], np.float32)
 
 
-def _verdict(poses: Poses, outlined: bool) -> tuple[Verdict, str]:
+def _verdict(poses: Poses, outlined: bool, one_colour: bool) -> tuple[Verdict, str]:
     """Return the verdict on the best of some poses, and why.
 
-    outlined: Whether the visible pixels are known: the limits hold for such scores alone.
+    The limits hold for scores of surfaces with colours whose visible pixels are known (`outlined`) alone.
     """
     best = poses.rotations[0]
     cosines = (np.einsum("ij,kij->k", best, poses.rotations) - 1) / 2
     rivals = poses.scores[cosines < math.cos(DISTINCT)]
     lead = float(poses.scores[0] - rivals.max()) if len(rivals) else math.inf
+    if one_colour:
+        return Verdict.AMBIGUOUS, "by its outline alone no pose of a known object is trusted"
     if not outlined:
         return Verdict.AMBIGUOUS, "without a mask no pose of a known object is trusted"
     if poses.scores[0] >= TRUSTED_SCORE and lead >= TRUSTED_LEAD:

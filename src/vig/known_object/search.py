@@ -35,19 +35,21 @@ class Stage:
         pixels: Pixels of the box's longer side.
         evaluations: Of each pose.
         steps: First steps: radians, shares of the distance across and away.
+        lag: Poses whose scores are lower than the best by more are left as they are.
     """
 
     count: int
     pixels: int
     evaluations: int
     steps: tuple[float, float, float]
+    lag: float
 
 
 STAGES = (
-    Stage(20, 32, 35, (0.14, 0.02, 0.03)),
-    Stage(8, 48, 60, (0.1, 0.014, 0.02)),
-    Stage(4, 80, 90, (0.06, 0.008, 0.012)),
-    Stage(2, 80, 120, (0.025, 0.003, 0.005)),
+    Stage(20, 32, 35, (0.14, 0.02, 0.03), math.inf),
+    Stage(8, 48, 60, (0.1, 0.014, 0.02), 4.0),
+    Stage(4, 80, 90, (0.06, 0.008, 0.012), 2.5),
+    Stage(2, 80, 120, (0.025, 0.003, 0.005), 1.5),
 )
 """Chosen on every third object of the photos of HOPE under one light."""
 
@@ -67,12 +69,12 @@ class ScoreWeights:
         box_deviation: Of the sides of the object's box, over its longer one.
     """
 
-    sigma: float = 0.15
+    sigma: float = 0.2
     share: float = 0.8
     gain_deviation: float = 0.2
     slope_deviation: float = 0.5
     pixels: float = 20.0
-    outline: float = 4.0
+    outline: float = 8.0
     unseen: float = 0.5
     box_deviation: float = 0.02
 
@@ -82,6 +84,12 @@ class ScoreWeights:
 
 
 WEIGHTS = ScoreWeights()
+PLAIN_WEIGHTS = ScoreWeights(sigma=0.5, gain_deviation=1.0, outline=12.0)
+"""For a mesh of one colour, as the object itself may have print of any: its outline tells more."""
+
+
+def _weights(surface: Surface) -> ScoreWeights:
+    return PLAIN_WEIGHTS if surface.one_colour else WEIGHTS
 
 
 @dataclass(frozen=True)
@@ -102,6 +110,19 @@ class Picture:
     focal: float
     box: tuple[float, float, float, float] | None
 
+    @cached_property
+    def exposure(self) -> float:
+        """Return the factor by which what is seen in the box becomes as bright as surfaces usually are.
+
+        Else `LEAST_COLOUR` in vig_native/pose.h would hide the contrast of dark photos.
+        """
+        height, width = self.seen.shape
+        left, right, top, bottom = self.box or (0, width, 0, height)
+        rows, columns = (slice(max(0, int(a)), max(0, int(b)) + 1) for a, b in ((top, bottom), (left, right)))
+        seen, colour = self.seen[rows, columns], self.colour[rows, columns]
+        mean = float((colour.mean(2) * seen).sum() / max(float(seen.sum()), 1.0))
+        return 0.2 / max(mean, 1e-4)
+
     def native(self, surface: Surface) -> Any:
         """Return it for the native library."""
         # Without a box the object is most of the picture.
@@ -111,13 +132,13 @@ class Picture:
         camera = self.focal, middle, middle
         per_pixel = surface.diameter / longer / 1.5
         return engine.pose_photo(
-            self.colour,
+            self.colour * np.float32(self.exposure),
             self.seen,
             camera,
             self.box and list(self.box),
             self.outlined,
             per_pixel,
-            WEIGHTS.of_box(longer),
+            _weights(surface).of_box(longer),
         )
 
 
@@ -141,7 +162,9 @@ class Poses:
 
     def refined(self, surface: Surface, picture: Picture, stage: Stage) -> Poses:
         """Return the first `stage.count` after a search near each, the best first, and then the others."""
-        near, rest = self[: stage.count], self[stage.count :]
+        chosen = np.arange(len(self.scores)) < stage.count
+        chosen &= self.scores >= self.scores.max() - stage.lag
+        near, rest = self[chosen], self[~chosen]
         found = engine.refine_poses(
             surface.mesh,
             picture.native(surface),
@@ -255,15 +278,17 @@ class Views:
         angle = turn * math.tau / TURNS
         at = np.array([left + right, top + bottom]) / 2 - scale[:, None] * (low + high)[turn, view] / 2
         placed = np.stack([scale * np.cos(angle), scale * np.sin(angle), at[:, 0], at[:, 1], scale], 1)
-        planes = np.concatenate([picture.colour.transpose(2, 0, 1), picture.seen[None]])
+        colour = picture.colour * np.float32(picture.exposure)
+        planes = np.concatenate([colour.transpose(2, 0, 1), picture.seen[None]])
         middle = picture.colour.shape[1] / 2
         ray = np.column_stack([(at - middle) / picture.focal, np.ones(len(at))])
         rotations = _towards(ray) @ _turns()[turn] @ self.rotations[view]
         # A view's pixel is focal / distance of its camera; the picture's is `scale` as large.
         depth = picture.focal * VIEW_DISTANCE * self.radius / (self.focal * scale)
+        weights = _weights(self.surface)
         scores = engine.score_views(
             self.planes, np.ascontiguousarray(planes), view.astype(np.int32), placed.astype(np.float32),
-            picture.outlined, WEIGHTS.outline, WEIGHTS.unseen, 1,
+            picture.outlined, weights.outline, weights.unseen, 1,
         ) - 8 * aspect[turn, view] ** 2  # fmt: skip
         allowed = agrees(rotations)
         scores = np.where(allowed, scores, -math.inf) if allowed.any() else scores

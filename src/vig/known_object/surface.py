@@ -82,6 +82,11 @@ class Surface:
             return Surface(**{name: arrays[name] for name in _TABLE})
 
     @cached_property
+    def one_colour(self) -> bool:
+        """Return whether it looks the same all over."""
+        return bool((self.texels == self.texels[0]).all())
+
+    @cached_property
     def middle(self) -> np.ndarray:
         """Return the middle (3,) float32 of its bounds, metres."""
         return np.asarray((self.vertices.min(0) + self.vertices.max(0)) / 2)
@@ -99,15 +104,15 @@ class Surface:
     @cached_property
     def mesh(self) -> Any:
         """Return it for the native library, its middle at the origin."""
-        positions = self.vertices - self.middle
-        corners = positions[self.faces]
+        # Vertices at one place are one, whatever their texture coordinates.
+        rounded = np.round((self.vertices - self.middle) / self.diameter, 5)
+        _, chosen, place = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
+        positions, faces = self.vertices[chosen] - self.middle, place.ravel()[self.faces].astype(np.int32)
+        corners = positions[faces]
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        # Vertices at one place have one normal, whatever their texture coordinates.
-        _, place = np.unique(np.round(positions / self.diameter, 5), axis=0, return_inverse=True)
-        sums = np.zeros((place.max() + 1, 3))
+        normals = np.zeros((len(positions), 3))
         for corner in range(3):
-            np.add.at(sums, place.ravel()[self.faces[:, corner]], across)
-        normals = sums[place.ravel()]
+            np.add.at(normals, faces[:, corner], across)
         normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-12
         levels, texels, first = [], [], 0
         starts = np.cumsum([0, *self.sizes.astype(np.int64).prod(1)])
@@ -124,15 +129,14 @@ class Surface:
         density = np.sqrt(on_texture / np.maximum(np.linalg.norm(across, axis=1), 1e-18))
         return engine.textured_mesh(
             np.ascontiguousarray(positions, np.float32),
-            self.faces,
+            faces,
             normals.astype(np.float32),
-            np.ones_like(positions, np.float32),
-            np.ascontiguousarray(self.uv),
+            np.ascontiguousarray(self.uv[self.faces]),
             self.texture_of_face,
             np.array(levels, np.int64),
             np.concatenate(texels).astype(np.float32),
-            density.clip(0, 1e9).astype(np.float32),
-            _is_closed(place.ravel()[self.faces], corners),
+            np.log2(density.clip(1e-9, 1e9)).astype(np.float32),
+            _is_closed(faces, corners),
         )
 
 

@@ -17,12 +17,12 @@ from vig_train.building.build import build_class, is_step
 from vig_train.building.settings import BuildSettings, axis_vector, fills_unit_cube
 from vig_world.asset_cache import asset_cache
 from vig_world.assets.own.folder import fingerprint
-from vig_world.assets.own.load import SUFFIXES, MeshPiece, has_one_colour, load
+from vig_world.assets.own.load import SUFFIXES, MeshPiece, load
 from vig_world.assets.own.simplify import simplified
 
 MOST_FACES = 20_000
 """Faces of the surface that poses are searched with, at most; with 3,000 depths were off by 2 %."""
-EDITION = 4
+EDITION = 5
 """Edition of the packs: those of another edition are not used."""
 TURNS = {
     Symmetry.NONE: "no turn about its vertical looks the same",
@@ -103,7 +103,7 @@ def _made_pack(
     try:
         build_class(mesh, making / "pack", settings, lambda line: say(line) if is_step(line) else None)
         object_from_mesh = ObjectClass.load(making / "pack").object_from_mesh
-        if not has_one_colour(pieces) and object_from_mesh is not None:
+        if object_from_mesh is not None:
             Surface.of(simplified(pieces, MOST_FACES), object_from_mesh).save(making / "pack")
         try:
             (making / "pack").rename(pack)
