@@ -193,8 +193,8 @@ class Explainer:
             settings = for_tracking(settings)
         roll = None if hints is None else hints.views()[2]
         if self.known is not None and window is None and not self.recognizer.informed:
-            # One colour all over tells little: then any rotation is sought by the outline alone.
-            outlined = hints is not None and hints.mask is not None and roll is None
+            # One colour all over tells little: then the outline must be known for a search of all rotations.
+            outlined = hints is not None and hints.mask is not None and hints.roll_deg is None
             if outlined or not self.known.surface.one_colour:
                 return self._located(coded, pyramid, box, lens, hints)
         if window is None and box is not None:

@@ -185,7 +185,7 @@ double score_pose(const TexturedMesh& mesh, const PosePhoto& photo, const RigidP
     if (photo.boxed)
         for (int side = 0; side < 4; ++side) {
             const double off = (bounds[side] - photo.box[side]) / weights.box_deviation;
-            score -= 0.5 * off * off / (1 + 0.02 * off * off);  // 25 at most: boxes are drawn by hand
+            score -= 0.5 * off * off / (1 + 0.02 * off * off);  // 25 at most for each side: boxes are drawn by hand
         }
     if (light)
         std::copy_n(by_light, 6, light);

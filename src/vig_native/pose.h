@@ -34,7 +34,7 @@ struct PoseWeights {
     float sigma, share, gain_deviation, slope_deviation, pixels, outline, unseen, box_deviation;
 };
 
-// A part of a photo, the object's box, and which of its pixels surely show the object.
+// A part of a photo, the object's box, and how far each of its pixels may show the object.
 struct PosePhoto {
     int width, height;
     float focal, cx, cy;

@@ -43,7 +43,7 @@ class Place:
     """The place of an object in a photo.
 
     Attributes:
-        box: x, y, w, h in pixels round the whole object.
+        box: x, y, w, h in pixels round the whole object, as far as it is known.
         seen: (H, W) bool, its visible pixels; None where they are not known.
         hidden: (H, W) bool, pixels in which something else is seen; None where none are known.
         whole: Whether nothing hides any of the object.
@@ -195,7 +195,7 @@ class KnownObject:
             verdict, reason = Verdict.FAILED, Verdict.FAILED.value
         deviation, framing_deviation = self._deviation(native, rotation, middle, latents, verdict)
         framing_deviation[:2] *= around.focal / around.side
-        behind = (poses.scores[0] - poses.scores).tolist()
+        behind = (WEIGHTS.pixels * (poses.scores[0] - poses.scores)).tolist()
         fit = Fit(
             latents=latents,
             framing=framing,
@@ -211,8 +211,8 @@ class KnownObject:
             mask_confidence=math.nan,
             mask_trusted=False,
             confidence_features=np.zeros(0),
-            evidence=float(poses.scores[0]),
-            start_evidence=float(poses.scores[0]),
+            evidence=float(WEIGHTS.pixels * poses.scores[0]),
+            start_evidence=float(WEIGHTS.pixels * poses.scores[0]),
             evaluations=0,
             alternatives=tuple(
                 OtherView(*view, math.nan, lag) for view, lag in zip(views[1:], behind[1:], strict=True)
@@ -298,7 +298,9 @@ def _verdict(poses: Poses, outlined: bool, one_colour: bool) -> tuple[Verdict, s
     rivals = poses.scores[cosines < math.cos(DISTINCT)]
     lead = float(poses.scores[0] - rivals.max()) if len(rivals) else math.inf
     if one_colour:
-        return Verdict.AMBIGUOUS, "by its outline alone no pose of a known object is trusted"
+        return Verdict.AMBIGUOUS, "a mesh of one colour tells too little to trust a pose"
+    if len(poses.scores) == 1:
+        return Verdict.AMBIGUOUS, "no other pose was tried"
     if not outlined:
         return Verdict.AMBIGUOUS, "without a mask no pose of a known object is trusted"
     if poses.scores[0] >= TRUSTED_SCORE and lead >= TRUSTED_LEAD:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -120,6 +121,30 @@ def test_a_covered_object_is_found(pack: Path) -> None:
     assert with_mask.hidden_fraction == pytest.approx(1 - seen.sum() / mask.sum(), abs=0.08)
 
 
+@pytest.mark.parametrize("seed", [0, 3])
+def test_the_outline_tells_any_rotation_of_one_colour(tmp_path: Path, seed: int) -> None:
+    toy("fin").save(tmp_path)
+    surface = carton()
+    replace(surface, texels=np.full_like(surface.texels, 128)).save(tmp_path)
+    pose = pose_at(seed)
+    photo, mask = photo_of(pose)
+    found = Explainer(tmp_path).explain(photo, box_round(mask), camera=K, hints=Hints(mask=mask))
+    # Half a turn about each of its axes leaves a carton's shape as it is.
+    symmetries = [np.diag(signs) for signs in ([1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1])]
+    turned = [pose[:3, :3] @ symmetry @ found.camera_from_object[:3, :3].T for symmetry in symmetries]
+    assert min(np.degrees(Rotation.from_matrix(turn).magnitude()) for turn in turned) < 6
+    assert off(found.camera_from_object, pose)[1] < 0.015
+    assert found.verdict is Verdict.AMBIGUOUS
+
+
+def test_a_dark_photo_is_as_good(pack: Path) -> None:
+    pose = pose_at(2)
+    photo, mask = photo_of(pose)
+    dark = np.rint(photo * 0.12).astype(np.uint8)
+    found = Explainer(pack).explain(dark, box_round(mask), camera=K, hints=Hints(mask=mask))
+    assert off(found.camera_from_object, pose)[0] < 4
+
+
 def test_hints_narrow_the_search(pack: Path) -> None:
     pose = pose_at(0)  # at an elevation of -28 degrees: near a pole a small turn changes the azimuth by much
     photo, mask = photo_of(pose)
@@ -128,6 +153,7 @@ def test_hints_narrow_the_search(pack: Path) -> None:
     explainer = Explainer(pack)
     from_pose = explainer.explain(photo, box_round(mask), camera=K, hints=Hints(pose=turned, mask=mask))
     assert off(from_pose.camera_from_object, pose)[0] < 4
+    assert from_pose.verdict is Verdict.AMBIGUOUS and "no other pose" in from_pose.reason
     elsewhere = from_pose.azimuth_deg + 180
     held = explainer.explain(photo, box_round(mask), camera=K, hints=Hints(azimuth_deg=elsewhere, mask=mask))
     assert abs((held.azimuth_deg - elsewhere + 180) % 360 - 180) < 60
