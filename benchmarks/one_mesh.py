@@ -3,7 +3,8 @@
     python -m benchmarks.one_mesh MESH... [--count 50] [--seed 77]
 
 Scenes are `vig dataset make --class PACK --seed SEED`, with up to 0.9 of the object hidden; the mask is what
-is seen of it, the box is round the whole of it. With the mask it is told that it stands, which a box alone means.
+is seen of it, the box is round the whole of it. With the mask it is told that the object stands, which a
+box alone means.
 """
 
 from __future__ import annotations

@@ -99,10 +99,10 @@ class Picture:
 
     Attributes:
         colour: (n, n, 3) float32 linear RGB.
-        seen: (n, n) float32, how far a pixel shows the object; where that is not known 1 wherever the photo reaches.
+        seen: (n, n) float32, how far a pixel shows the object; where that is not known, 1 in the photo.
         outlined: Whether it is known.
         focal: Pixels.
-        box: Left, right, top, bottom of the object in pixels; None where it is not known, or the window is rolled.
+        box: Left, right, top, bottom of the object in pixels; None where unknown, or the window is rolled.
     """
 
     colour: np.ndarray
