@@ -95,7 +95,7 @@ class Explainer:
         """Return an explainer of the object of a mesh file, in any rotation.
 
         It is ready in some 15 seconds, and kept in the user's cache. Each photo needs a box or a mask. A mesh
-        of one colour is found by its outline: without a mask, or where a roll is told, it is fitted standing.
+        of one colour needs a mask for that: else, and any mesh where a roll is told, it is fitted standing.
 
         Args:
             mesh: The file: .glb .gltf .obj .ply .off .stl.
@@ -194,8 +194,8 @@ class Explainer:
         roll = None if hints is None else hints.views()[2]
         if self.known is not None and window is None and not self.recognizer.informed:
             # One colour all over tells little: then the outline must be known for a search of all rotations.
-            outlined = hints is not None and hints.mask is not None and hints.roll_deg is None
-            if outlined or not self.known.surface.one_colour:
+            told = hints or Hints()
+            if told.roll_deg is None and (told.mask is not None or not self.known.surface.one_colour):
                 return self._located(coded, pyramid, box, lens, hints)
         if window is None and box is not None:
             window = Window.of(width, height, checked_box(box))

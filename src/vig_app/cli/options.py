@@ -72,8 +72,8 @@ class PlaceOptions:
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
     """A packaged class or the folder of a class pack; with --objects several, such as teapot,mug."""
     mesh: Path | None = None
-    """In place of a class, a mesh of this exact object, at --box or --mask, in any rotation; upright if of
-    one colour without --mask or with --roll. explanation.json then has camera_from_mesh, its pose."""
+    """In place of a class, a mesh of this exact object, at --box or --mask, in any rotation; upright with
+    --roll, or if of one colour without --mask. explanation.json then has camera_from_mesh, its pose."""
     length: float | None = None
     """With --mesh: its longest side, metres, where the file is in other units (only glTF is in metres)."""
     up: str | None = None

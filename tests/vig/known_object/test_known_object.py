@@ -158,6 +158,8 @@ def test_hints_narrow_the_search(pack: Path) -> None:
     held = explainer.explain(photo, box_round(mask), camera=K, hints=Hints(azimuth_deg=elsewhere, mask=mask))
     assert abs((held.azimuth_deg - elsewhere + 180) % 360 - 180) < 60
     assert held.verdict is not Verdict.TRUSTED
+    standing = explainer.explain(photo, box_round(mask), camera=K, hints=Hints(roll_deg=0, mask=mask))
+    assert from_pose.elevation_deg < -20 and standing.elevation_deg >= 0
     marks = np.where(mask, PixelLabel.SEEN, PixelLabel.UNKNOWN).astype(np.uint8)
     marked = explainer.explain(photo, camera=K, hints=Hints(pose=turned, marks=marks, visible=True))
     assert off(marked.camera_from_object, pose)[0] < 4 and marked.hidden_fraction == 0
