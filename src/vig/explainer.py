@@ -82,8 +82,9 @@ class Explainer:
             object_class = on_one_core(partial(ObjectClass.load, object_class))
         self.object_class = object_class
         self.settings = settings
-        self.known = KnownObject.of(object_class) if recognizer is None else None
+        known = KnownObject.of(object_class) if recognizer is None else None
         self.recognizer = recognizer or on_one_core(partial(recognizer_of, object_class))
+        self.known = None if self.recognizer.informed else known
 
     @staticmethod
     def of_mesh(
@@ -95,7 +96,7 @@ class Explainer:
         """Return an explainer of the object of a mesh file, in any rotation.
 
         It is ready in some 15 seconds, and kept in the user's cache. Each photo needs a box or a mask. A mesh
-        of one colour needs a mask for that: else, and any mesh where a roll is told, it is fitted standing.
+        of one colour is fitted standing without a mask, and every mesh where the hints state a roll.
 
         Args:
             mesh: The file: .glb .gltf .obj .ply .off .stl.
@@ -191,12 +192,14 @@ class Explainer:
             settings, expected = without_network(settings), None
         elif expected is not None:
             settings = for_tracking(settings)
-        roll = None if hints is None else hints.views()[2]
-        if self.known is not None and window is None and not self.recognizer.informed:
-            # One colour all over tells little: then the outline must be known for a search of all rotations.
-            told = hints or Hints()
-            if told.roll_deg is None and (told.mask is not None or not self.known.surface.one_colour):
-                return self._located(coded, pyramid, box, lens, hints)
+        told = hints or Hints()
+        roll = told.views()[2]
+        if self.known is not None and window is None and self.known.is_sought(told):
+            place = Place.of(None if box is None else checked_box(box), told)
+            intrinsics = None if lens is None else Intrinsics.of(lens[0], width, height)
+            window, fit, ratio = self.known.explain(pyramid, place, intrinsics, told)
+            focal_from = "assumed" if lens is None else lens[1]
+            return Explanation(coded, window, fit, self.object_class, ratio, focal_from, hints)
         if window is None and box is not None:
             window = Window.of(width, height, checked_box(box))
             window = upright(pyramid, window, self.recognizer) if roll is None else replace(window, roll=roll)
@@ -231,24 +234,6 @@ class Explainer:
         return Explanation(
             coded, window, fit, self.object_class, settings.camera_distance_ratio, focal_from, hints
         )
-
-    def _located(
-        self,
-        coded: np.ndarray,
-        pyramid: ImagePyramid,
-        box: Box | None,
-        lens: Lens | None,
-        hints: Hints | None,
-    ) -> Explanation:
-        """Explain a photo of the one object that is known."""
-        assert self.known is not None
-        height, width = coded.shape[:2]
-        told = hints or Hints()
-        place = Place.of(None if box is None else checked_box(box), told)
-        intrinsics = None if lens is None else Intrinsics.of(lens[0], width, height)
-        window, fit, ratio = self.known.explain(pyramid, place, intrinsics, told.pose, told.views())
-        focal_from = "assumed" if lens is None else lens[1]
-        return Explanation(coded, window, fit, self.object_class, ratio, focal_from, hints)
 
     def explain_many(
         self,

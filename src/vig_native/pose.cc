@@ -11,7 +11,7 @@ namespace {
 Vec3<float> texture_at(const TexturedMesh& mesh, int face, float u, float v, float octave) {
     const Texture& texture = mesh.textures[mesh.texture_of_face[face]];
     const int last = (int)texture.levels.size() - 1;
-    const int number = std::clamp((int)(mesh.octave[face] + octave + 0.5f), 0, last);
+    const int number = (int)std::clamp(mesh.octave[face] + octave + 0.5f, 0.0f, (float)last);
     const Texture::Level& level = texture.levels[number];
     const float x = (u - std::floor(u)) * level.width - 0.5f, y = (1 - (v - std::floor(v))) * level.height - 0.5f;
     const int left = (int)std::floor(x), top = (int)std::floor(y);
@@ -65,6 +65,7 @@ bool draw_pose(const TexturedMesh& mesh, const PosePhoto& photo, const RigidPose
     const int left = std::clamp((int)std::floor(bounds[0]), 0, photo.width), right = std::clamp((int)std::ceil(bounds[1]), 0, photo.width);
     for (int y = top; y < bottom; ++y)
         for (int x = left; x < right; ++x) {
+            static_assert(SAMPLES == 2);
             int covered = 0, shaded = 0;
             Vec3<float> colour{}, normal{};
             for (const int sample : {0, 3, 1, 2}) {  // two on a diagonal tell the colour, others where these are not covered

@@ -41,12 +41,10 @@ TexturedMesh make_mesh(Input<float> positions, Input<int32_t> corners, Input<flo
     }
     check_table("faces", mesh.corners, 0, vertices);
     check_table("texture_of_face", mesh.texture_of_face, 0, (int64_t)mesh.textures.size());
-    for (const float number : mesh.octave)
-        if (!(std::abs(number) < 1e3f))
-            throw std::invalid_argument("octave must be finite");
-    for (const float number : mesh.uv)
-        if (!(std::abs(number) < 1e6f))
-            throw std::invalid_argument("uv must be finite, within a million");
+    for (const auto* const numbers : {&mesh.octave, &mesh.uv})
+        for (const float number : *numbers)
+            if (!(std::abs(number) < 1e6f))
+                throw std::invalid_argument("octave and uv must be finite, within a million");
     return mesh;
 }
 
@@ -57,8 +55,8 @@ PosePhoto make_photo(Input<float> colour, Input<float> seen, std::tuple<double, 
     check_shape("seen", seen, {height, width});
     if (height < 1 || width < 1 || std::max(height, width) > 4096)
         throw std::invalid_argument("colour must have 1 to 4096 pixels a side");
-    if (weights.size() != 8 || (box && box->size() != 4))
-        throw std::invalid_argument("weights must be 8 numbers, and box 4");
+    if (weights.size() != 8 || (box && box->size() != 4) || !(metres_per_pixel > 0 && metres_per_pixel < 1e9f))
+        throw std::invalid_argument("weights must be 8 numbers, and box 4; metres_per_pixel above 0");
     const auto [focal, cx, cy] = camera;
     PosePhoto photo{(int)width, (int)height, (float)focal, (float)cx, (float)cy, {}, copy(seen), 0, outlined, box.has_value(), {},
                     metres_per_pixel, {weights[0], weights[1], weights[2], weights[3], weights[4], weights[5], weights[6], weights[7]}};

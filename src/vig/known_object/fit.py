@@ -24,7 +24,6 @@ from vig_native import engine
 from vig_renderer.harmonics import COSINE_LOBE, L_COUNT, Y00, Y1
 
 Box = tuple[float, float, float, float]
-View = tuple[float | None, float | None, float | None]
 MARGIN = 1.3
 """Side of the window that is searched over the longer side of the object's box."""
 ASSUMED_FOCAL = 0.9
@@ -93,6 +92,12 @@ class KnownObject:
             return None
         return KnownObject(object_class, Surface.load(folder))
 
+    def is_sought(self, told: Hints) -> bool:
+        """Return whether it is sought in any rotation, not fitted standing: no roll is told, and it has
+        colours or its visible pixels are known.
+        """
+        return told.roll_deg is None and (told.mask is not None or not self.surface.one_colour)
+
     @cached_property
     def views(self) -> Views:
         """Return the surface as seen from all round."""
@@ -103,8 +108,7 @@ class KnownObject:
         pyramid: ImagePyramid,
         place: Place,
         lens: Intrinsics | None,
-        start: np.ndarray | None = None,
-        view: View = (None, None, None),
+        told: Hints,
     ) -> tuple[Window, Fit, float]:
         """Return a window of the photo, the fit in it, and the ratio of its camera, see `ExplainSettings`.
 
@@ -112,9 +116,8 @@ class KnownObject:
             pyramid: The photo.
             place: The place of the object in it.
             lens: Of the photo; None: one as phones and webcams have.
-            start: (4, 4) camera_from_object with which the search begins, in place of views all round.
-            view: Azimuth, elevation and roll in radians, as far as they are known: only views within
-                `DISTINCT` of them are tried.
+            told: Its pose begins the search, in place of views all round; without one only views within
+                `DISTINCT` of its azimuth and elevation are tried.
         """
         height, width = pyramid.shape[:2]
         if lens is None:
@@ -123,22 +126,20 @@ class KnownObject:
         Window.of(width, height, place.box)  # which refuses boxes beside the photo
         side = MARGIN * max(w, h)
         window = Window(x + w / 2 - side / 2, y + h / 2 - side / 2, side, lens=lens)
-        poses = self._search(pyramid, window, place, start, view)
+        poses = self._search(pyramid, window, place, told)
         return self._fit(pyramid, window, place, poses, lens)
 
-    def _search(
-        self, pyramid: ImagePyramid, window: Window, place: Place, start: np.ndarray | None, view: View
-    ) -> Poses:
+    def _search(self, pyramid: ImagePyramid, window: Window, place: Place, told: Hints) -> Poses:
         """Return poses before the window's camera, the best first."""
 
         def picture_of(pixels: int) -> Picture:
             return self._picture(pyramid, window, place, round(MARGIN * pixels))
 
-        if start is None:
-            poses = self.views.candidates(picture_of(VIEW_PIXELS), partial(_agrees, view))
+        if told.pose is None:
+            poses = self.views.candidates(picture_of(VIEW_PIXELS), partial(_agrees, told.views()))
         else:
-            rotation = window.turn @ start[:3, :3]
-            middle = window.turn @ (start[:3, :3] @ self.surface.middle + start[:3, 3])
+            turn, shift = told.pose[:3, :3], told.pose[:3, 3]
+            rotation, middle = window.turn @ turn, window.turn @ (turn @ self.surface.middle + shift)
             poses = Poses(*_contiguous(rotation[None], middle[None]), np.zeros(1))
         return locate(self.surface, poses, picture_of)
 
@@ -310,7 +311,7 @@ def _verdict(poses: Poses, outlined: bool, one_colour: bool) -> tuple[Verdict, s
     return Verdict.AMBIGUOUS, "much of what the photo shows at this place is not explained by the surface"
 
 
-def _agrees(view: View, rotations: np.ndarray) -> np.ndarray:
+def _agrees(view: tuple[float | None, ...], rotations: np.ndarray) -> np.ndarray:
     """Return which of rotations (N, 3, 3) camera_from_object are near a view's known angles: (N,) bool."""
     if view == (None, None, None):
         return np.ones(len(rotations), bool)

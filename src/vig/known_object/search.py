@@ -162,10 +162,10 @@ class Poses:
         return Poses(self.rotations[rows], self.translations[rows], self.scores[rows])
 
     def refined(self, surface: Surface, picture: Picture, stage: Stage) -> Poses:
-        """Return the first `stage.count` after a search near each, the best first, and then the others."""
-        chosen = np.arange(len(self.scores)) < stage.count
-        chosen &= self.scores >= self.scores.max() - stage.lag
-        near, rest = self[chosen], self[~chosen]
+        """Return the best `stage.count` after a search near each, the best first, and then the others."""
+        ordered = self[np.argsort(-self.scores, kind="stable")]
+        count = min(stage.count, int((ordered.scores >= ordered.scores[0] - stage.lag).sum()))
+        near, rest = ordered[:count], ordered[count:]
         found = engine.refine_poses(
             surface.mesh,
             picture.native(surface),

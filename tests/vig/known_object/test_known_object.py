@@ -14,8 +14,8 @@ from vig import Explainer, Hints
 from vig.inference import PixelLabel, Verdict
 from vig.io.errors import UserError
 from vig.known_object import FILE, KnownObject, Surface
-from vig.known_object.search import WEIGHTS
-from vig.scene.light import srgb8_from_linear
+from vig.known_object.search import WEIGHTS, Picture, Poses, Stage
+from vig.scene.light import linear_from_srgb, srgb8_from_linear
 from vig_native import engine
 
 WIDTH, HEIGHT, FOCAL = 320, 240, 400.0
@@ -143,6 +143,29 @@ def test_a_dark_photo_is_as_good(pack: Path) -> None:
     dark = np.rint(photo * 0.12).astype(np.uint8)
     found = Explainer(pack).explain(dark, box_round(mask), camera=K, hints=Hints(mask=mask))
     assert off(found.camera_from_object, pose)[0] < 4
+
+
+def test_a_pose_that_is_the_best_at_last_is_refined(pack: Path) -> None:
+    true, surface = pose_at(0), carton()
+    photo, mask = photo_of(true)
+    colour = linear_from_srgb(photo[:, 30:270] / 255).astype(np.float32)
+    picture = Picture(colour, mask[:, 30:270].astype(np.float32), True, FOCAL, None)
+    turns = np.stack([Rotation.from_rotvec([0, 0, turn]).as_matrix() for turn in (2.5, 1.6, -1.6, 0.1)])
+    middle = true[:3, :3] @ surface.middle + true[:3, 3]
+    poses = Poses((turns @ true[:3, :3]).astype(np.float32), np.tile(middle, (4, 1)).astype(np.float32),
+                  np.array([-30.0, -30.0, -30.0, -9.0]))  # fmt: skip
+    refined = poses.refined(surface, picture, Stage(2, 80, 60, (0.06, 0.008, 0.012), 1.5))
+    assert len(refined.scores) == 4 and refined.scores[0] == refined.scores.max() > -9
+    assert np.degrees(Rotation.from_matrix(refined.rotations[0] @ true[:3, :3].T).magnitude()) < 4
+
+
+def test_numbers_beyond_a_level_of_a_texture_are_refused() -> None:
+    nothing = np.zeros((8, 8, 3), np.float32)
+    for per_pixel in (0.0, np.nan, np.inf):
+        with pytest.raises(ValueError, match="metres_per_pixel"):
+            engine.pose_photo(
+                nothing, nothing[..., 0], (8.0, 4.0, 4.0), None, False, per_pixel, WEIGHTS.of_box(1.0)
+            )
 
 
 def test_hints_narrow_the_search(pack: Path) -> None:
