@@ -231,7 +231,8 @@ def test_positions_are_calibrated_so_that_nine_in_ten_lie_within(
     monkeypatch.setattr("vig_train.calibration.positions._explained_photos", lambda *given: iter(posed))
     photographs = SimpleNamespace(world="photo", first=lambda count: None)
     monkeypatch.setattr("vig_train.calibration.positions.Dataset", SimpleNamespace)
-    calibration = calibrate_positions(learn(samples), [photographs], explanation.object_class, object())
+    network = SimpleNamespace(informed=True)
+    calibration = calibrate_positions(learn(samples), [photographs], explanation.object_class, network)
     np.testing.assert_allclose(calibration.position, drawn, rtol=0.2)
     assert np.array_equal(
         calibrate_positions(learn(samples), [], None, None).position, learn(samples).position
