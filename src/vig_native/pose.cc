@@ -3,6 +3,7 @@
 #include <array>
 
 #include "least_squares.h"
+#include "softplus.h"
 
 namespace vig {
 
@@ -38,6 +39,65 @@ Mat3<float> product(const Mat3<float>& a, const Mat3<float>& b) {
         out.row[i] = b.transposed(a.row[i]);
     return out;
 }
+
+// LANES pixels side by side: photo less surface in log colours, normals, weights.
+struct Rows {
+    float residual[3][LANES], normal[3][LANES], weight[LANES];
+};
+
+// The normal equations of gains and a light's slope, lane by lane, and the log-likelihood.
+struct LightSums {
+    Lanes<float> weight, by_channel[3], by_normal[3], sides[3], squares[6], likelihood;
+
+    // Weigh each pixel by its probability to show the surface, or all alike.
+    void add(const Rows& rows, const float* light, float half_inlier, float log_odds, bool alike) {
+        float square[LANES], t[LANES], r[LANES], log_1_r[LANES], w[LANES], nat[LANES], sum[LANES];
+        for (int n = 0; n < LANES; ++n) {
+            const float side = light[3] * rows.normal[0][n] + light[4] * rows.normal[1][n] + light[5] * rows.normal[2][n];
+            const float x = rows.residual[0][n] - light[0] - side, y = rows.residual[1][n] - light[1] - side;
+            const float z = rows.residual[2][n] - light[2] - side;
+            square[n] = x * x + y * y + z * z;
+            const float far = std::abs(square[n] * (half_inlier - 0.5f) + log_odds);
+            t[n] = far < 80 ? far : 80;
+        }
+        softplus(t, r, log_1_r);
+        for (int n = 0; n < LANES; ++n) {
+            const float inside = -square[n] * half_inlier, outside = log_odds - 0.5f * square[n], most = 1 / (1 + r[n]);
+            const float share = outside > inside ? r[n] * most : most;
+            nat[n] = rows.weight[n] * ((outside > inside ? outside : inside) + log_1_r[n]);
+            w[n] = rows.weight[n] * (alike ? 1.0f : share + (1 - share) * 0.5f / half_inlier);
+            sum[n] = rows.residual[0][n] + rows.residual[1][n] + rows.residual[2][n];
+        }
+        const auto& in = lanes_at(w);
+        weight += in;
+        likelihood += lanes_at(nat);
+        for (int k = 0, pair = 0; k < 3; ++k) {
+            const Lanes<float> along = in * lanes_at(rows.normal[k]);
+            by_channel[k] += in * lanes_at(rows.residual[k]);
+            by_normal[k] += along;
+            sides[k] += along * lanes_at(sum);
+            for (int l = k; l < 3; ++l)
+                squares[pair++] += along * lanes_at(rows.normal[l]);
+        }
+    }
+
+    // Fill the equations; return the log-likelihood.
+    double fill(double (&rows)[6][7]) const {
+        constexpr int COUNT = sizeof(LightSums) / sizeof(Lanes<float>);
+        float sums[COUNT];
+        sum_rows<COUNT, float>(&weight, sums);
+        for (int k = 0, pair = 10; k < 3; ++k) {
+            rows[k][k] = sums[0];
+            rows[k][6] = sums[1 + k];
+            for (int c = 0; c < 3; ++c)
+                rows[c][3 + k] = rows[3 + k][c] = sums[4 + k];
+            rows[3 + k][6] = sums[7 + k];
+            for (int l = k; l < 3; ++l)
+                rows[3 + k][3 + l] = rows[3 + l][3 + k] = 3 * sums[pair++];
+        }
+        return sums[16];
+    }
+};
 
 }  // namespace
 
@@ -89,9 +149,7 @@ bool draw_pose(const TexturedMesh& mesh, const PosePhoto& photo, const RigidPose
             }
             if (covered == 0)
                 continue;
-            colour = colour * (1.0f / shaded);
-            const Vec3<float> log_colour{std::log(colour.x + LEAST_COLOUR), std::log(colour.y + LEAST_COLOUR), std::log(colour.z + LEAST_COLOUR)};
-            scratch.pixels.push_back({y * photo.width + x, (float)covered / (SAMPLES * SAMPLES), log_colour,
+            scratch.pixels.push_back({y * photo.width + x, (float)covered / (SAMPLES * SAMPLES), colour * (1.0f / shaded),
                                       pose.rotation * (normal * (1.0f / shaded))});
         }
     return true;
@@ -104,21 +162,27 @@ double score_pose(const TexturedMesh& mesh, const PosePhoto& photo, const RigidP
         return -1e9;
     const PoseWeights& weights = photo.weights;
     const size_t area = (size_t)photo.width * photo.height;
-    double covered = 0, seen = 0;
-    size_t kept = 0;
-    scratch.residual.resize(7 * scratch.pixels.size());
+    double covered = 0, seen = 0, beside = 0;
+    int kept = 0;
+    scratch.rows.resize((scratch.pixels.size() / LANES + 1) * sizeof(Rows) / sizeof(float));
+    Rows* const rows_of = (Rows*)scratch.rows.data();
     for (const PosePixel& pixel : scratch.pixels) {
         covered += pixel.coverage;
         const float weight = pixel.coverage * photo.seen[pixel.place];
         if (weight <= 1e-3f)
             continue;
         seen += weight;
-        float* const row = &scratch.residual[7 * kept++];
+        if (!photo.surroundings.empty())
+            beside += weight * photo.surroundings[pixel.place];
+        Rows& rows = rows_of[kept / LANES];
+        const int lane = kept++ % LANES;
+        if (lane == 0)
+            rows = {};
         for (int c = 0; c < 3; ++c) {
-            row[c] = photo.log_colour[c * area + pixel.place] - pixel.log_colour[c];
-            row[3 + c] = pixel.normal[c];
+            rows.residual[c][lane] = photo.log_colour[c * area + pixel.place] - pixel.log_colour[c];
+            rows.normal[c][lane] = pixel.normal[c];
         }
-        row[6] = weight;
+        rows.weight[lane] = weight;
     }
     if (seen < 4)
         return -1e6;
@@ -128,43 +192,19 @@ double score_pose(const TexturedMesh& mesh, const PosePhoto& photo, const RigidP
     const double odds = std::pow(weights.sigma, 3) * (1 - weights.share) / weights.share;
     const double gain_weight = variance * seen / (weights.pixels * weights.gain_deviation * weights.gain_deviation);
     const double slope_weight = variance * seen / (weights.pixels * weights.slope_deviation * weights.slope_deviation);
+    const float half_inlier = float(0.5 / variance), log_odds = (float)std::log(odds);
     double by_light[6] = {}, likelihood = 0;
     constexpr int ROUNDS = 4;
     for (int round = 0; round <= ROUNDS; ++round) {
+        float at[6];
+        std::copy_n(by_light, 6, at);
+        LightSums sums{};
+        for (int block = 0; block * LANES < kept; ++block)
+            sums.add(rows_of[block], at, half_inlier, log_odds, round == 0);
         double rows[6][7] = {};
-        likelihood = 0;
-        for (size_t i = 0; i < kept; ++i) {
-            const float* const row = &scratch.residual[7 * i];
-            const float side = (float)by_light[3] * row[3] + (float)by_light[4] * row[4] + (float)by_light[5] * row[5];
-            float square = 0;
-            for (int c = 0; c < 3; ++c) {
-                const float off = row[c] - (float)by_light[c] - side;
-                square += off * off;
-            }
-            const float inside = std::exp(-0.5f * square / (float)variance), outside = (float)odds * std::exp(-0.5f * square);
-            if (round > 0)
-                likelihood += row[6] * std::log(inside + outside);
-            if (round == ROUNDS)
-                continue;
-            const float share = inside / (inside + outside);
-            const double weight = row[6] * (round == 0 ? 1.0f : share + (1 - share) * (float)variance);
-            for (int c = 0; c < 3; ++c) {
-                rows[c][c] += weight;
-                rows[c][6] += weight * row[c];
-                for (int k = 0; k < 3; ++k) {
-                    rows[c][3 + k] += weight * row[3 + k];
-                    rows[3 + k][6] += weight * row[3 + k] * row[c];
-                }
-            }
-            for (int k = 0; k < 3; ++k)
-                for (int l = k; l < 3; ++l)
-                    rows[3 + k][3 + l] += 3 * weight * row[3 + k] * row[3 + l];
-        }
+        likelihood = sums.fill(rows);
         if (round == ROUNDS)
             break;
-        for (int i = 0; i < 6; ++i)
-            for (int j = 0; j < i; ++j)
-                rows[i][j] = rows[j][i];
         for (int i = 0; i < 3; ++i) {
             for (int j = 0; j < 3; ++j)  // gains of the channels are alike, whatever the exposure
                 rows[i][j] += gain_weight * ((i == j) - 1.0 / 3) + (i == j) * 1e-4 * seen;
@@ -178,7 +218,12 @@ double score_pose(const TexturedMesh& mesh, const PosePhoto& photo, const RigidP
         prior += std::pow((by_light[c] - mean) / weights.gain_deviation, 2);
         prior += std::pow(by_light[3 + c] / weights.slope_deviation, 2);
     }
-    double score = likelihood / seen - 0.5 * prior / weights.pixels;
+    double score = likelihood / seen;
+    if (!photo.surroundings.empty()) {
+        const double normaliser = std::log(weights.share / std::pow(weights.sigma, 3)) - 1.5 * std::log(2 * 3.14159265358979);
+        score = weights.surroundings * (likelihood + normaliser * seen - beside);
+    }
+    score -= 0.5 * prior / weights.pixels;
     if (photo.outlined) {
         const double beyond = std::max(0.0, (double)photo.total_seen - seen);
         score += weights.outline * std::log(seen / (seen + beyond + weights.unseen * (covered - seen)) + 1e-3);

@@ -5,6 +5,8 @@
 
 namespace vig {
 
+constexpr float LEAST_COLOUR = 0.02f;  // noise and haze of dark pixels
+
 // A picture (height, width, 3) of linear RGB and its halves, one after the other.
 struct Texture {
     struct Level {
@@ -21,7 +23,7 @@ struct TexturedMesh {
     std::vector<float> positions, normals, uv;      // (V, 3) twice, (F, 3, 2)
     std::vector<int32_t> corners, texture_of_face;  // (F, 3), (F,)
     std::vector<Texture> textures;
-    std::vector<float> texels, octave;  // of all textures' levels; (F,) log2 of the finest's texels per metre
+    std::vector<float> texels, octave;  // log(linear RGB + LEAST_COLOUR) of all levels; (F,) log2 of the finest's texels per metre
 };
 
 struct RigidPose {
@@ -31,7 +33,7 @@ struct RigidPose {
 
 // Weights of the parts of a pose's score; see `score_pose`.
 struct PoseWeights {
-    float sigma, share, gain_deviation, slope_deviation, pixels, outline, unseen, box_deviation;
+    float sigma, share, gain_deviation, slope_deviation, pixels, outline, surroundings, unseen, box_deviation;
 };
 
 // A part of a photo, the object's box, and how far each of its pixels may show the object.
@@ -40,6 +42,7 @@ struct PosePhoto {
     float focal, cx, cy;
     std::vector<float> log_colour, seen;  // (3, H * W) log(linear RGB + LEAST_COLOUR); (H * W) from 0 to 1
     float total_seen;                     // sum of `seen`
+    std::vector<float> surroundings;      // (H * W) log density of each log colour among the surroundings; or empty
     bool outlined;                        // whether `seen` is all of the object that is not hidden
     bool boxed;
     float box[4];                         // left, right, top, bottom
@@ -47,7 +50,6 @@ struct PosePhoto {
     PoseWeights weights;
 };
 
-constexpr float LEAST_COLOUR = 0.02f;  // noise and haze of dark pixels
 constexpr int SAMPLES = 2;             // of each pixel, across and down
 
 // A surface at a pixel of a pose: the covered share, log colour, normal in the camera's frame.
@@ -59,7 +61,7 @@ struct PosePixel {
 
 // Memory that evaluations of one thread share.
 struct PoseScratch {
-    std::vector<float> screen, residual;
+    std::vector<float> screen, rows;
     std::vector<uint8_t> facing;
     VisibilityBuffer<float> seen;
     std::vector<PosePixel> pixels;
@@ -69,8 +71,8 @@ struct PoseScratch {
 bool draw_pose(const TexturedMesh& mesh, const PosePhoto& photo, const RigidPose& pose, PoseScratch& scratch, float* bounds);
 
 // The score of a pose: mean log-likelihood of seen pixels that it covers, under a gain of each channel and a light from one
-// side (`light`, 6 numbers in log colour), robust to others; outline's overlap; distance from the box. `inlier` (H * W)
-// receives the probability that a pixel shows the surface.
+// side (`light`, 6 numbers in log colour), robust to others; outline's overlap; distance from the box. Where the surroundings
+// are known, in place of the mean: the sum of the log-likelihood beyond theirs. `inlier` (H * W) receives the probability that a pixel shows the surface.
 double score_pose(const TexturedMesh& mesh, const PosePhoto& photo, const RigidPose& pose, PoseScratch& scratch,
                   double* light = nullptr, float* inlier = nullptr);
 

@@ -3,6 +3,7 @@
 #include <nanobind/stl/vector.h>
 
 #include <climits>
+#include <cstring>
 
 #include "arrays.h"
 #include "pose.h"
@@ -29,6 +30,8 @@ TexturedMesh make_mesh(Input<float> positions, Input<int32_t> corners, Input<flo
         throw std::invalid_argument("positions and faces must be 1 or more, and fit into memory");
     TexturedMesh mesh{(int)vertices, (int)faces, closed, copy(positions), copy(normals), copy(uv), copy(corners),
                       copy(texture_of_face), {}, copy(texels), copy(octave)};
+    for (float& texel : mesh.texels)
+        texel = std::log(std::max(texel, 0.0f) + LEAST_COLOUR);
     for (size_t i = 0; i < levels.shape(0); ++i) {
         const int64_t* const level = levels.data() + 4 * i;
         const bool next = level[0] == (int64_t)mesh.textures.size(), same = level[0] + 1 == (int64_t)mesh.textures.size();
@@ -49,18 +52,25 @@ TexturedMesh make_mesh(Input<float> positions, Input<int32_t> corners, Input<flo
 }
 
 PosePhoto make_photo(Input<float> colour, Input<float> seen, std::tuple<double, double, double> camera,
-                     std::optional<std::vector<float>> box, bool outlined, float metres_per_pixel, std::vector<float> weights) {
+                     std::optional<std::vector<float>> box, Optional<float> surroundings, bool outlined, float metres_per_pixel,
+                     std::vector<float> weights) {
     check_shape("colour", colour, {-1, -1, 3});
     const int64_t height = colour.shape(0), width = colour.shape(1);
     check_shape("seen", seen, {height, width});
     if (height < 1 || width < 1 || std::max(height, width) > 4096)
         throw std::invalid_argument("colour must have 1 to 4096 pixels a side");
-    if (weights.size() != 8 || (box && box->size() != 4) || !(metres_per_pixel > 0 && metres_per_pixel < 1e9f))
-        throw std::invalid_argument("weights must be 8 numbers, and box 4; metres_per_pixel above 0");
+    if (weights.size() != 9 || (box && box->size() != 4) || !(metres_per_pixel > 0 && metres_per_pixel < 1e9f))
+        throw std::invalid_argument("weights must be 9 numbers, and box 4; metres_per_pixel above 0");
     const auto [focal, cx, cy] = camera;
-    PosePhoto photo{(int)width, (int)height, (float)focal, (float)cx, (float)cy, {}, copy(seen), 0, outlined, box.has_value(), {},
-                    metres_per_pixel, {weights[0], weights[1], weights[2], weights[3], weights[4], weights[5], weights[6], weights[7]}};
+    PosePhoto photo{(int)width, (int)height, (float)focal, (float)cx, (float)cy, {}, copy(seen), 0, {}, outlined, box.has_value(), {},
+                    metres_per_pixel, {}};
+    std::memcpy(&photo.weights, weights.data(), sizeof photo.weights);
+    static_assert(sizeof photo.weights == 9 * sizeof(float));
     const size_t area = (size_t)height * width;
+    if (surroundings) {
+        check_shape("surroundings", *surroundings, {height, width});
+        photo.surroundings = copy(*surroundings);
+    }
     photo.log_colour.resize(3 * area);
     for (size_t i = 0; i < area; ++i) {
         photo.total_seen += photo.seen[i];
@@ -88,8 +98,9 @@ void bind_poses(nb::module_& m) {
     nb::class_<PosePhoto>(m, "PosePhoto");
     m.def("textured_mesh", &make_mesh, "positions"_a, "faces"_a, "normals"_a, "uv"_a, "texture_of_face"_a, "levels"_a,
           "texels"_a, "octave"_a, "closed"_a);
-    m.def("pose_photo", &make_photo, "colour"_a, "seen"_a, "camera"_a, "box"_a.none(), "outlined"_a, "metres_per_pixel"_a,
-          "weights"_a);
+    m.def("pose_photo", &make_photo, "colour"_a, "seen"_a, "camera"_a, "box"_a.none(), "surroundings"_a.none(), "outlined"_a,
+          "metres_per_pixel"_a, "weights"_a);
+    m.attr("LEAST_COLOUR") = LEAST_COLOUR;
     // Scores (N,) of poses; with `evaluations` they are refined first: rotations (N, 3, 3), translations (N, 3), scores (N,).
     m.def("refine_poses", [](const TexturedMesh& mesh, const PosePhoto& photo, Input<float> rotations, Input<float> translations,
                              int evaluations, std::tuple<float, float, float> steps, int threads) {
@@ -143,8 +154,8 @@ void bind_poses(nb::module_& m) {
         return nb::make_tuple(coverage, colour, normal, inlier, light);
     }, "mesh"_a, "photo"_a, "rotation"_a, "translation"_a);
     // Scores (N,) of placed views: numbers (N,), placements (N, 5): cos, sin, x, y, scale; see pose_views.h.
-    m.def("score_views", [](Input<float> views, Input<float> photo, Input<int32_t> numbers, Input<float> placements, bool outlined,
-                            float outline, float unseen, int threads) {
+    m.def("score_views", [](Input<float> views, Input<float> photo, Input<int32_t> numbers, Input<float> placements, float outline,
+                            float unseen, int threads) {
         check_shape("views", views, {-1, Views::PLANES, -1, -1});
         check_shape("views", views, {-1, Views::PLANES, (int64_t)views.shape(2), (int64_t)views.shape(2)});
         check_shape("photo", photo, {4, -1, -1});
@@ -159,7 +170,7 @@ void bind_poses(nb::module_& m) {
                 throw std::invalid_argument("placements must be finite, within 100000");
         const auto scores = make<double>({count});
         const nb::gil_scoped_release released;
-        ViewPhoto seen{photo.data(), (int)photo.shape(1), (int)photo.shape(2), 0, outlined};
+        ViewPhoto seen{photo.data(), (int)photo.shape(1), (int)photo.shape(2), 0};
         for (size_t i = 3 * photo.size() / 4; i < photo.size(); ++i)
             seen.total_seen += photo.data()[i];
         const Views all{views.data(), (int)views.shape(0), (int)views.shape(2)};
@@ -168,7 +179,7 @@ void bind_poses(nb::module_& m) {
             scores.data()[n] = score_view(all, seen, {numbers.data()[n], p[0], p[1], p[2], p[3], p[4]}, outline, unseen);
         });
         return scores;
-    }, "views"_a, "photo"_a, "numbers"_a, "placements"_a, "outlined"_a, "outline"_a, "unseen"_a, "threads"_a);
+    }, "views"_a, "photo"_a, "numbers"_a, "placements"_a, "outline"_a, "unseen"_a, "threads"_a);
 }
 
 }  // namespace vig

@@ -65,7 +65,7 @@ double score_view(const Views& views, const ViewPhoto& photo, const PlacedView& 
     }
     const double beyond = std::max(0.0, photo.total_seen / ((double)placed.scale * placed.scale) - seen);
     const double overlap = seen / (seen + beyond + unseen * (covered - seen) + 1e-6);
-    return -0.5 * log_errors + (photo.outlined ? outline * std::log(overlap + 1e-3) : 0);
+    return -0.5 * log_errors + outline * std::log(overlap + 1e-3);
 }
 
 }  // namespace vig

@@ -19,7 +19,6 @@ struct ViewPhoto {
     const float* planes;
     int height, width;
     double total_seen;
-    bool outlined;
 };
 
 // A view turned by an angle and magnified by `scale` (cos and sin are times it), its middle at (x, y).

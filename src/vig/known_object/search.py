@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -24,6 +24,12 @@ MOST_ASPECT = 0.35
 fewer than 200 remained."""
 APART = math.radians(16.0)
 """Least angle between views that are refined."""
+LOOSE_OUTLINE = 1.0
+"""In place of `ScoreWeights.outline` for views where a box alone tells what is the object's."""
+LEAST_COLOUR: float = engine.LEAST_COLOUR
+"""Added to colours before their logarithm: noise and haze of dark pixels."""
+LOG_OTHER = -0.75 - 1.5 * math.log(2 * math.pi)
+"""Log density of log colours that neither the object's surface nor the surroundings explain."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +71,8 @@ class ScoreWeights:
         slope_deviation: Of the log colours' slope along the normals, by which light comes from one side.
         pixels: Independent pixels that the mean log-likelihood is worth against these priors.
         outline: Weight of the log overlap of pose and visible pixels.
+        surroundings: Where these are not known, weight of the log-likelihood beyond that of the surroundings'
+            colours, over the area of the box.
         unseen: Weight in it of pixels that a pose covers and that do not show the object.
         box_deviation: Of the sides of the object's box, over its longer one.
     """
@@ -75,12 +83,18 @@ class ScoreWeights:
     slope_deviation: float = 0.5
     pixels: float = 20.0
     outline: float = 8.0
+    surroundings: float = 2.0
     unseen: float = 0.5
     box_deviation: float = 0.02
 
-    def of_box(self, longer: float) -> list[float]:
-        """Return all for the native library, with the box's longer side in pixels."""
-        return [*astuple(self)[:-1], self.box_deviation * longer]
+    def of_box(self, width: float, height: float) -> list[float]:
+        """Return all for the native library, with the box's sides in pixels."""
+        scaled = replace(
+            self,
+            surroundings=self.surroundings / (width * height),
+            box_deviation=self.box_deviation * max(width, height),
+        )
+        return list(astuple(scaled))
 
 
 WEIGHTS = ScoreWeights()
@@ -111,18 +125,49 @@ class Picture:
     focal: float
     box: tuple[float, float, float, float] | None
 
+    @property
+    def within(self) -> tuple[slice, slice]:
+        """Return the rows and columns of pixels in the box."""
+        height, width = self.seen.shape
+        left, right, top, bottom = self.box or (0, width, 0, height)
+        rows, columns = (slice(max(0, int(a)), max(0, int(b)) + 1) for a, b in ((top, bottom), (left, right)))
+        return rows, columns
+
     @cached_property
     def exposure(self) -> float:
         """Return the factor by which what is seen in the box becomes as bright as surfaces usually are.
 
-        Else `LEAST_COLOUR` in vig_native/pose.h would hide the contrast of dark photos.
+        Else `LEAST_COLOUR` would hide the contrast of dark photos.
         """
-        height, width = self.seen.shape
-        left, right, top, bottom = self.box or (0, width, 0, height)
-        rows, columns = (slice(max(0, int(a)), max(0, int(b)) + 1) for a, b in ((top, bottom), (left, right)))
-        seen, colour = self.seen[rows, columns], self.colour[rows, columns]
+        seen, colour = self.seen[self.within], self.colour[self.within]
         mean = float((colour.mean(2) * seen).sum() / max(float(seen.sum()), 1.0))
         return 0.2 / max(mean, 1e-4)
+
+    @cached_property
+    def surroundings(self) -> np.ndarray | None:
+        """Return the log density (n, n) float32 of each log colour among those beside the box.
+
+        None where it is known what is seen of the object, or there is no box.
+        """
+        if self.outlined or self.box is None:
+            return None
+        beside = self.seen.copy()
+        beside[self.within] = 0
+        darkest, span = math.log(LEAST_COLOUR), math.log(1 + 1 / LEAST_COLOUR)
+        logs = np.log(self.colour.clip(0, None) * np.float32(self.exposure) + LEAST_COLOUR)
+        shares = (beside / max(float(beside.sum()), 1e-9))[None].astype(np.float64)
+        density = engine.colour_density(((logs - darkest) / span).clip(0, 1).astype(np.float64), shares)[0]
+        return np.log(0.8 * density / span**3 + 0.2 * math.exp(LOG_OTHER)).astype(np.float32)
+
+    @property
+    def owned(self) -> np.ndarray:
+        """Return how far each pixel (n, n) may show the object: `seen`, or what the surroundings do not."""
+        if self.surroundings is None:
+            return self.seen
+        owned = np.zeros_like(self.seen)
+        share = 1 / (0.8 + np.exp(self.surroundings[self.within] - LOG_OTHER))
+        owned[self.within] = self.seen[self.within] * share.clip(0, 1)
+        return owned
 
     def native(self, surface: Surface) -> Any:
         """Return it for the native library."""
@@ -137,9 +182,10 @@ class Picture:
             self.seen,
             camera,
             self.box and list(self.box),
+            self.surroundings,
             self.outlined,
             per_pixel,
-            _weights(surface).of_box(longer),
+            _weights(surface).of_box(right - left, bottom - top),
         )
 
 
@@ -238,8 +284,8 @@ class Views:
         nothing = np.zeros((size, size, 3), np.float32)
         per_pixel = VIEW_DISTANCE * self.radius / self.focal
         camera = self.focal * size / VIEW_PIXELS, size / 2, size / 2
-        unused = WEIGHTS.of_box(1.0)
-        photo = engine.pose_photo(nothing, nothing[..., 0], camera, None, False, per_pixel, unused)
+        unused = WEIGHTS.of_box(1.0, 1.0)
+        photo = engine.pose_photo(nothing, nothing[..., 0], camera, None, None, False, per_pixel, unused)
         middle = np.array([0, 0, VIEW_DISTANCE * self.radius], np.float32)
         planes = np.empty((VIEWS, 7, VIEW_PIXELS, VIEW_PIXELS), np.float32)
         for number, rotation in enumerate(self.rotations.astype(np.float32)):
@@ -280,7 +326,7 @@ class Views:
         at = np.array([left + right, top + bottom]) / 2 - scale[:, None] * (low + high)[turn, view] / 2
         placed = np.stack([scale * np.cos(angle), scale * np.sin(angle), at[:, 0], at[:, 1], scale], 1)
         colour = picture.colour * np.float32(picture.exposure)
-        planes = np.concatenate([colour.transpose(2, 0, 1), picture.seen[None]])
+        planes = np.concatenate([colour.transpose(2, 0, 1), picture.owned[None]])
         middle = picture.colour.shape[1] / 2
         ray = np.column_stack([(at - middle) / picture.focal, np.ones(len(at))])
         rotations = _towards(ray) @ _turns()[turn] @ self.rotations[view]
@@ -289,7 +335,7 @@ class Views:
         weights = _weights(self.surface)
         scores = engine.score_views(
             self.planes, np.ascontiguousarray(planes), view.astype(np.int32), placed.astype(np.float32),
-            picture.outlined, weights.outline, weights.unseen, 1,
+            weights.outline if picture.outlined else LOOSE_OUTLINE, weights.unseen, 1,
         ) - 8 * aspect[turn, view] ** 2  # fmt: skip
         allowed = agrees(rotations)
         scores = np.where(allowed, scores, -math.inf) if allowed.any() else scores

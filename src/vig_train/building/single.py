@@ -20,9 +20,9 @@ from vig_world.assets.own.folder import fingerprint
 from vig_world.assets.own.load import SUFFIXES, MeshPiece, load
 from vig_world.assets.own.simplify import simplified
 
-MOST_FACES = 20_000
+MOST_FACES = 10_000
 """Faces of the surface that poses are searched with, at most; with 3,000 depths were off by 2 %."""
-EDITION = 5
+EDITION = 6
 """Edition of the packs: those of another edition are not used."""
 TURNS = {
     Symmetry.NONE: "no turn about its vertical looks the same",

@@ -59,7 +59,8 @@ def photo_of(pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     surface, nothing = carton(), np.zeros((HEIGHT, WIDTH, 3), np.float32)
     per_pixel = pose[2, 3] / FOCAL
     camera = FOCAL, K[0, 2], K[1, 2]
-    given = engine.pose_photo(nothing, nothing[..., 0], camera, None, False, per_pixel, WEIGHTS.of_box(1.0))
+    weights = WEIGHTS.of_box(1.0, 1.0)
+    given = engine.pose_photo(nothing, nothing[..., 0], camera, None, None, False, per_pixel, weights)
     middle = pose[:3, :3] @ surface.middle + pose[:3, 3]
     arrays = (np.ascontiguousarray(part, np.float32) for part in (pose[:3, :3], middle))
     coverage, colour, normal, *_ = engine.draw_pose(surface.mesh, given, *arrays)
@@ -159,12 +160,41 @@ def test_a_pose_that_is_the_best_at_last_is_refined(pack: Path) -> None:
     assert np.degrees(Rotation.from_matrix(refined.rotations[0] @ true[:3, :3].T).magnitude()) < 4
 
 
+def test_known_surroundings_are_what_a_pose_must_explain_better() -> None:
+    """The score with surroundings, from the one without them, which is of a pixel in the mean."""
+    true, surface, rng = pose_at(1), carton(), np.random.default_rng(0)
+    photo, mask = photo_of(true)
+    colour = linear_from_srgb(photo[:, 30:270] / 255).astype(np.float32)
+    seen = (rng.random(colour.shape[:2]) < 0.8).astype(np.float32)
+    beside = rng.normal(-3, 1, seen.shape).astype(np.float32)
+    pose = [
+        part[None].astype(np.float32) for part in (true[:3, :3], true[:3, :3] @ surface.middle + true[:3, 3])
+    ]
+    weights, camera = WEIGHTS.of_box(50.0, 40.0), (FOCAL, 120.0, 125.0)
+    without, given = (
+        engine.pose_photo(colour, seen, camera, None, densities, False, 0.001, weights)
+        for densities in (None, beside)
+    )
+    scores = [
+        engine.refine_poses(surface.mesh, each, *pose, 0, (0.0, 0.0, 0.0), 1)[2][0]
+        for each in (without, given)
+    ]
+    coverage, *_, light = engine.draw_pose(surface.mesh, given, pose[0][0], pose[1][0])
+    gains = (light[:3] - light[:3].mean()) / WEIGHTS.gain_deviation
+    prior = ((gains**2).sum() + ((light[3:] / WEIGHTS.slope_deviation) ** 2).sum()) / 2 / WEIGHTS.pixels
+    weight = coverage * seen
+    # The score leaves out the normaliser of the inliers' share of the density.
+    normaliser = np.log(WEIGHTS.share / WEIGHTS.sigma**3) - 1.5 * np.log(2 * np.pi)
+    better = (scores[0] + prior + normaliser) * weight.sum() - (weight * beside).sum()
+    assert scores[1] == pytest.approx(WEIGHTS.surroundings / 2000 * better - prior, rel=1e-3)
+
+
 def test_numbers_beyond_a_level_of_a_texture_are_refused() -> None:
-    nothing = np.zeros((8, 8, 3), np.float32)
+    nothing, weights = np.zeros((8, 8, 3), np.float32), WEIGHTS.of_box(1.0, 1.0)
     for per_pixel in (0.0, np.nan, np.inf):
         with pytest.raises(ValueError, match="metres_per_pixel"):
             engine.pose_photo(
-                nothing, nothing[..., 0], (8.0, 4.0, 4.0), None, False, per_pixel, WEIGHTS.of_box(1.0)
+                nothing, nothing[..., 0], (8.0, 4.0, 4.0), None, None, False, per_pixel, weights
             )
 
 
