@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -13,7 +14,7 @@ from vig.hints import Hints
 from vig.inference.hints import PixelLabel
 from vig.inference.settings import UNIFORM_TURN, Fit, OtherView, Verdict
 from vig.io.errors import UserError
-from vig.known_object.search import VIEW_PIXELS, WEIGHTS, Picture, Poses, Views, locate
+from vig.known_object.search import VIEW_PIXELS, WEIGHTS, Picture, Poses, Stage, Views, locate
 from vig.known_object.surface import FILE, Surface
 from vig.likelihood import SPATIAL, spatial_posterior
 from vig.photo import ImagePyramid, Intrinsics, Window
@@ -32,6 +33,8 @@ DISTINCT = math.radians(25.0)
 """Angle from which poses are different."""
 STEPS = np.array([0.05, 0.05, 0.05, 0.01, 0.01, 0.02])
 """Differences by which a score's curvature is measured: radians about x, y, z; shares of the distance."""
+DEVIATION_PIXELS = 64
+"""Pixels of the window's side for these."""
 TRUSTED_SCORE, TRUSTED_LEAD = -8.5, 0.7
 """Score, and lead over every other pose, from which a pose is trusted: chosen on photos of HOPE under one of
 its lights, 95 % of such rotations were within 15 degrees, 96 and 93 % under two others."""
@@ -129,6 +132,56 @@ class KnownObject:
         poses = self._search(pyramid, window, place, told)
         return self._fit(pyramid, window, place, poses, lens)
 
+    def follow(
+        self,
+        pyramid: ImagePyramid,
+        expected: np.ndarray,
+        stages: Sequence[Stage],
+        lens: Intrinsics,
+        seek: bool = False,
+    ) -> tuple[Window, Fit, float, np.ndarray]:
+        """Return window, fit and ratio as `explain`, and the pose (4, 4), by a search near some poses.
+
+        expected: (N, 4, 4) camera_from_object, the likeliest first. `seek`: the object may be elsewhere about
+        there, and turned.
+        """
+        turns = expected[:, :3, :3]
+        middles = turns @ self.surface.middle + expected[:, :3, 3]
+        points = (self.surface.outermost - self.surface.middle) @ turns[0].T
+        seen = (points + middles[:, None]) @ lens.K.T
+        flat = (seen[..., :2] / np.maximum(seen[..., 2:], 1e-3)).reshape(-1, 2)
+        low, high = flat.min(0), flat.max(0)
+        grown = (1.0 if seek else 0.1) * (high - low).max()
+        low, high = low - grown, high + grown
+        side = MARGIN * float((high - low).max())
+        left, top = (low + high - side) / 2
+        window = Window(float(left), float(top), side, lens=lens)
+        (x, y), (w, h) = low.tolist(), (high - low).tolist()
+        alone = np.ptp((points + middles[0]) @ lens.K.T / middles[0, 2], axis=0)[:2]
+
+        def picture_of(pixels: int) -> Picture:
+            size = round(pixels * side / alone.max())
+            picture = self._picture(pyramid, window, Place((x, y, w, h)), size)
+            return replace(picture, size=tuple(alone * size / side))
+
+        poses = Poses(*_contiguous(window.turn @ turns, middles @ window.turn.T), np.zeros(len(expected)))
+        if seek:
+            picture = picture_of(VIEW_PIXELS)
+            reach = max(w, h) / 2 - alone.max() / 2
+            grid = (np.arange(-reach, reach, alone.max() / 4) + side / 2) * len(picture.seen) / side
+            places = np.stack(np.meshgrid(grid, grid), -1).reshape(-1, 2)
+            poses = self.views.about(picture, poses.rotations[0], float(middles[0, 2]), places)
+        for stage in stages:
+            picture = picture_of(stage.pixels)
+            ranking = replace(stage, count=len(poses.scores), evaluations=0)
+            poses = poses.refined(self.surface, picture, ranking).refined(self.surface, picture, stage)
+        poses = poses[:1]
+        back = window.turn.T
+        pose = np.eye(4)
+        pose[:3, :3] = back @ poses.rotations[0]
+        pose[:3, 3] = back @ poses.translations[0] - pose[:3, :3] @ self.surface.middle
+        return *self._fit(pyramid, window, Place((x, y, w, h)), poses, lens), pose
+
     def _search(self, pyramid: ImagePyramid, window: Window, place: Place, told: Hints) -> Poses:
         """Return poses before the window's camera, the best first."""
 
@@ -194,7 +247,9 @@ class KnownObject:
         verdict, reason = _verdict(poses, picture.outlined, self.surface.one_colour)
         if not (visible > 0.5).any():
             verdict, reason = Verdict.FAILED, Verdict.FAILED.value
-        deviation, framing_deviation = self._deviation(native, rotation, middle, latents, verdict)
+        small = self._picture(pyramid, around, place, DEVIATION_PIXELS).native(self.surface)
+        sure = verdict is Verdict.TRUSTED or len(poses.scores) == 1
+        deviation, framing_deviation = self._deviation(small, rotation, middle, latents, sure)
         framing_deviation[:2] *= around.focal / around.side
         behind = (WEIGHTS.pixels * (poses.scores[0] - poses.scores)).tolist()
         fit = Fit(
@@ -263,11 +318,11 @@ class KnownObject:
         return latents, np.array([*shift, scale, roll], np.float32)
 
     def _deviation(
-        self, photo: Any, rotation: np.ndarray, middle: np.ndarray, latents: Latents, verdict: Verdict
+        self, photo: Any, rotation: np.ndarray, middle: np.ndarray, latents: Latents, sure: bool
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return deviations of latents (P,) and framing (4,) from the curvature of the score at a pose.
 
-        Shifts are in shares of the distance.
+        Shifts are in shares of the distance. `sure`: whether the pose is known but for these.
         """
         moves = np.concatenate([np.zeros((1, 6)), np.diag(STEPS), -np.diag(STEPS)])
         turned = _rotations(moves[:, :3]) @ rotation
@@ -283,7 +338,6 @@ class KnownObject:
         layout = latent_layout(latents.shape.shape[1])
         deviation = np.zeros(layout.size, np.float32)
         level = max(math.cos(float(latents.elevation[0])), 0.2)
-        sure = verdict is Verdict.TRUSTED
         deviation[layout["azimuth"]] = min(about_y / level, UNIFORM_TURN) if sure else UNIFORM_TURN
         deviation[layout["elevation"]] = about_x
         return deviation, np.array([x, y, z, about_z], np.float32)

@@ -24,6 +24,8 @@ MOST_ASPECT = 0.35
 fewer than 200 remained."""
 APART = math.radians(16.0)
 """Least angle between views that are refined."""
+TURNED = math.radians(60.0)
+"""Angle by which an object may have turned while it was not seen."""
 LOOSE_OUTLINE = 1.0
 """In place of `ScoreWeights.outline` for views where a box alone tells what is the object's."""
 LEAST_COLOUR: float = engine.LEAST_COLOUR
@@ -117,6 +119,7 @@ class Picture:
         outlined: Whether it is known.
         focal: Pixels.
         box: Left, right, top, bottom of the object in pixels; None where unknown, or the window is rolled.
+        size: About the object's width and height in pixels where it does not fill the box but is in it.
     """
 
     colour: np.ndarray
@@ -124,6 +127,7 @@ class Picture:
     outlined: bool
     focal: float
     box: tuple[float, float, float, float] | None
+    size: tuple[float, float] | None = None
 
     @property
     def within(self) -> tuple[slice, slice]:
@@ -157,7 +161,8 @@ class Picture:
         logs = np.log(self.colour.clip(0, None) * np.float32(self.exposure) + LEAST_COLOUR)
         shares = (beside / max(float(beside.sum()), 1e-9))[None].astype(np.float64)
         density = engine.colour_density(((logs - darkest) / span).clip(0, 1).astype(np.float64), shares)[0]
-        return np.log(0.8 * density / span**3 + 0.2 * math.exp(LOG_OTHER)).astype(np.float32)
+        logs = np.log(0.8 * density / span**3 + 0.2 * math.exp(LOG_OTHER))
+        return np.asarray(logs, np.float32)
 
     @property
     def owned(self) -> np.ndarray:
@@ -173,19 +178,19 @@ class Picture:
         """Return it for the native library."""
         # Without a box the object is most of the picture.
         left, right, top, bottom = self.box or (0.0, 0.75 * len(self.colour)) * 2
-        longer = max(right - left, bottom - top)
+        width, height = self.size or (right - left, bottom - top)
         middle = self.colour.shape[1] / 2
         camera = self.focal, middle, middle
-        per_pixel = surface.diameter / longer / 1.5
+        per_pixel = surface.diameter / max(width, height) / 1.5
         return engine.pose_photo(
             self.colour * np.float32(self.exposure),
             self.seen,
             camera,
-            self.box and list(self.box),
+            list(self.box) if self.box and self.size is None else None,
             self.surroundings,
             self.outlined,
             per_pixel,
-            _weights(surface).of_box(right - left, bottom - top),
+            _weights(surface).of_box(width, height),
         )
 
 
@@ -322,8 +327,35 @@ class Views:
             np.abs(aspect) < max(MOST_ASPECT, float(np.partition(np.abs(aspect), 200, axis=None)[200]))
         )
         scale = np.sqrt((right - left) * (bottom - top) / (width * height))[turn, view]
-        angle = turn * math.tau / TURNS
         at = np.array([left + right, top + bottom]) / 2 - scale[:, None] * (low + high)[turn, view] / 2
+        return self._best(picture, turn, view, scale, at, 8 * aspect[turn, view] ** 2, agrees)
+
+    def about(self, picture: Picture, rotation: np.ndarray, depth: float, places: np.ndarray) -> Poses:
+        """Return the poses at places (M, 2) in pixels, near a rotation (3, 3), that explain a picture best.
+
+        depth: Of the surface's middle, metres.
+        """
+        all_turned = np.einsum("aij,njk->anik", _turns(), self.rotations)
+        turn, view = np.nonzero(np.einsum("anij,ij->an", all_turned, rotation) > 1 + 2 * math.cos(TURNED))
+        count = len(turn)
+        turn, view = (np.tile(numbers, len(places)) for numbers in (turn, view))
+        scale = np.full(len(turn), picture.focal * VIEW_DISTANCE * self.radius / (self.focal * depth))
+        return self._best(
+            picture, turn, view, scale, places.repeat(count, 0), 0.0, lambda all_: all_[:, 0, 0] < 2
+        )
+
+    def _best(
+        self,
+        picture: Picture,
+        turn: np.ndarray,
+        view: np.ndarray,
+        scale: np.ndarray,
+        at: np.ndarray,
+        penalty: np.ndarray | float,
+        agrees: Callable[[np.ndarray], np.ndarray],
+    ) -> Poses:
+        """Return the best of views (N,), turned, magnified and placed at (N, 2), `APART` from each other."""
+        angle = turn * math.tau / TURNS
         placed = np.stack([scale * np.cos(angle), scale * np.sin(angle), at[:, 0], at[:, 1], scale], 1)
         colour = picture.colour * np.float32(picture.exposure)
         planes = np.concatenate([colour.transpose(2, 0, 1), picture.owned[None]])
@@ -336,7 +368,7 @@ class Views:
         scores = engine.score_views(
             self.planes, np.ascontiguousarray(planes), view.astype(np.int32), placed.astype(np.float32),
             weights.outline if picture.outlined else LOOSE_OUTLINE, weights.unseen, 1,
-        ) - 8 * aspect[turn, view] ** 2  # fmt: skip
+        ) - penalty  # fmt: skip
         allowed = agrees(rotations)
         scores = np.where(allowed, scores, -math.inf) if allowed.any() else scores
         chosen: list[int] = []

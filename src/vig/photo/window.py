@@ -175,14 +175,14 @@ class Window:
         shown = np.ones((size, size), bool) if whole else cut[3] > 0.5
         return np.clip(np.stack(cut[:3], axis=-1), 0, 1), shown
 
-    @property
+    @cached_property
     def focal(self) -> float | None:
         """Return the focal length of the camera that shows it, in pixels of the photo; None without a
         lens.
         """
         return None if self.lens is None else self.lens.turned_to(*self.centre)[1]
 
-    @property
+    @cached_property
     def turn(self) -> np.ndarray:
         """Return the rotation (3, 3) to the axes of the camera that shows the window from the photo's
         camera's.

@@ -6,6 +6,7 @@ import math
 import time
 from collections import deque
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,9 @@ from vig.explanation import Explanation
 from vig.hints import Hints
 from vig.inference.settings import UNIFORM_TURN
 from vig.io.errors import UserError
+from vig.known_object import PoseFollower
+from vig.parallel import on_one_core
+from vig.photo import ImagePyramid
 from vig.photo.images import coded_photo
 from vig.photo.lens import camera_as_shown
 from vig.photo.pinhole import pose_covariance
@@ -87,11 +91,12 @@ class Tracker:
         self._fold = max(object_class.object_class.symmetry.fold, 1)
         self._K, self._number = K, -1
         self._follower: Follower | None = None
+        self._known: PoseFollower | None = None
         self._last: float | None = None
 
     def __call__(self, frame: Photo) -> TrackedPose | None:
         """Return the pose in the next frame; None until the object is found in one."""
-        return self.start(frame) if self._follower is None else self.step(frame)
+        return self.step(frame) if self._follower or self._known else self.start(frame)
 
     def start(
         self, frame: Photo, mask: np.ndarray | None = None, box: Box | None = None, K: Any = None
@@ -122,7 +127,7 @@ class Tracker:
             UserError: It was not started, or the frame is unreadable or of another size.
         """
         began, picture = time.perf_counter(), coded_photo(frame)
-        if self._follower is None:
+        if self._follower is None and self._known is None:
             raise UserError("expected a tracker that was started; got one that was not. Call start(frame).")
         if picture.shape[1::-1] != self._size:
             (width, height), (w, h) = self._size, picture.shape[1::-1]
@@ -130,6 +135,11 @@ class Tracker:
                 f"expected frames of one size, {width} x {height}; got one of {w} x {h}. Start again for it."
             )
         self._number += 1
+        if self._known is not None:
+            window, fit, ratio = on_one_core(partial(self._known.step, ImagePyramid(picture)))
+            part = {"picture": picture, "window": window, "fit": fit, "camera_distance_ratio": ratio}
+            return self._known_pose(replace(self._found, **part), began)
+        assert self._follower is not None
         missed = self._follower.missed
         if missed and missed % GIVEN_UP == 0 and self.explainer.recognizer.has_map:
             if (pose := self._begun(picture)) is not None:
@@ -142,6 +152,13 @@ class Tracker:
     ) -> TrackedPose | None:
         """Start in a picture (H, W, 3)."""
         began, hints = time.perf_counter(), None if mask is None else Hints(mask=mask)
+        if (known := self.explainer.known) is not None and not known.surface.one_colour:
+            explanation = self.explainer.explain(picture, box=box, hints=hints, camera=self._K)
+            assert explanation.window.lens is not None
+            pose = explanation.camera_from_object
+            self._known = PoseFollower(known, explanation.window.lens, pose)
+            self._size = picture.shape[1], picture.shape[0]
+            return self._known_pose(explanation, began)
         follower = Follower(self.explainer, hints=hints, camera=self._K)
         explanation, sighting = follower.explain(picture, box)
         if sighting.lost and mask is None and box is None:
@@ -161,6 +178,27 @@ class Tracker:
         self._follower, self._nothing_seen = follower, True
         self._seen: tuple[list[Sighting], np.ndarray, Explanation] | None = None
         return self._pose(picture, explanation, sighting, began)
+
+    def _known_pose(self, explanation: Explanation, began: float) -> TrackedPose:
+        """Return a known object's pose in the last frame, or in the last one that showed it."""
+        lost = self._known is not None and self._known.missed > 0
+        if not lost:
+            self._found = explanation
+        found, number = self._found, self._number
+        here, seconds = Sighting.of(found), time.perf_counter() - began
+        return TrackedPose(
+            number,
+            found.azimuth_deg,
+            math.degrees(here.azimuth_deviation),
+            found.elevation_deg,
+            math.degrees(here.elevation_deviation),
+            found.camera,
+            None if lost else here.hidden,
+            lost,
+            found.pinhole_pose()[2],
+            seconds,
+            explanation,
+        )
 
     def _pose(
         self, picture: np.ndarray, explanation: Explanation, sighting: Sighting, began: float

@@ -1,0 +1,73 @@
+"""A known object from frame to frame: each pose by a search near where the frames before foretell it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from vig.inference.settings import Fit
+from vig.known_object.fit import KnownObject
+from vig.known_object.search import WEIGHTS, Stage
+from vig.photo import ImagePyramid, Intrinsics, Window
+
+STEPS = (
+    Stage(1, 32, 60, (0.05, 0.008, 0.02), 0.0),
+    Stage(1, 48, 80, (-0.03, -0.003, -0.01), 0.0),
+)
+"""From frame to frame; the last pose and the foretold one begin it."""
+SEEKING = (
+    Stage(8, 24, 60, (0.1, 0.015, 0.03), np.inf),
+    Stage(3, 32, 60, (-0.05, -0.008, -0.02), np.inf),
+    STEPS[1],
+)
+"""Where the object was lost, from views about the last pose."""
+SLOWING = 0.8
+"""Factor of the speed from frame to frame."""
+LOST, FOUND = 0.35, 0.5
+"""Shares of the usual score below which the object is lost, and above which it is found again."""
+
+
+@dataclass
+class PoseFollower:
+    """Follower of one known object.
+
+    Attributes:
+        known: The object.
+        lens: Of the camera.
+        pose: (4, 4) camera_from_object in the last frame that showed it, metres.
+        speed: (4, 4) by which a pose is multiplied from the left, from frame to frame.
+        usual: Score of frames that show it; None before the first.
+        missed: Frames since the last that did.
+    """
+
+    known: KnownObject
+    lens: Intrinsics
+    pose: np.ndarray
+    speed: np.ndarray = field(default_factory=lambda: np.eye(4))
+    usual: float | None = None
+    missed: int = 0
+
+    def step(self, pyramid: ImagePyramid) -> tuple[Window, Fit, float]:
+        """Return window, fit and ratio of the next frame, as `KnownObject.explain`."""
+        lost = self.missed > 0
+        expected = np.stack([self.speed @ self.pose, self.pose])[: 1 if lost else 2]
+        stages = SEEKING if lost else STEPS
+        window, fit, ratio, pose = self.known.follow(pyramid, expected, stages, self.lens, seek=lost)
+        score = fit.evidence / WEIGHTS.pixels
+        usual = score if self.usual is None else self.usual
+        if score < (FOUND if lost else LOST) * usual:
+            self.missed += 1
+            self.speed = np.eye(4)
+        else:
+            self.speed = np.eye(4) if lost else _slowed(pose @ np.linalg.inv(self.pose))
+            self.pose, self.missed, self.usual = pose, 0, 0.9 * usual + 0.1 * max(score, usual / 2)
+        return window, fit, ratio
+
+
+def _slowed(motion: np.ndarray) -> np.ndarray:
+    """Return about `SLOWING` of a small motion (4, 4)."""
+    slowed = np.eye(4) + SLOWING * (motion - np.eye(4))
+    u, _, v = np.linalg.svd(slowed[:3, :3])
+    slowed[:3, :3] = u @ v
+    return slowed
