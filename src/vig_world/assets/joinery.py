@@ -5,7 +5,7 @@ Wood's grain runs along v, so v follows the longest side of a board. Meshes are 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -84,6 +84,14 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
         ),
         np.concatenate([mesh.uv for mesh in meshes if mesh.uv is not None]),
     )
+
+
+def by_finish(parts: Iterable[tuple[Mesh, Material]]) -> list[tuple[Mesh, Material]]:
+    """Return one part for each slot, and for each material without one, in the order of first use."""
+    groups: dict[str | int, tuple[Material, list[Mesh]]] = {}
+    for mesh, stuff in parts:
+        groups.setdefault(stuff.slot or id(stuff), (stuff, []))[1].append(mesh)
+    return [(joined(meshes), stuff) for stuff, meshes in groups.values()]
 
 
 class Joinery:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from vig.scene import ObjectClass
+from vig_world.assets.joinery import by_finish
 from vig_world.assets.target import target_vertices
 from vig_world.assets.things import Material
 from vig_world.dataset.spec import SceneSpec
@@ -81,7 +81,7 @@ def _room(library: Library, spec: SceneSpec) -> list[Instance]:
     pose = (spec.room.rotation(), np.array(spec.room.origin))
     finishes = dict(spec.room.finishes)
     instances = []
-    for number, (mesh, material) in enumerate(joined(library.layout(spec.room.layout).parts)):
+    for number, (mesh, material) in enumerate(by_finish(library.layout(spec.room.layout).parts)):
         texture, key, kind = material.texture, f"layout-{spec.room.layout}/{number}", material.kind
         if material.slot:
             finish = finishes[material.slot]
@@ -107,20 +107,3 @@ def _instance(
     normals = vertex_normals(mesh.vertices, mesh.faces).astype(np.float32)
     surface = (kind or material.kind, material.roughness, material.emission)
     return Instance(name, key, mesh, normals, texture, *surface, rotation, translation)
-
-
-def joined(parts: Iterable[tuple[Mesh, Material]]) -> list[tuple[Mesh, Material]]:
-    """Return the same surfaces with one mesh for each material, or each slot, in the order of first use."""
-    groups: dict[str | int, tuple[Material, list[Mesh]]] = {}
-    for mesh, material in parts:
-        groups.setdefault(material.slot or id(material), (material, []))[1].append(mesh)
-    return [(_joined(meshes), material) for material, meshes in groups.values()]
-
-
-def _joined(meshes: list[Mesh]) -> Mesh:
-    starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes[:-1]])
-    blank = [np.zeros((len(mesh.vertices), 2), np.float32) for mesh in meshes]
-    uvs = [other if mesh.uv is None else mesh.uv for mesh, other in zip(meshes, blank, strict=True)]
-    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]
-    vertices = np.concatenate([mesh.vertices for mesh in meshes])
-    return Mesh(vertices, np.concatenate(faces).astype(np.int32), np.concatenate(uvs))
