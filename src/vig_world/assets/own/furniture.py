@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from vig_world.assets.own.furniture_families import family_of_file
 from vig_world.assets.own.props import read_each
 from vig_world.assets.own.settings import FileSettings
 from vig_world.assets.own.standing import SizedKind
-from vig_world.assets.own.supports import Area, level_areas
+from vig_world.assets.own.supports import level_areas
 from vig_world.assets.things import Furniture, FurnitureModel, Parts, Support, prop
 
 _FURNITURE = SizedKind("piece of furniture", 0.3, 4.0, furniture=True)
@@ -55,7 +56,7 @@ def _made(name: str, mark: str, parts: Parts, settings: FileSettings) -> tuple[F
     return FurnitureModel(name, family, mark, lambda: piece), notes
 
 
-def _support(area: Area, family: str, zones: tuple[str, ...], number: int) -> Support:
+def _support(area: Support, family: str, zones: tuple[str, ...], number: int) -> Support:
     """Return an area with its zone: from the settings (in turn, if several), the family, or its height."""
     height = area.centre[2]
     if zones:
@@ -65,13 +66,6 @@ def _support(area: Area, family: str, zones: tuple[str, ...], number: int) -> Su
     elif family == "shelf" or np.isfinite(area.clearance):
         zone = "display" if height > 0.6 else "storage"
     else:
-        zone = (
-            "reading"
-            if height < 0.6
-            else "dining"
-            if height < 0.85
-            else "cooking"
-            if height < 1.0
-            else "display"
-        )
-    return Support(zone, area.centre, area.half, area.turn, area.clearance, area.behind)
+        limits = {"reading": 0.6, "dining": 0.85, "cooking": 1.0}
+        zone = next((name for name, limit in limits.items() if height < limit), "display")
+    return replace(area, zone=zone)
