@@ -87,66 +87,49 @@ def appearance(
     look = _KINDS.get(kind, _Look())
     chance, weight, gloss = rng.uniform(size=3)
     low, high = look.gloss
+    principled = {
+        "Metallic": look.metallic,
+        "Specular IOR Level": look.specular,
+        "Sheen Weight": look.sheen,
+        "Coat Weight": 0.3 + 0.7 * weight if chance < look.polish else 0.0,
+        "Coat Roughness": low + (high - low) * gloss,
+    }
+    relief = look.relief if texture else 0.0
+    return _material(colour, texture, roughness, principled) | {"emission": emission, "relief": relief}
+
+
+def _material(
+    colour: np.ndarray, texture: str | None, roughness: float, principled: dict[str, float]
+) -> dict[str, Any]:
+    """Return a flat material that emits nothing; principled: inputs of Blender's shader of that name."""
     return {
         "lambertian": False,
         "texture": texture,
         "colour": colour.tolist(),
         "roughness": roughness,
-        "emission": emission,
-        "relief": look.relief if texture else 0.0,
-        "principled": {
-            "Metallic": look.metallic,
-            "Specular IOR Level": look.specular,
-            "Sheen Weight": look.sheen,
-            "Coat Weight": 0.3 + 0.7 * weight if chance < look.polish else 0.0,
-            "Coat Roughness": low + (high - low) * gloss,
-        },
+        "emission": 0.0,
+        "relief": 0.0,
+        "principled": principled,
     }
 
 
 def lambertian(albedo: np.ndarray) -> dict[str, Any]:
     """Return the object's material in the finish `diffuse`: albedo (3,), as in vig's model."""
-    return {
-        "lambertian": True,
-        "texture": None,
-        "colour": albedo.tolist(),
-        "roughness": 0.0,
-        "emission": 0.0,
-        "relief": 0.0,
-        "principled": {},
-    }
+    return _material(albedo, None, 0.0, {}) | {"lambertian": True}
 
 
-def coated(albedo: np.ndarray, roughness: float, texture: str | None) -> dict[str, Any]:
-    """Return a Lambertian base under a clear coat of index 1.5 and the given roughness."""
-    principled = {"Specular IOR Level": 0.0, "Coat Weight": 1.0, "Coat Roughness": roughness, "Coat IOR": 1.5}
-    return {
-        "lambertian": False,
-        "texture": texture,
-        "colour": albedo.tolist(),
-        "roughness": 1.0,
-        "emission": 0.0,
-        "relief": 0.0,
-        "principled": principled,
-    }
+def coated(albedo: np.ndarray, roughness: float, texture: str | None, weight: float = 1.0) -> dict[str, Any]:
+    """Return a Lambertian base under a clear coat of index 1.5 and the given roughness and weight."""
+    coat = {"Coat Weight": weight, "Coat Roughness": roughness, "Coat IOR": 1.5}
+    return _material(albedo, texture, 1.0, {"Specular IOR Level": 0.0} | coat)
 
 
 def coat_material(coat: Coat, texture: str) -> dict[str, Any]:
     """Return the material of an object with a coat, whose albedo is in a texture."""
+    grey = np.full(3, 0.5)
     if coat.metal:
-        principled = {"Metallic": 1.0}
-    else:
-        principled = {"Specular IOR Level": 0.0, "Coat Weight": coat.gloss, "Coat Roughness": coat.roughness}
-        principled["Coat IOR"] = 1.5
-    return {
-        "lambertian": False,
-        "texture": texture,
-        "colour": [0.5, 0.5, 0.5],
-        "roughness": coat.roughness if coat.metal else 1.0,
-        "emission": 0.0,
-        "relief": 0.0,
-        "principled": principled,
-    }
+        return _material(grey, texture, coat.roughness, {"Metallic": 1.0})
+    return coated(grey, coat.roughness, texture, coat.gloss)
 
 
 def baked(
