@@ -14,7 +14,7 @@ from vig_train.building.settings import BuildSettings
 from vig_train.building.stages import RegisteredMeshes, StageCache, Template
 from vig_train.building.surface import vertex_areas
 from vig_train.building.symmetries import MIRROR_Y, mirror_map, mirror_projection, rotation_projection
-from vig_train.packs.lights import packaged_light_prior
+from vig_train.packs.shapes import packaged_light_prior
 from vig_world.dataset.spec import Split
 
 
