@@ -15,8 +15,7 @@ from vig_world.assets.target import draw_shape, standing_vertices
 from vig_world.composition.clutter import scatter
 from vig_world.composition.occlusion import hide
 from vig_world.composition.photographs import draw_manner
-from vig_world.composition.place import find_place
-from vig_world.composition.seamless import fits_seamless_ground
+from vig_world.composition.place import find_place, fits_seamless_ground
 from vig_world.composition.stage import LAYOUT_SIZE, Actor
 from vig_world.dataset.spec import Lens, Placed, Room, SampleError, SceneSpec, Split
 from vig_world.library import SLOTS, Library
