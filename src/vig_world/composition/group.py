@@ -73,8 +73,9 @@ class GroupSpec:
 
     def views(self, classes: Sequence[ObjectClass], width: int, height: int) -> list[View]:
         """Return the camera in each member's frame, for an image of width x height pixels."""
-        scene, first = self.members[0].scene, _class_of(self.members[0], classes)
-        view = View.of_scene(scene, first, height).framed(width, height)
+        first = self.members[0]
+        object_class = next(each for each in classes if each.name == first.class_name)
+        view = View.of_scene(first.scene, object_class, height).framed(width, height)
         return [member.view(view) for member in self.members]
 
 
@@ -140,11 +141,7 @@ class _GroupBuilder:
             self.stage.add([prop], [footprint], None)
         self.bodies = [actor.body]
         self.alone = [self.view.depth(vertices, first.shape_model.faces)]
-        self.others = self._depth_of_others()
-
-    def _depth_of_others(self) -> np.ndarray:
-        """Return the depth (H, W) of room and props in the group's view."""
-        return depth(solids(self.library, self.scene.room, self.scene.props), self.view)[0]
+        self.others = depth(solids(library, scene.room, scene.props), self.view)[0]  # of room and props
 
     def try_one(self, rng: np.random.Generator) -> None:
         """Add an object where it has room, overlaps another on the image, and leaves all to be seen."""
@@ -218,10 +215,6 @@ def _seen_from(
     )
 
 
-def _class_of(member: Member, classes: Sequence[ObjectClass]) -> ObjectClass:
-    return next(each for each in classes if each.name == member.class_name)
-
-
-def group_stream(seed: int, index: int, split: Split, purpose: int) -> np.random.Generator:
-    """Return the generator of one purpose of one group."""
-    return stream(seed, index, split, GROUP_STREAM + GROUPS + purpose)
+def photo_stream(seed: int, index: int, split: Split) -> np.random.Generator:
+    """Return the generator of a group's photograph."""
+    return stream(seed, index, split, GROUP_STREAM + GROUPS)
