@@ -11,6 +11,7 @@ import numpy as np
 from vig.scene import IMAGE_SIZE, ShapeModel
 from vig_world.assets.coats import albedo_of
 from vig_world.assets.textures import decoration
+from vig_world.assets.things import Material
 from vig_world.dataset.spec import Coat
 
 Finish = Literal["diffuse", "glossy", "painted"]
@@ -69,22 +70,15 @@ _KINDS: dict[str, _Look] = {
 """Looks by kind of material (`vig_world.assets.things.Material`) or, for finishes, of texture; else plain."""
 
 
-def appearance(
-    kind: str,
-    roughness: float,
-    emission: float,
-    colour: np.ndarray,
-    texture: str | None,
-    rng: np.random.Generator,
-) -> dict[str, Any]:
-    """Return a thing's material as plain data: kind, roughness and emission of
-    `vig_world.assets.things.Material`.
+def appearance(material: Material, texture: str | None, rng: np.random.Generator) -> dict[str, Any]:
+    """Return a thing's material as plain data.
 
     Args:
-        texture: Name of the array that holds its albedo; None for a single `colour` (3,), linear.
+        material: Its kind, roughness and emission count.
+        texture: Name of the array that holds its albedo; None for the one colour of its texture.
         rng: Draws whether it is polished, always the same number of times.
     """
-    look = _KINDS.get(kind, _Look())
+    look = _KINDS.get(material.kind, _Look())
     chance, weight, gloss = rng.uniform(size=3)
     low, high = look.gloss
     principled = {
@@ -94,8 +88,8 @@ def appearance(
         "Coat Weight": 0.3 + 0.7 * weight if chance < look.polish else 0.0,
         "Coat Roughness": low + (high - low) * gloss,
     }
-    relief = look.relief if texture else 0.0
-    return _material(colour, texture, roughness, principled) | {"emission": emission, "relief": relief}
+    flat = _material(material.texture[0, 0], texture, material.roughness, principled)
+    return flat | {"emission": material.emission, "relief": look.relief if texture else 0.0}
 
 
 def _material(
