@@ -28,8 +28,9 @@ from vig_train.training.augmentation import Augmentation
 from vig_train.training.drawing import examples_of
 from vig_train.training.examples import Examples
 from vig_train.training.loop import Trainer, TrainingRun
-from vig_train.training.losses import Targets, mask_loss
+from vig_train.training.losses import mask_loss
 from vig_train.training.studio import Studio, StudioSettings
+from vig_train.training.targets import Targets, TensorRows
 from vig_train.training.training import load_start_weights
 
 SIZES = NetworkSettings(object_map=64, recalled=4, squeezed=112, features=896, dropout=0.5, members=4)
@@ -53,7 +54,7 @@ STUDIO = StudioSettings(level=0.35)
 
 
 @dataclass(frozen=True)
-class Features:
+class Features(TensorRows):
     """Features of N augmented images by the trunk, and their targets.
 
     Attributes:
@@ -65,9 +66,6 @@ class Features:
     coarse: torch.Tensor
     targets: Targets
     model: torch.Tensor
-
-    def __getitem__(self, chosen: torch.Tensor) -> Features:
-        return Features(self.coarse[chosen], self.targets[chosen], self.model[chosen])
 
 
 def new_network(object_class: ObjectClass) -> RecognitionNetwork:
