@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib import resources
 from typing import Any, TypeVar
@@ -116,3 +116,12 @@ def drawn_in_order(
 
 def _plain(value: Any) -> Any:
     return round(float(value), 5) if isinstance(value, float) else value
+
+
+def size_flaws(sizes: Iterable[tuple[str, float, tuple[float, float]]]) -> list[str]:
+    """Return a sentence on each size, metres, that is not within its limits; sizes: word, size, limits."""
+    return [
+        f"it is {1000 * size:.0f} mm {word}, not {1000 * least:.0f} to {1000 * most:.0f}"
+        for word, size, (least, most) in sizes
+        if not least <= size <= most
+    ]
