@@ -15,8 +15,8 @@ from vig_world.assets.coats import draw_coat, mean_albedo
 from vig_world.assets.footprint import Footprint, extreme_points
 from vig_world.assets.target import draw_shape, standing_vertices, target_vertices
 from vig_world.composition.photographs import DECORATED, METAL
-from vig_world.composition.sampling import CompositionError, sample, solids, turned
-from vig_world.composition.stage import LAYOUT_SIZE, MARGIN, Actor, StagedRoom
+from vig_world.composition.sampling import CompositionError, sample, turned
+from vig_world.composition.stage import LAYOUT_SIZE, MARGIN, Actor, StagedRoom, items_of
 from vig_world.dataset.spec import SceneSpec, Split
 from vig_world.library import Library
 from vig_world.raster import depth
@@ -141,7 +141,7 @@ class _GroupBuilder:
             self.stage.add([prop], [footprint], None)
         self.bodies = [actor.body]
         self.alone = [self.view.depth(vertices, first.shape_model.faces)]
-        self.others = depth(solids(library, scene.room, scene.props), self.view)[0]  # of room and props
+        self.others = depth(items_of(library, scene.props, scene.room), self.view)[0]  # of room and props
 
     def try_one(self, rng: np.random.Generator) -> None:
         """Add an object where it has room, overlaps another on the image, and leaves all to be seen."""
