@@ -39,7 +39,7 @@ def read_props(folder: str | Path) -> tuple[list[PropModel], list[str]]:
 
     def made(name: str, mark: str, parts: Parts, settings: FileSettings) -> tuple[PropModel, list[str]]:
         standing = prop("", *parts).parts
-        return PropModel(name, settings.family or _called(name), mark, settings.zones, lambda: standing), []
+        return PropModel(name, settings.family or _called(name), mark, lambda: standing, settings.zones), []
 
     return read_each(folder, _PROP, made)
 
