@@ -14,6 +14,7 @@ from vig_world.assets.own.settings import FileSettings
 from vig_world.assets.own.standing import SizedKind
 from vig_world.assets.own.supports import level_areas
 from vig_world.assets.things import Furniture, FurnitureModel, Parts, Support, prop
+from vig_world.mesh import stacked
 
 _FURNITURE = SizedKind("piece of furniture", 0.3, 4.0, furniture=True)
 _LOWEST = 0.25
@@ -42,11 +43,9 @@ def read_furniture(folder: str | Path) -> tuple[list[FurnitureModel], list[str]]
 
 def _made(name: str, mark: str, parts: Parts, settings: FileSettings) -> tuple[FurnitureModel, list[str]]:
     standing = prop("", *parts).parts
-    vertices = np.concatenate([mesh.vertices for mesh, _ in standing]).astype(np.float64)
-    starts = np.cumsum([0] + [len(mesh.vertices) for mesh, _ in standing[:-1]])
-    faces = np.concatenate([mesh.faces + start for (mesh, _), start in zip(standing, starts, strict=True)])
+    vertices, faces = stacked([mesh for mesh, _ in standing])
     family = settings.family or family_of_file(name)
-    areas = level_areas(vertices, faces)
+    areas = level_areas(vertices.astype(np.float64), faces)
     height = float(vertices[:, 2].max())
     if not areas and height < _LOWEST:
         raise UserError(f"{name}: expected furniture; got {height:.2f} m high without a support.")
