@@ -128,7 +128,8 @@ def _prepare(shared: tuple[str, str, int, str]) -> Callable[[int], None]:
         features = []
         for number in range(PASSES):
             batch = augment(examples, np.random.default_rng([seed, chunk, number]))
-            coarse = torch.cat([coarse_features(network, part) for part in batch.images.split(32)])
+            with torch.inference_mode(), bfloat16(batch.images.device):
+                coarse = torch.cat([network.maps(part)[-1].half() for part in batch.images.split(32)])
             model = torch.tensor([image.model for image in drawn])
             own = {field.name: getattr(batch, field.name) for field in fields(Targets)}
             features.append({"coarse": coarse, "model": model, **own})
@@ -138,13 +139,6 @@ def _prepare(shared: tuple[str, str, int, str]) -> Callable[[int], None]:
             save_file({name: value.contiguous() for name, value in kept.items()}, temporary)
 
     return work
-
-
-@torch.inference_mode()
-def coarse_features(network: RecognitionNetwork, images: torch.Tensor) -> torch.Tensor:
-    """Return features (N, C, 10, 10) float16 of the trunk's last stage, for images (N, 3, 150, 150)."""
-    with bfloat16(images.device):
-        return network.maps(images)[-1].half()
 
 
 def _read(folder: Path, chunk: int) -> dict[str, torch.Tensor]:

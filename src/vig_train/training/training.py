@@ -259,10 +259,9 @@ class _TrainingState:
                 for step, part in enumerate(order[: steps * settings.batch].split(settings.batch)):
                     yield examples[part], epoch * steps + step
 
-        steps_of_dataset = ((part, step) for part, step in dataset_steps())
-        examples_of_steps: Iterator[tuple[Examples, int]] = steps_of_dataset
+        examples_of_steps = dataset_steps()
         if drawing := settings.drawing:
-            examples_of_steps = add_drawn_examples(steps_of_dataset, drawing, settings.seed, once)
+            examples_of_steps = add_drawn_examples(examples_of_steps, drawing, settings.seed, once)
         augment = settings.augmentation if settings.mirror else replace(settings.augmentation, flip=0.0)
         library = None if drawing is None else drawing.library(settings.seed)
         library = None if library is None else library.to(self.device)

@@ -17,7 +17,7 @@ from vig_world.composition.stage import Actor, StagedRoom
 from vig_world.dataset.spec import Room, Surface
 from vig_world.library import Library
 from vig_world.rooms import EMPTY, Layout
-from vig_world.rooms.sweep import HEIGHT, RADIUS, SEGMENTS, STANDS, WALL
+from vig_world.rooms.unfurnished import HEIGHT, RADIUS, SEGMENTS, STANDS, WALL
 from vig_world.rotations import about_z
 
 ZONE_WEIGHTS = {
