@@ -64,18 +64,9 @@ TRACK_COLUMNS: dict[str, str | type] = {
     "frame": int,
     "lost": bool,
     "refitted": bool,
-    "alone_azimuth_deg": float,
-    "azimuth_deg": float,
-    "azimuth_deviation_deg": float,
-    "alone_elevation_deg": float,
-    "elevation_deg": float,
-    "elevation_deviation_deg": float,
-    "roll_deg": float,
-    "hidden_fraction": float,
-    "focal_px": float,
-    "center_x": float,
-    "center_y": float,
-    **dict.fromkeys(POSE, float),
+    **dict.fromkeys(("alone_azimuth_deg", "azimuth_deg", "azimuth_deviation_deg"), float),
+    **dict.fromkeys(("alone_elevation_deg", "elevation_deg", "elevation_deviation_deg"), float),
+    **dict.fromkeys(("roll_deg", "hidden_fraction", "focal_px", "center_x", "center_y", *POSE), float),
 }
 """Columns of the table of a track, the same way."""
 

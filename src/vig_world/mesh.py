@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -34,6 +36,13 @@ class Mesh:
                 f" got {self.vertices.dtype} and {self.faces.dtype}"
             )
         check_indices("faces", self.faces, len(self.vertices))
+
+
+def stacked(meshes: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Return vertices (V, 3) and faces (F, 3) of meshes, or of anything that has these, as of one."""
+    starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes[:-1]])
+    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]
+    return np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces)
 
 
 def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

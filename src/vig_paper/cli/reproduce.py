@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import asdict, fields
+from math import inf
 
 from rich.console import Console
 
@@ -13,7 +14,7 @@ from vig.io.printing import end
 from vig_paper.reproduction import RENDERERS, Run, RunFolder, reproduce
 from vig_paper.reproduction.reached import reached, reached_block, reached_line, training_line
 from vig_paper.settings import Reproduce, ReproductionSettings
-from vig_train.cli.common import check_workers, command_line
+from vig_train.cli.common import check_ranges, command_line
 from vig_train.evaluation.paper import compare, comparison_block
 
 SAME_NUMBERS = ("steps", "workers", "json")
@@ -29,7 +30,7 @@ def reproduce_paper(chosen: Reproduce) -> int:
     settings = ReproductionSettings.of(
         **{field.name: getattr(chosen, field.name) for field in fields(ReproductionSettings)}
     )
-    check_workers(chosen.workers)
+    check_ranges(chosen, workers=(1, inf))
     folder = RunFolder(chosen.out)
 
     def report(line: str) -> None:

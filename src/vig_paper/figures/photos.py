@@ -51,7 +51,12 @@ def figure4(
     titles = ["photo", "truth", *(NAMES[method] for method in methods)]
     titles += [f"{NAMES[methods[-1]]}: mask"] if methods else []
     figure, panels = picture_grid([*titles, "truth: mask"], len(chosen), 1.55)
-    renderings = {method: _render_chosen(results[method], chosen, object_class) for method in methods}
+    renderings = {}
+    for method in methods:
+        latents = results[method].latents
+        assert latents is not None
+        shadow = ExplainSettings().self_shadow
+        renderings[method] = render_explanations(latents[np.array(chosen)], object_class, shadow)
     for row, index in enumerate(chosen):
         cells, photo = iter(panels[row]), photos[row] / 255.0
         show_picture(next(cells), photo, f"{index}: {dataset.occlusion[index]:.0%} hidden")
@@ -73,14 +78,6 @@ def figure4(
             show_picture(next(cells), _tint_masks(photo, silhouette, mask), caption)
         show_picture(next(cells), _tint_masks(photo, amodal[row], visible[row]))
     return save(figure, path)
-
-
-def _render_chosen(
-    result: MethodResult, chosen: list[int], object_class: ObjectClass
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return linear RGB and coverage of a method's explanations of the chosen images, shaded as fits are."""
-    assert result.latents is not None
-    return render_explanations(result.latents[np.array(chosen)], object_class, ExplainSettings().self_shadow)
 
 
 def _fade(photo: np.ndarray) -> np.ndarray:
@@ -118,7 +115,9 @@ def figure5(
     assert result.latents is not None
     fitted = result.latents[np.array(chosen)]
     truth = Latents.from_vector(dataset.latents[chosen])
-    specs = [] if _own_panoramas(dataset) else dataset.specs()
+    settings = read_info(dataset.folder.parent)["splits"][dataset.folder.name]
+    is_own = any(name.startswith("panorama/") for name in settings["own_assets"])
+    specs = [] if is_own else dataset.specs()
     photos = dataset.read("rgb", chosen) / 255.0
     titles = ["photo", "environment map", "true light", "fitted light", "true, on white", "fitted, on white"]
     widths = [1.0, 2.0, 2.0, 2.0, 1.0, 1.0]
@@ -186,12 +185,6 @@ def white_sphere(latents: Latents) -> np.ndarray:
     normals = np.stack([x, y, facing], axis=-1) @ rotation
     reflected = irradiance(latents.light[0].astype(np.float64), normals)
     return np.where(inside[..., None], _expose(reflected), 1.0)
-
-
-def _own_panoramas(dataset: Dataset) -> bool:
-    """Return whether a split was made with a user's own panoramas, which are not published in figures."""
-    settings = read_info(dataset.folder.parent)["splits"][dataset.folder.name]
-    return any(name.startswith("panorama/") for name in settings["own_assets"])
 
 
 def _expose(radiance: np.ndarray) -> np.ndarray:

@@ -15,13 +15,12 @@ from safetensors.torch import save_file
 from torch import nn
 from torch.nn import functional
 
-from vig.io.errors import UserError
 from vig.io.files import atomic_write
 from vig.recognition.weights import FORMAT
 from vig.scene import Latents, angle_difference
 from vig_paper.network.network import FACTORS, FactorNetwork, PaperNetworks, PaperSettings, targets_of
 from vig_train.network.network import bfloat16
-from vig_train.training.loop import EpochLog, Trainer, TrainingRun
+from vig_train.training.loop import EpochLog, Trainer, TrainingRun, check_amounts
 from vig_train.training.targets import numbers_of
 from vig_world.dataset import Dataset
 
@@ -97,13 +96,7 @@ def train_paper(
         UserError: The dataset is too small, the settings train nothing, the training diverges, or `out` holds
             a checkpoint that is damaged or of another run.
     """
-    for name, least in (("epochs", 1), ("seed", 0)):
-        if getattr(settings, name) < least:
-            raise UserError(f"{name} must be at least {least}; got {getattr(settings, name)}")
-    if len(dataset) < 2 * settings.batch:
-        raise UserError(
-            f"training needs at least {2 * settings.batch} images; '{dataset.folder}' has {len(dataset)}"
-        )
+    check_amounts(settings, [dataset])
     if settings.threads is not None:
         torch.set_num_threads(settings.threads)
     device = "cuda" if torch.cuda.is_available() else "cpu"

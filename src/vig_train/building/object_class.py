@@ -14,7 +14,7 @@ from vig_train.building.settings import BuildSettings
 from vig_train.building.stages import RegisteredMeshes, StageCache, Template
 from vig_train.building.surface import vertex_areas
 from vig_train.building.symmetries import MIRROR_Y, mirror_map, mirror_projection, rotation_projection
-from vig_train.packs.lights import packaged_light_prior
+from vig_train.packs.shapes import packaged_light_prior
 from vig_world.dataset.spec import Split
 
 
@@ -112,6 +112,7 @@ def object_class_of(
     model = _shape_model(shapes, dark)
     mean, covariance = packaged_light_prior()
     size = np.ptp(shapes.components.mean, axis=0)
+    front, _, up = shapes.components.mean.T  # a user may click the farthest vertices
     # A dark part is evidence for the front by itself: on 205 photos of real cars views are as good
     # with a `view_weight` of 1,000 as with 3,000, and those that are turned have a lower confidence.
     # The standard camera is 1.5 longest sides of the mean shape away.
@@ -125,7 +126,7 @@ def object_class_of(
         symmetry=Symmetry(shapes.symmetries.symmetry),
         mirror=shapes.symmetries.mirror,
         front=settings.shows,
-        points=named_points(shapes.components.mean),
+        points={"front": int(front.argmax()), "back": int(front.argmin()), "top": int(up.argmax())},
         viewing_distance=float(np.round(1.5 * size.max(), 4)),
         places=settings.places,
         fit_settings={} if dark is None else {"view_weight": 1000.0},
@@ -157,20 +158,7 @@ def _families(
     kinds = []
     with Meter(len(shapes.trained), 0, progress, "meshes") as meter:
         for index in shapes.trained:
-            kinds.append(_kind(shapes.registered.meshes[shapes.numbers[index]].hole_count(cache)))
+            holes = shapes.registered.meshes[shapes.numbers[index]].hole_count(cache)
+            kinds.append("no hole" if holes == 0 else f"{holes} hole{'s' if holes > 1 else ''}")
             meter.advance(1)
     return families_of(model, shapes.vertices[shapes.trained].astype(np.float32), kinds)
-
-
-def _kind(holes: int) -> str:
-    """Return a family's name."""
-    return "no hole" if holes == 0 else f"{holes} hole{'s' if holes > 1 else ''}"
-
-
-def named_points(mean: np.ndarray) -> dict[str, int]:
-    """Return vertices that a user may click: the farthest to the front, the back and the top."""
-    return {
-        "front": int(mean[:, 0].argmax()),
-        "back": int(mean[:, 0].argmin()),
-        "top": int(mean[:, 2].argmax()),
-    }

@@ -50,8 +50,9 @@ def write_pack(
     say("computing how light goes from part to part, on shapes of the class ...")
     write_transfer(result.object_class, staged, progress, cache.result)
     _put_aside_weights(out, staged, say)
-    kept = _sections_of_weights(out)
-    write_card(staged, [card(result), *kept])
+    _, sections = read_sections(out / "card.md")  # those on the weights that stay
+    kept = CARD_SECTIONS if (out / TRAINED_FILES[0]).exists() else ()
+    write_card(staged, [card(result), *(sections[name] for name in kept if name in sections)])
     for file in sorted(staged.iterdir(), key=lambda path: path.name == "class.json"):
         file.replace(out / file.name)
     shutil.rmtree(staged)
@@ -69,14 +70,6 @@ def _put_aside_weights(out: Path, staged: Path, say: Callable[[str], None]) -> N
             aside.mkdir(exist_ok=True)
             (out / name).replace(aside / name)
             say(f"{name} was trained on other shapes: it lies in {aside}; run vig class train again")
-
-
-def _sections_of_weights(out: Path) -> list[str]:
-    """Return the sections of a pack's card on the weights that stay in it."""
-    if not (out / TRAINED_FILES[0]).exists():
-        return []
-    _, sections = read_sections(out / "card.md")
-    return [sections[heading] for heading in CARD_SECTIONS if heading in sections]
 
 
 def source_meshes(shapes: ClassShapes) -> list[SourceMesh]:

@@ -15,7 +15,7 @@ from vig_world.assets.own.folder import fingerprint
 from vig_world.assets.own.load import SUFFIXES, MeshPiece, load, mesh_files
 from vig_world.assets.own.simplify import simplified
 from vig_world.assets.source_meshes import MOST_FACES
-from vig_world.mesh import face_normals
+from vig_world.mesh import face_normals, stacked
 
 _ONE_OF = f"one of {' '.join(SUFFIXES)}"
 SAME_SHAPE_TOLERANCE = 3e-4
@@ -75,11 +75,8 @@ def read_scans(
         for name, path in files:
             try:
                 loaded = load(folder, path)
-                starts = np.cumsum([0] + [len(piece.vertices) for piece in loaded.pieces])
-                vertices = np.concatenate([piece.vertices for piece in loaded.pieces])
-                faces = np.concatenate([p.faces + s for p, s in zip(loaded.pieces, starts, strict=False)])
                 pieces = tuple(simplified(loaded.pieces, MOST_FACES)) if materials else ()
-                welded, content = _weld(vertices, faces), fingerprint(loaded.files)
+                welded, content = _weld(*stacked(loaded.pieces)), fingerprint(loaded.files)
                 scans.append(Scan(name, *welded, content, pieces, tuple(loaded.notes)))
             except UserError as error:
                 refused[name] = str(error).removeprefix(f"{path}: ")

@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from vig.scene import Camera
+from vig_train.packs.transfer import neighbours_of
 from vig_world.mesh import face_normals
 from vig_world.raster.rasterize import rasterize
 
@@ -162,11 +163,7 @@ def face_edges(faces: np.ndarray) -> np.ndarray:
 
 def neighbour_mean(faces: np.ndarray, count: int) -> sp.csr_matrix:
     """Return the matrix (V, V) that gives each of `count` vertices the mean of itself and its neighbours."""
-    edges = face_edges(faces)
-    rows, columns = np.concatenate([edges, edges[:, ::-1]]).T
-    graph = sp.csr_matrix((np.ones(len(rows)), (rows, columns)), (count, count))
-    graph.data[:] = 1.0
-    graph = graph + sp.eye(count)
+    graph = neighbours_of(faces, count) + sp.eye(count)
     return sp.diags(1 / np.asarray(graph.sum(1)).ravel()) @ graph
 
 

@@ -92,8 +92,10 @@ def upright_poses(
     lathe = "; of pots and the like, whatever their handles, state --symmetry any-turn"
     unsure = settings.symmetry is None and symmetries.symmetry == "none"
     report.append(f"symmetry: {symmetries.symmetry}, {_source(settings.symmetry)}{lathe if unsure else ''}")
+    # Else front and sides are alike.
+    has_front = symmetries.mirror and symmetries.symmetry == "none"
     if settings.front is None:
-        front = _estimated_front(clouds, symmetries)
+        front = front_angle(clouds, symmetries.mirror_plane) if has_front else 0.0
     else:
         ahead = from_common @ from_usual @ axis_vector(settings.front)
         if abs(ahead[2]) > 0.5:
@@ -107,7 +109,9 @@ def upright_poses(
         report.append(f"mirror plane: {'yes' if symmetries.mirror else 'none'}")
     rotations = np.tile(np.eye(3), (len(scans), 1, 1))
     for number, surface, rotation in zip(used, surfaces, levelled, strict=True):
-        turned = _faced(surface, about_z(-front) @ rotation, symmetries)
+        turned = about_z(-front) @ rotation
+        if has_front:
+            turned = about_z(straightening_angle(_turned_cloud(surface, turned))) @ turned
         rotations[number] = about_z(math.radians(settings.turns.get(number + 1, 0.0))) @ turned
     return UprightPoses(rotations, symmetries, tuple(report), back)
 
@@ -140,19 +144,12 @@ def _levelled(
 ) -> np.ndarray:
     """Return the rotation (3, 3) that puts a mesh level, near the rotation `upright` of the common pose.
 
-    That is its foot level; or, where the user states a class of surfaces of revolution, its axis vertical.
+    That is its foot level; or, where the user states a class of surfaces of revolution, its axis vertical:
+    then which end is up is decided by the up axis `usual_up` (3,) of most files where it is within about 26
+    degrees of the axis, else by the common pose.
     """
-    if symmetry == "any-turn":
-        return _upright_by_axis(surface, upright, usual_up)
-    return levelling_rotation(surface.transformed(upright, np.zeros(3))) @ upright
-
-
-def _upright_by_axis(surface: SurfaceSample, upright: np.ndarray, usual_up: np.ndarray) -> np.ndarray:
-    """Return the rotation (3, 3) that puts the axis of a surface of revolution upright.
-
-    Which end is up is decided by the up axis `usual_up` (3,) of most files where it is within about 26
-    degrees of the axis, else by the rotation `upright` of the common pose.
-    """
+    if symmetry != "any-turn":
+        return levelling_rotation(surface.transformed(upright, np.zeros(3))) @ upright
     own_up = upright[2]
     axis = axis_of_revolution(PointCloud.from_surface(surface), own_up)
     return rotation_to_vertical(axis, usual_up if abs(axis @ usual_up) > 0.9 else own_up)
@@ -166,17 +163,3 @@ def _symmetries(clouds: list[PointCloud], stated: str | None) -> ClassSymmetry:
     if stated is not None:
         symmetries = replace(symmetries, symmetry=stated)
     return replace(symmetries, mirror=True) if symmetries.symmetry == "any-turn" else symmetries
-
-
-def _estimated_front(clouds: list[PointCloud], symmetries: ClassSymmetry) -> float:
-    """Return the angle of the front about +Z, radians; 0 where front and sides are alike."""
-    if symmetries.mirror and symmetries.symmetry == "none":
-        return front_angle(clouds, symmetries.mirror_plane)
-    return 0.0
-
-
-def _faced(surface: SurfaceSample, rotation: np.ndarray, symmetries: ClassSymmetry) -> np.ndarray:
-    """Return the rotation (3, 3), near one given, that turns a mesh's own mirror plane to y = 0."""
-    if symmetries.mirror and symmetries.symmetry == "none":
-        return about_z(straightening_angle(_turned_cloud(surface, rotation))) @ rotation
-    return rotation

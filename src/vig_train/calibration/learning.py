@@ -107,9 +107,7 @@ class CalibrationSamples:
 
 def learn(samples: CalibrationSamples) -> FitCalibration:
     """Learn a calibration on samples; the thresholds are chosen out of sample, by folds."""
-    weights, bias = _view_weights(samples)
-    in_distribution_weights, in_distribution_bias = _in_distribution_weights(samples)
-    mask_weights, mask_bias = _mask_weights(samples)
+    view, in_distribution, mask = _models(samples)
     confidence, mask_confidence, _ = out_of_fold(samples)
     threshold = lowest_threshold(confidence, samples.right, samples.weight, samples.model)
     mask_threshold = lowest_threshold(mask_confidence, samples.mask_right, samples.weight, samples.model)
@@ -126,18 +124,7 @@ def learn(samples: CalibrationSamples) -> FitCalibration:
             scale[row, latent], floor[row, latent] = deviation_scale_and_floor(
                 error, deviation, weight, samples.model[chosen]
             )
-    return FitCalibration(
-        weights,
-        bias,
-        in_distribution_weights,
-        in_distribution_bias,
-        mask_weights,
-        mask_bias,
-        threshold,
-        mask_threshold,
-        scale,
-        floor,
-    )
+    return FitCalibration(*view, *in_distribution, *mask, threshold, mask_threshold, scale, floor)
 
 
 def out_of_fold(samples: CalibrationSamples) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -149,9 +136,7 @@ def out_of_fold(samples: CalibrationSamples) -> tuple[np.ndarray, np.ndarray, np
     count, outside_count = len(samples.features), len(samples.out_of_distribution)
     confidences = np.empty(count), np.empty(count), np.empty(outside_count)
     for fold in range(FOLDS):
-        training = samples.without(fold)
-        view, mask = _view_weights(training), _mask_weights(training)
-        in_distribution = _in_distribution_weights(training)
+        view, in_distribution, mask = _models(samples.without(fold))
         inside = samples.features, samples.fold == fold
         outside_distribution = samples.out_of_distribution, samples.out_of_distribution_fold == fold
         for confidence, right_model, (features, in_fold) in zip(
@@ -162,19 +147,20 @@ def out_of_fold(samples: CalibrationSamples) -> tuple[np.ndarray, np.ndarray, np
     return confidences
 
 
-def _view_weights(samples: CalibrationSamples) -> tuple[np.ndarray, float]:
-    """Return weights (C,) and bias for a view being right."""
-    return _weights_of(VIEW_FEATURES, samples.features, samples.right, samples.weight)
+LinearModel = tuple[np.ndarray, float]
+"""Weights (C,) and bias of a logistic regression."""
 
 
-def _mask_weights(samples: CalibrationSamples) -> tuple[np.ndarray, float]:
-    """Return weights (C,) and bias for a mask being right."""
-    return _weights_of(MASK_FEATURES, samples.features, samples.mask_right, samples.weight)
+def _models(samples: CalibrationSamples) -> tuple[LinearModel, LinearModel, LinearModel]:
+    """Return the models of a view being right, a photo being in distribution, and a mask being right."""
+    view = _weights_of(VIEW_FEATURES, samples.features, samples.right, samples.weight)
+    mask = _weights_of(MASK_FEATURES, samples.features, samples.mask_right, samples.weight)
+    return view, _in_distribution_weights(samples), mask
 
 
 def _weights_of(
     names: Sequence[str], features: np.ndarray, right: np.ndarray, weight: np.ndarray
-) -> tuple[np.ndarray, float]:
+) -> LinearModel:
     """Return weights (C,), 0 but for the features that are named, and bias, see `logistic`."""
     weights = np.zeros(len(CONFIDENCE_FEATURES))
     used = [CONFIDENCE_FEATURES.index(name) for name in names]
@@ -182,7 +168,7 @@ def _weights_of(
     return weights, bias
 
 
-def _in_distribution_weights(samples: CalibrationSamples) -> tuple[np.ndarray, float]:
+def _in_distribution_weights(samples: CalibrationSamples) -> LinearModel:
     """Return weights (C,) and bias for a photo being in distribution; both groups weigh the same."""
     if not len(samples.out_of_distribution):
         # Log odds of 20, as nothing is known of photos out of distribution.

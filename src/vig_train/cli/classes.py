@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import re
+from math import inf
 
 from vig.io.errors import UserError
 from vig.io.printing import end, in_one_line
 from vig.scene.object_class import BUILD_COMMAND
-from vig_train.cli.common import check_workers, command_line
+from vig_train.cli.common import check_ranges, command_line
 from vig_train.cli.settings import Build
 
 
@@ -23,7 +24,7 @@ def build(settings: Build) -> int:
         if error.name != "torch":
             raise
         class_training = None  # type: ignore[assignment]
-    check_workers(settings.workers)
+    check_ranges(settings, workers=(1, inf))
 
     turns = [_turn(turn) for turn in settings.turn]
     if len(dict(turns)) < len(turns):

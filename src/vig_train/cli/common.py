@@ -56,9 +56,3 @@ def check_ranges(settings: Any, **ranges: tuple[float, float]) -> None:
         if value is not None and not least <= value <= most:
             within = f"of at least {least:g}" if most == math.inf else f"from {least:g} to {most:g}"
             raise UserError(f"expected --{name.replace('_', '-')} {within}; got {value:g}.")
-
-
-def check_workers(workers: int | None) -> None:
-    """Refuse a number of workers that can do nothing."""
-    if workers is not None and workers < 1:
-        raise UserError(f"expected --workers of at least 1; got {workers}.")

@@ -139,13 +139,9 @@ class FitRun:
         missing = [chunk_number for chunk_number, part in enumerate(parts) if part is None]
         todo = [index for chunk_number in missing for index in chunks[chunk_number]]
         self.advance(len(images) - len(todo))
-        photo_predictions = [(photos[i], prediction[i : i + 1]) for i in todo]
-        if self.cluster is not None and todo:
-            fit_stream = _fit_on_cluster(photo_predictions, self.object_class, settings, self.cluster)
-        elif self.processes and workers > 1 and len(todo) >= MIN_PHOTOS_FOR_PROCESSES:
-            fit_stream = _fit_in_processes(photo_predictions, self.object_class, settings, workers)
-        else:
-            fit_stream = _fit_on_threads(photo_predictions, self.object_class, settings, workers)
+        fit_stream = self._fitted(
+            [(photos[i], *prediction[i : i + 1].arrays) for i in todo], settings, workers
+        )
         done: dict[int, dict[int, Fits]] = {chunk_number: {} for chunk_number in missing}
         with closing(fit_stream):
             for position, fit in fit_stream:
@@ -164,67 +160,42 @@ class FitRun:
                     _write(path, part, keys[chunk_number])
         return Fits.joined([part for part in parts if part is not None])
 
+    def _fitted(
+        self, photos: list[PhotoArrays], settings: ExplainSettings, workers: int
+    ) -> Generator[tuple[int, Fits]]:
+        """Yield numbers of photos and their fits, as they are done."""
+        shared = self.object_class, settings
+        if self.cluster is not None and photos:
+            for number, fit in map_on_cluster(_photo_fitter, shared, photos, self.cluster):
+                if isinstance(fit, Lost):
+                    raise UserError(
+                        f"processes of the cluster were killed {fit.attempts} times at the same photo,"
+                        " possibly out of memory; what is done stays. Give each task more memory and run it"
+                        " again."
+                    )
+                yield number, fit
+        elif self.processes and workers > 1 and len(photos) >= MIN_PHOTOS_FOR_PROCESSES:
+            yield from enumerate(map_in_processes(_photo_fitter, shared, photos, workers))
+        else:
+            with thread_limit(workers):
+                yield from enumerate(map_on_threads(_photo_fitter(shared), photos))
 
-Photo = tuple[np.ndarray, Prediction]
-"""A photo (H, W, 3), linear RGB, and its prediction."""
+
 PhotoArrays = tuple[np.ndarray, ...]
-"""The same as arrays: the photo, then the prediction's arrays."""
-RunContext = tuple[ObjectClass, ExplainSettings]
-"""Data that all fits of a run share."""
-FitStream = Generator[tuple[int, Fits]]
-"""Numbers of photos and their fits, as they are done."""
+"""A photo (H, W, 3), linear RGB, then the arrays of its prediction."""
 
 
-def _photo_fitter(shared: RunContext) -> Callable[[Photo], Fits]:
+def _photo_fitter(shared: tuple[ObjectClass, ExplainSettings]) -> Callable[[PhotoArrays], Fits]:
     """Return the function that fits one photo from its prediction, in any process."""
     object_class, settings = shared
 
-    def fit_one(photo: Photo) -> Fits:
-        return Fits.of([explain_one(*photo, object_class, settings)], settings.likelihood.alpha == 1)
+    def fit_one(arrays: PhotoArrays) -> Fits:
+        photo, *parts = map(np.array, arrays)  # copies: arrays from a cluster are read-only
+        prediction = Prediction(*parts, symmetry=object_class.symmetry)
+        fit = explain_one(photo, prediction, object_class, settings)
+        return Fits.of([fit], settings.likelihood.alpha == 1)
 
     return fit_one
-
-
-def _fit_on_threads(
-    photos: list[Photo], object_class: ObjectClass, settings: ExplainSettings, workers: int
-) -> FitStream:
-    with thread_limit(workers):
-        yield from enumerate(map_on_threads(_photo_fitter((object_class, settings)), photos))
-
-
-def _fit_in_processes(
-    photos: list[Photo], object_class: ObjectClass, settings: ExplainSettings, workers: int
-) -> FitStream:
-    arrays = (_arrays(photo, prediction) for photo, prediction in photos)
-    yield from enumerate(map_in_processes(_array_fitter, (object_class, settings), arrays, workers))
-
-
-def _fit_on_cluster(
-    photos: list[Photo], object_class: ObjectClass, settings: ExplainSettings, address: str
-) -> FitStream:
-    arrays = (_arrays(photo, prediction) for photo, prediction in photos)
-    for number, fit in map_on_cluster(_array_fitter, (object_class, settings), arrays, address):
-        if isinstance(fit, Lost):
-            raise UserError(
-                f"processes of the cluster were killed {fit.attempts} times at the same photo, possibly out"
-                " of memory; what is done stays. Give each task more memory and run it again."
-            )
-        yield number, fit
-
-
-def _arrays(photo: np.ndarray, prediction: Prediction) -> PhotoArrays:
-    return photo, *prediction.arrays
-
-
-def _array_fitter(shared: RunContext) -> Callable[[PhotoArrays], Fits]:
-    """Return `_photo_fitter` of arrays, which can be sent to another process."""
-    fit_one = _photo_fitter(shared)
-
-    def fit_arrays(arrays: PhotoArrays) -> Fits:
-        photo, *parts = map(np.array, arrays)  # copies: arrays from a cluster are read-only
-        return fit_one((photo, Prediction(*parts, symmetry=shared[0].symmetry)))
-
-    return fit_arrays
 
 
 def cache_key(recognizer: Recognizer, object_class: ObjectClass, settings: ExplainSettings) -> str:

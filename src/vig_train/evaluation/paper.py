@@ -156,29 +156,23 @@ def comparison(table: Mapping[str, Any]) -> tuple[list[str], list[tuple[str, dic
     return list(methods), rows
 
 
-def comparison_title(table: Mapping[str, Any]) -> str:
-    """Return the title of the comparison."""
-    return (
-        f"Table 1, {TITLES[table['tier']]}: medians over {table['count']} photos with at most"
-        f" {table['max_occlusion']:.0%} of the object hidden, 95 % interval, the paper's number"
-    )
-
-
 def comparison_block(table: Mapping[str, Any]) -> TableBlock:
     """Return the comparison for a terminal and for Markdown."""
     methods, rows = comparison(table)
     lines = [[title, *(row[m].text if m in row else "-" for m in methods)] for title, row in rows]
-    return TableBlock(comparison_title(table), ["", *methods], lines)
+    title = (
+        f"Table 1, {TITLES[table['tier']]}: medians over {table['count']} photos with at most"
+        f" {table['max_occlusion']:.0%} of the object hidden, 95 % interval, the paper's number"
+    )
+    return TableBlock(title, ["", *methods], lines)
 
 
 def _entry(summary: Mapping[str, Any], compared: MedianComparison | None) -> ComparisonCell:
     low, high = summary["ci95"]
     texts = _digits(summary["median"]), f"[{_digits(low)}, {_digits(high)}]"
-    return (
-        ComparisonCell(*texts)
-        if compared is None
-        else ComparisonCell(*texts, _digits(compared.paper), compared.passed)
-    )
+    if compared is None:
+        return ComparisonCell(*texts)
+    return ComparisonCell(*texts, _digits(compared.paper), compared.passed)
 
 
 def _digits(value: float) -> str:

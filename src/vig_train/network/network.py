@@ -16,8 +16,14 @@ from vig.recognition.network import (
     NetworkSettings,
 )
 from vig.scene import regressed_layout
-from vig_train.network.decoder import CELLS, ContextDecoder, ObjectMap
-from vig_train.network.layers import GroupedLinear, InvertedResidual, convolution
+from vig_train.network.decoder import (
+    CELLS,
+    ContextDecoder,
+    GroupedLinear,
+    InvertedResidual,
+    ObjectMap,
+    convolution,
+)
 
 
 @dataclass(frozen=True)

@@ -10,13 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from vig.scene import ObjectClass, ShapeModel
+from vig.scene import EXPOSURE_L00, ObjectClass, ShapeModel
 from vig.scene.object_class import PACKAGED
-from vig_train.packs.lights import light_prior
 from vig_train.packs.transfer import write_transfer
 from vig_world.assets.coded_designs import Design
 from vig_world.assets.held_out import save_coded
 from vig_world.assets.target import nearest_coefficients
+from vig_world.library import Library
+
+TURN_COUNT = 12
+"""Turns of each panorama about the vertical."""
+GROUND_ALBEDOS = (0.1, 0.25, 0.5)
+"""Albedos of the object's support."""
 
 
 @dataclass(frozen=True)
@@ -140,3 +145,24 @@ def relative_distance(model: ShapeModel, vertices: np.ndarray, components: int) 
     ratio = model.explained_variance_ratio[:components]
     fewer = replace(model, basis=model.basis[:components], explained_variance_ratio=ratio)
     return float((beyond_model_mm(fewer, vertices) / (1000 * np.ptp(vertices, axis=1).max(1))).mean())
+
+
+def light_prior() -> tuple[np.ndarray, np.ndarray]:
+    """Return mean (9,) and covariance (9, 9) of spherical harmonics in the world frame, at the paper's
+    exposure.
+    """
+    angles = 2 * np.pi * np.arange(TURN_COUNT) / TURN_COUNT
+    library = Library("train")
+    lights = np.array(
+        [library.light(i, a, g) for i in range(library.panoramas) for a in angles for g in GROUND_ALBEDOS]
+    )
+    covariance = np.cov(lights.T)
+    # L00 is uncertain by 5 %, so that an exposure slightly off can be explained.
+    covariance[0, 0] += (0.05 * EXPOSURE_L00) ** 2
+    return lights.mean(0), covariance
+
+
+def packaged_light_prior() -> tuple[np.ndarray, np.ndarray]:
+    """Return `light_prior` as the packaged classes have it, for which no panorama has to be made."""
+    packaged = ObjectClass.load("teapot")
+    return packaged.light_prior_mean, packaged.light_prior_covariance

@@ -184,7 +184,6 @@ def transfer_model(
     shapes: int = SHAPE_SAMPLES,
     side: int = RAY_GRID,
     seed: int = 0,
-    albedo: float = ALBEDO,
     progress: bool = False,
     keep: Keep = computed,
 ) -> np.ndarray:
@@ -199,7 +198,7 @@ def transfer_model(
     # The one shape of a rigid class is computed four times: rays are drawn at random.
     shapes = min(shapes, 4) if model.rigid else shapes
     with Meter(shapes, 0, progress, "shapes") as meter:
-        samples = SampledChanges.draw(model, shapes, side, seed, albedo, meter.advance, keep)
+        samples = SampledChanges.draw(model, shapes, side, seed, meter.advance, keep)
     if model.rigid:
         return np.stack([samples.changes.mean(0), np.zeros_like(samples.changes[0])])
     with_one = np.column_stack([np.ones(shapes), samples.coefficients])
@@ -227,7 +226,6 @@ class SampledChanges:
         shapes: int,
         side: int,
         seed: int,
-        albedo: float = ALBEDO,
         advance: Callable[[int], None] = lambda count: None,
         keep: Keep = computed,
     ) -> "SampledChanges":
@@ -244,11 +242,11 @@ class SampledChanges:
             bits.state = begun
             rng = np.random.Generator(bits.advance(chosen.start * numbers))
             met = [Occlusion.of(vertices[number], model.faces, side, rng) for number in chosen]
-            changes = [each.change(albedo, BOUNCES, neighbours).astype(np.float32) for each in met]
+            changes = [each.change(ALBEDO, BOUNCES, neighbours).astype(np.float32) for each in met]
             return {"changes": np.stack(changes), "inside": np.stack([each.inside for each in met])}
 
         content = b"".join(array.tobytes() for array in (model.mean, model.basis, model.faces))
-        key = [hashlib.sha256(content).hexdigest(), f"{shapes} {side} {seed} {albedo} {BOUNCES}"]
+        key = [hashlib.sha256(content).hexdigest(), f"{shapes} {side} {seed} {ALBEDO} {BOUNCES}"]
         parts = []
         for part in map_on_threads(
             lambda chosen: keep("transfer", [*key, str(chosen)], lambda: compute(chosen)),

@@ -14,35 +14,23 @@ from torch.nn import functional
 from vig.recognition.network import mirrored
 from vig_train.training.examples import Examples
 from vig_train.training.pasting import CutoutLibrary
-from vig_train.training.targets import cell_shares
+from vig_train.training.targets import Targets, cell_shares
 
 GAMMA = 2.2
 """sRGB is nearly linear light to the power of one over this."""
 
 
 @dataclass(frozen=True)
-class Batch:
-    """Input of a step of training.
+class Batch(Targets):
+    """Input of a step of training, with its targets.
 
     Attributes:
         images: (B, 3, H, W) sRGB in [0, 1].
-        azimuth: (B,) radians.
-        numbers: (B, M), see `targets.numbers_of`.
-        roll: (B,) radians.
-        present: (B,) 1 where the object is in the image, else 0.
         mask: (B, 3, h, w) shares of the mask head's cells.
     """
 
     images: torch.Tensor
-    azimuth: torch.Tensor
-    numbers: torch.Tensor
-    roll: torch.Tensor
-    present: torch.Tensor
     mask: torch.Tensor
-
-    def to(self, device: torch.device) -> Batch:
-        """Return the same on another device."""
-        return Batch(*(value.to(device) for value in vars(self).values()))
 
 
 @dataclass(frozen=True)
@@ -105,7 +93,7 @@ class Augmentation:
         else:
             images, masks = library.paste(images, masks, self.pasted, rng)
         images = self._photograph(images, rng).contiguous(memory_format=torch.channels_last)
-        return Batch(images, azimuth, numbers, roll + turn, present, cell_shares(*masks.unbind(1)))
+        return Batch(azimuth, numbers, roll + turn, present, images, cell_shares(*masks.unbind(1)))
 
     def _reframe(
         self, images: torch.Tensor, masks: torch.Tensor, flipped: torch.Tensor, rng: np.random.Generator

@@ -28,8 +28,9 @@ from vig_train.training.augmentation import Augmentation
 from vig_train.training.drawing import examples_of
 from vig_train.training.examples import Examples
 from vig_train.training.loop import Trainer, TrainingRun
-from vig_train.training.losses import Targets, mask_loss
+from vig_train.training.losses import mask_loss
 from vig_train.training.studio import Studio, StudioSettings
+from vig_train.training.targets import Targets, TensorRows
 from vig_train.training.training import load_start_weights
 
 SIZES = NetworkSettings(object_map=64, recalled=4, squeezed=112, features=896, dropout=0.5, members=4)
@@ -53,7 +54,7 @@ STUDIO = StudioSettings(level=0.35)
 
 
 @dataclass(frozen=True)
-class Features:
+class Features(TensorRows):
     """Features of N augmented images by the trunk, and their targets.
 
     Attributes:
@@ -65,9 +66,6 @@ class Features:
     coarse: torch.Tensor
     targets: Targets
     model: torch.Tensor
-
-    def __getitem__(self, chosen: torch.Tensor) -> Features:
-        return Features(self.coarse[chosen], self.targets[chosen], self.model[chosen])
 
 
 def new_network(object_class: ObjectClass) -> RecognitionNetwork:
@@ -130,7 +128,8 @@ def _prepare(shared: tuple[str, str, int, str]) -> Callable[[int], None]:
         features = []
         for number in range(PASSES):
             batch = augment(examples, np.random.default_rng([seed, chunk, number]))
-            coarse = torch.cat([coarse_features(network, part) for part in batch.images.split(32)])
+            with torch.inference_mode(), bfloat16(batch.images.device):
+                coarse = torch.cat([network.maps(part)[-1].half() for part in batch.images.split(32)])
             model = torch.tensor([image.model for image in drawn])
             own = {field.name: getattr(batch, field.name) for field in fields(Targets)}
             features.append({"coarse": coarse, "model": model, **own})
@@ -140,13 +139,6 @@ def _prepare(shared: tuple[str, str, int, str]) -> Callable[[int], None]:
             save_file({name: value.contiguous() for name, value in kept.items()}, temporary)
 
     return work
-
-
-@torch.inference_mode()
-def coarse_features(network: RecognitionNetwork, images: torch.Tensor) -> torch.Tensor:
-    """Return features (N, C, 10, 10) float16 of the trunk's last stage, for images (N, 3, 150, 150)."""
-    with bfloat16(images.device):
-        return network.maps(images)[-1].half()
 
 
 def _read(folder: Path, chunk: int) -> dict[str, torch.Tensor]:

@@ -25,7 +25,7 @@ from vig_world.assets.own.props import standing_parts
 from vig_world.assets.own.settings import settings_of
 from vig_world.assets.own.standing import SizedKind
 from vig_world.assets.things import Prop, is_of_class, prop
-from vig_world.mesh import vertex_normals
+from vig_world.mesh import stacked, vertex_normals
 from vig_world.raster.rasterize import rasterize
 
 CUTOUTS_PER_SPLIT = 1600
@@ -200,9 +200,7 @@ def render_cutout(rng: np.random.Generator, shown_prop: Prop, roll: float) -> Im
     roll: the camera's, radians.
     """
     meshes = [mesh for mesh, _ in shown_prop.parts]
-    points = np.concatenate([mesh.vertices for mesh in meshes])
-    starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes])
-    faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
+    points, faces = stacked(meshes)
     owner = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
     points = points - (points.min(0) + points.max(0)) / 2
     reach = float(np.linalg.norm(points, axis=1).max())

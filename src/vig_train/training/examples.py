@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 import torch
 
 from vig.scene import Latents
-from vig_train.training.targets import cell_shares, numbers_of
+from vig_train.training.targets import TensorRows, cell_shares, numbers_of
 from vig_world.dataset import Dataset
 
 HELD_OUT_SHARE = 1 / 16
@@ -17,7 +17,7 @@ HELD_OUT_SHARE = 1 / 16
 
 
 @dataclass(frozen=True)
-class Examples:
+class Examples(TensorRows):
     """Images with their truth, in memory.
 
     Attributes:
@@ -54,8 +54,8 @@ class Examples:
     @staticmethod
     def joined(parts: list[Examples]) -> Examples:
         """Concatenate."""
-        names = [field.name for field in fields(Examples)]
-        return Examples(*(torch.cat([getattr(part, name) for part in parts]) for name in names))
+        columns = zip(*(vars(part).values() for part in parts), strict=True)
+        return Examples(*map(torch.cat, columns))
 
     @staticmethod
     def of_arrays(arrays: Mapping[str, np.ndarray]) -> Examples:
@@ -68,10 +68,6 @@ class Examples:
 
     def __len__(self) -> int:
         return len(self.azimuth)
-
-    def to(self, device: torch.device) -> Examples:
-        """Return the same on another device."""
-        return Examples(*(getattr(self, field.name).to(device) for field in fields(self)))
 
     def pixels(self, device: torch.device | str = "cpu") -> torch.Tensor:
         """Return network input (N, 3, H, W), sRGB in [0, 1]."""
@@ -91,9 +87,6 @@ class Examples:
         nothing = torch.zeros_like(self.visible)
         unknown = self.numbers.new_zeros(len(self), numbers)
         return Examples(self.images, self.azimuth, unknown, self.roll, nothing, nothing)
-
-    def __getitem__(self, chosen: torch.Tensor | slice) -> Examples:
-        return Examples(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
 
 def hold_out(datasets: Sequence[Dataset], max_validation: int) -> tuple[np.ndarray, np.ndarray]:

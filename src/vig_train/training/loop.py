@@ -15,6 +15,7 @@ from torch import nn
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
 from vig_train.training.checkpoint import load_checkpoint, save_checkpoint
+from vig_world.dataset import Dataset
 
 B = TypeVar("B")
 
@@ -180,6 +181,17 @@ class TrainingRun:
         self._state |= {f"{self.part}best": repr(self._best), f"{self.part}best_at": str(self.best_epoch)}
         if self.checkpoint is not None:
             save_checkpoint(self.checkpoint, self.networks, self.optimizer, self._state)
+
+
+def check_amounts(settings: Any, datasets: Sequence[Dataset]) -> None:
+    """Raise UserError when settings with `epochs`, `seed` and `batch` train nothing on datasets."""
+    for name, least in (("epochs", 1), ("seed", 0)):
+        if getattr(settings, name) < least:
+            raise UserError(f"{name} must be at least {least}; got {getattr(settings, name)}")
+    count = sum(map(len, datasets))
+    if count < 2 * settings.batch:
+        folders = ", ".join(f"'{dataset.folder}'" for dataset in datasets)
+        raise UserError(f"training needs at least {2 * settings.batch} images; {folders} has {count}")
 
 
 class EpochLog:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import torch
 from torch.nn import functional
@@ -11,7 +10,7 @@ from torch.nn import functional
 from vig.scene import Symmetry, angle_difference
 from vig_train.network.network import DenseHeads, Heads
 from vig_train.training.augmentation import Batch
-from vig_train.training.targets import azimuth_labels
+from vig_train.training.targets import Targets, azimuth_labels
 
 LOSS_WEIGHTS = {"azimuth": 1.0, "numbers": 2.0, "mask": 2.0, "roll": 1.0, "presence": 0.3}
 """Weights of the parts of the loss."""
@@ -32,21 +31,8 @@ def losses(heads: Heads, batch: Batch, symmetry: Symmetry = Symmetry.NONE) -> di
     return {name: parts[name] for name in LOSS_WEIGHTS}
 
 
-@dataclass(frozen=True)
-class Targets:
-    """Targets of the dense heads for N images; see `Batch`."""
-
-    azimuth: torch.Tensor
-    numbers: torch.Tensor
-    roll: torch.Tensor
-    present: torch.Tensor
-
-    def __getitem__(self, chosen: torch.Tensor) -> Targets:
-        return Targets(*(value[chosen] for value in vars(self).values()))
-
-
 def dense_losses(
-    heads: DenseHeads, targets: Targets | Batch, symmetry: Symmetry = Symmetry.NONE
+    heads: DenseHeads, targets: Targets, symmetry: Symmetry = Symmetry.NONE
 ) -> dict[str, torch.Tensor]:
     """Return parts of the loss of all heads but the mask: azimuth's distribution, likelihoods, others.
 

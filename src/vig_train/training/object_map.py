@@ -26,6 +26,7 @@ from vig_train.training.collages import PICTURES, SIDE, Box, draw_pictures
 from vig_train.training.examples import Examples
 from vig_train.training.loop import Trainer
 from vig_train.training.presence import fit_presence
+from vig_train.training.targets import TensorRows
 
 CELLS = SIDE // MAP_STRIDE
 """A side of a picture's map."""
@@ -36,7 +37,7 @@ CENTRE_FOCUS, MISS_FOCUS = 2, 4
 
 
 @dataclass(frozen=True)
-class MapTargets:
+class MapTargets(TensorRows):
     """Targets of the map for N pictures.
 
     Attributes:
@@ -57,9 +58,6 @@ class MapTargets:
         return MapTargets(
             *(torch.stack(values) for values in zip(*(vars(part).values() for part in parts), strict=True))
         )
-
-    def __getitem__(self, chosen: torch.Tensor) -> MapTargets:
-        return MapTargets(*(value[chosen] for value in vars(self).values()))
 
     def mirrored(self) -> MapTargets:
         """Return the targets of pictures flipped left to right."""

@@ -16,6 +16,7 @@ from PIL import Image
 from torch.nn import functional
 
 from vig_train.training.cutouts import ModelCutouts, draw_cutout
+from vig_train.training.targets import TensorRows
 from vig_world import Split
 
 SIDE, MARGIN = 128, 16
@@ -37,7 +38,7 @@ Source = Callable[..., torch.Tensor]
 
 
 @dataclass(frozen=True, eq=False)
-class CutoutLibrary:
+class CutoutLibrary(TensorRows):
     """Cut-outs to paste.
 
     Attributes:
@@ -62,10 +63,6 @@ class CutoutLibrary:
             left, top = ((SIDE - length) // 2 for length in cutout.size)
             picture[top : top + cutout.height, left : left + cutout.width] = np.asarray(cutout)
         return CutoutLibrary(torch.from_numpy(pictures).permute(0, 3, 1, 2).contiguous())
-
-    def to(self, device: torch.device) -> CutoutLibrary:
-        """Return the same on another device."""
-        return CutoutLibrary(self.rgba.to(device))
 
     def paste(
         self, images: torch.Tensor, masks: torch.Tensor, share: float, rng: np.random.Generator

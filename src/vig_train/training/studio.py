@@ -181,6 +181,8 @@ class Studio:
         mesh = model.mesh if model is not None and rng.random() < settings.source else None
         latents, vertices = self._shape(rng, model)
         camera = self._camera(rng, vertices, latents)
+        matrix = camera.camera_from_world(float(latents.azimuth), float(latents.elevation))
+        view = View(camera.scaled(SUPERSAMPLING), matrix[:3, :3], matrix[:3, 3])
         parts = len(self.object_class.shape_model.part_names)
         kinds = WHOLE if self._detachable_parts else PART
         coat = draw_coat(rng, parts, settings.decorated, settings.metal)
@@ -193,9 +195,9 @@ class Studio:
         if shown >= PART:
             faces = self._part(rng) if shown == PART else self.object_class.shape_model.faces
             if shown == WHOLE and mesh is not None:
-                layer, albedo = self._source_object(rng, latents, mesh, vertices, camera, environment)
+                layer, albedo = self._source_object(rng, latents, mesh, vertices, view, environment)
             else:
-                layer, albedo = self._object(rng, latents, vertices, faces, camera, coat, environment, ground)
+                layer, albedo = self._object(rng, latents, vertices, faces, view, coat, environment, ground)
             layer = replace(layer, colour=layer.colour * tint)
         elif shown in (OTHER_VESSEL, OTHER_THING):
             vessel, name = shown == OTHER_VESSEL, self.object_class.name
@@ -344,12 +346,10 @@ class Studio:
         latents: Latents,
         mesh: SourceMesh,
         vertices: np.ndarray,
-        camera: Camera,
+        view: View,
         environment: Environment,
     ) -> tuple[Layer, np.ndarray]:
         """Return one of the user's meshes, lit, and the mean albedo (3,) of its visible part."""
-        matrix = camera.camera_from_world(float(latents.azimuth), float(latents.elevation))
-        view = View(camera.scaled(SUPERSAMPLING), matrix[:3, :3], matrix[:3, 3])
         paint = draw_paint(rng, mesh, self.settings.own_colours)
         light = latents.light[0].numpy()
         look = appearance(mesh, mesh.moved(vertices), paint, light, view, environment.radiance_from)
@@ -362,7 +362,7 @@ class Studio:
         latents: Latents,
         vertices: np.ndarray,
         faces: np.ndarray,
-        camera: Camera,
+        view: View,
         coat: Coat,
         environment: Environment,
         ground: np.ndarray,
@@ -371,8 +371,6 @@ class Studio:
         model = self.object_class.shape_model
         normals = vertex_normals(vertices, model.faces)
         light = vertex_irradiance(latents, torch.from_numpy(normals), self.object_class).numpy()
-        matrix = camera.camera_from_world(float(latents.azimuth), float(latents.elevation))
-        view = View(camera.scaled(SUPERSAMPLING), matrix[:3, :3], matrix[:3, 3])
         reflectance = float(rng.uniform(0.5, 1.1))
         appearance = appearance_of(
             coat, model, vertices, faces, normals, light, view, environment.radiance_from, reflectance

@@ -3,12 +3,42 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from typing import Self
 
 import torch
 from torch.nn import functional
 
 from vig.recognition.network import MASK_STRIDE
 from vig.scene import Latents, Symmetry, regressed_layout, rotate_z
+
+
+class TensorRows:
+    """A dataclass of tensors with a row for each of N images."""
+
+    def __getitem__(self, chosen: torch.Tensor | slice) -> Self:
+        return type(self)(*(value[chosen] for value in vars(self).values()))
+
+    def to(self, device: torch.device) -> Self:
+        """Return the same on another device."""
+        return type(self)(*(value.to(device) for value in vars(self).values()))
+
+
+@dataclass(frozen=True)
+class Targets(TensorRows):
+    """Targets of the dense heads for N images.
+
+    Attributes:
+        azimuth: (N,) radians.
+        numbers: (N, M), see `numbers_of`.
+        roll: (N,) radians.
+        present: (N,) 1 where the object is in the image, else 0.
+    """
+
+    azimuth: torch.Tensor
+    numbers: torch.Tensor
+    roll: torch.Tensor
+    present: torch.Tensor
 
 
 def azimuth_labels(

@@ -108,28 +108,21 @@ def _draw_placed_cutout(
     unlike: str = "",
     lookalike: bool = False,
 ) -> Layer:
-    """Draw a cut-out of a split's props, or of models, and place it; see `_place_cutout`."""
-    if models is not None and rng.random() < MODEL_SHARE:
-        return _place_cutout(rng, models.draw(rng), middle, size, MOTTLED_MODEL_SHARE)
-    return _place_cutout(rng, draw_cutout(rng, split, unlike, lookalike), middle, size, MOTTLED_SHARE)
-
-
-def _place_cutout(
-    rng: np.random.Generator,
-    cutout: Image.Image,
-    middle: np.ndarray,
-    size: float,
-    mottled: float,
-) -> Layer:
-    """Place a cut-out, either way round, in some light, sometimes turned.
+    """Draw a cut-out of a split's props, or of models, either way round, in some light, sometimes turned.
 
     Args:
         rng: Source of all randomness.
-        cutout: RGBA, sRGB.
+        split: Split of the props.
         middle: (2,) place of its middle, in widths from the picture's middle.
         size: Its longest side, in widths of the picture.
-        mottled: Share of cut-outs with an uneven surface.
+        models: Models in files, to be drawn as well.
+        unlike: See `draw_cutout`, as for lookalike.
+        lookalike: Of props.
     """
+    if models is not None and rng.random() < MODEL_SHARE:
+        cutout, mottled = models.draw(rng), MOTTLED_MODEL_SHARE
+    else:
+        cutout, mottled = draw_cutout(rng, split, unlike, lookalike), MOTTLED_SHARE
     longest_side = max(cutout.size)
     angle = float(rng.normal(0, 8) if rng.random() < 0.9 else rng.uniform(0, 360))
     if rng.random() < 0.5:

@@ -17,7 +17,6 @@ import torch
 from torch import nn
 
 from vig.io.checks import decode, parse_json, read_tensors, reading
-from vig.io.errors import UserError
 from vig.io.progress import Meter
 from vig.recognition import WEIGHTS_FILE
 from vig.recognition.network import NetworkSettings, layout_of_numbers
@@ -29,7 +28,7 @@ from vig_train.training.augmentation import Augmentation, Batch
 from vig_train.training.checkpoint import Scale, save_weights
 from vig_train.training.drawing import Drawing, add_drawn_examples, drawn_once
 from vig_train.training.examples import Examples, hold_out
-from vig_train.training.loop import Trainer, TrainingRun
+from vig_train.training.loop import Trainer, TrainingRun, check_amounts
 from vig_train.training.losses import LOSS_WEIGHTS, losses
 from vig_world.dataset import Dataset
 
@@ -82,16 +81,6 @@ class TrainingSettings:
     network: NetworkSettings = NetworkSettings()
     seed: int = 0
     threads: int | None = None
-
-    def check(self, datasets: Sequence[Dataset]) -> None:
-        """Raise UserError when this trains nothing on datasets."""
-        for name, least in (("epochs", 1), ("seed", 0)):
-            if getattr(self, name) < least:
-                raise UserError(f"{name} must be at least {least}; got {getattr(self, name)}")
-        count = sum(map(len, datasets))
-        if count < 2 * self.batch:
-            folders = ", ".join(f"'{dataset.folder}'" for dataset in datasets)
-            raise UserError(f"training needs at least {2 * self.batch} images; {folders} has {count}")
 
     def fingerprint(self, datasets: Sequence[Dataset]) -> str:
         """Return settings and data that a checkpoint must match to be resumed."""
@@ -155,7 +144,7 @@ def train(
         UserError: The datasets are too small, the settings train nothing, or `out` holds a checkpoint that is
             damaged or of another run.
     """
-    settings.check(datasets)
+    check_amounts(settings, datasets)
     if settings.threads is not None:
         torch.set_num_threads(settings.threads)
     chosen, held_out = (torch.from_numpy(indices) for indices in hold_out(datasets, settings.validation))
@@ -270,10 +259,9 @@ class _TrainingState:
                 for step, part in enumerate(order[: steps * settings.batch].split(settings.batch)):
                     yield examples[part], epoch * steps + step
 
-        steps_of_dataset = ((part, step) for part, step in dataset_steps())
-        examples_of_steps: Iterator[tuple[Examples, int]] = steps_of_dataset
+        examples_of_steps = dataset_steps()
         if drawing := settings.drawing:
-            examples_of_steps = add_drawn_examples(steps_of_dataset, drawing, settings.seed, once)
+            examples_of_steps = add_drawn_examples(examples_of_steps, drawing, settings.seed, once)
         augment = settings.augmentation if settings.mirror else replace(settings.augmentation, flip=0.0)
         library = None if drawing is None else drawing.library(settings.seed)
         library = None if library is None else library.to(self.device)
@@ -352,14 +340,8 @@ def validate(
         part_examples = examples[indices]
         numbers = (part_examples.numbers - scale["mean"]) / scale["deviation"]
         mask = part_examples.mask()
-        batch = Batch(
-            part_examples.pixels(),
-            part_examples.azimuth,
-            numbers,
-            part_examples.roll,
-            part_examples.present(),
-            mask,
-        ).to(device)
+        present, pixels = part_examples.present(), part_examples.pixels()
+        batch = Batch(part_examples.azimuth, numbers, part_examples.roll, present, pixels, mask).to(device)
         with bfloat16(device):
             heads = network(batch.images)
         for name, loss in losses(heads, batch, symmetry).items():

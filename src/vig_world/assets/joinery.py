@@ -5,7 +5,7 @@ Wood's grain runs along v, so v follows the longest side of a board. Meshes are 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from vig_world.assets.shapes import box, moved, tube
 from vig_world.assets.things import Material
-from vig_world.mesh import Mesh
+from vig_world.mesh import Mesh, stacked
 
 Array = np.ndarray
 Point = tuple[float, float, float]
@@ -76,14 +76,17 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
     """Return meshes with texture coordinates as one."""
     if len(meshes) == 1:
         return meshes[0]
-    starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes[:-1]])
-    return Mesh(
-        np.concatenate([mesh.vertices for mesh in meshes]),
-        np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]).astype(
-            np.int32
-        ),
-        np.concatenate([mesh.uv for mesh in meshes if mesh.uv is not None]),
-    )
+    vertices, faces = stacked(meshes)
+    uv = np.concatenate([mesh.uv for mesh in meshes if mesh.uv is not None])
+    return Mesh(vertices, faces.astype(np.int32), uv)
+
+
+def by_finish(parts: Iterable[tuple[Mesh, Material]]) -> list[tuple[Mesh, Material]]:
+    """Return one part for each slot, and for each material without one, in the order of first use."""
+    groups: dict[str | int, tuple[Material, list[Mesh]]] = {}
+    for mesh, stuff in parts:
+        groups.setdefault(stuff.slot or id(stuff), (stuff, []))[1].append(mesh)
+    return [(joined(meshes), stuff) for stuff, meshes in groups.values()]
 
 
 class Joinery:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -128,36 +129,32 @@ class Furniture:
     supports: tuple[Support, ...]
 
 
+Content = TypeVar("Content")
+
+
 @dataclass(frozen=True, eq=False)
-class PropModel:
-    """A prop of a catalogue, packaged or a user's own.
+class AssetModel(Generic[Content]):
+    """A prop or a piece of furniture of a catalogue, packaged or a user's own.
 
     Attributes:
         name: Path of its file, relative to its folder, or name of its row in the packaged table.
         family: Its kind, such as `mug`; things like an object's class are not shown with it.
         fingerprint: sha256 of all files it was read from and of its settings in `vig.toml`; "" if packaged.
-        zones: Zones to which it belongs; empty: any.
-        read: Reads its parts.
+        read: Reads it.
+        zones: Zones to which a prop belongs; empty: any.
         varies: Whether samples show it in other proportions and colours.
     """
 
     name: str
     family: str
     fingerprint: str
-    zones: tuple[str, ...]
-    read: Callable[[], Parts]
+    read: Callable[[], Content]
+    zones: tuple[str, ...] = ()
     varies: bool = False
 
 
-@dataclass(frozen=True, eq=False)
-class FurnitureModel:
-    """A piece of furniture of a catalogue; see `PropModel`."""
-
-    name: str
-    family: str
-    fingerprint: str
-    read: Callable[[], Furniture]
-    varies: bool = False
+PropModel = AssetModel[Parts]
+FurnitureModel = AssetModel[Furniture]
 
 
 def is_of_class(family: str, name: str) -> bool:

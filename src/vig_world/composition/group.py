@@ -10,18 +10,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vig.io.errors import UserError
-from vig.scene import ObjectClass, rotate_z
+from vig.scene import ObjectClass
 from vig_world.assets.coats import draw_coat, mean_albedo
 from vig_world.assets.footprint import Footprint, extreme_points
 from vig_world.assets.target import draw_shape, standing_vertices, target_vertices
 from vig_world.composition.photographs import DECORATED, METAL
-from vig_world.composition.sampling import CompositionError, sample, solids
-from vig_world.composition.stage import LAYOUT_SIZE, MARGIN, Actor, StagedRoom
-from vig_world.dataset.spec import Placed, SceneSpec, Split
+from vig_world.composition.sampling import CompositionError, sample, turned
+from vig_world.composition.stage import LAYOUT_SIZE, MARGIN, Actor, StagedRoom, items_of
+from vig_world.dataset.spec import SceneSpec, Split
 from vig_world.library import Library
 from vig_world.raster import depth
 from vig_world.raster.view import View
-from vig_world.rotations import about_z, vector_of
+from vig_world.rotations import about_z
 from vig_world.streams import stream
 
 GROUP_STREAM = 2**20 + 8
@@ -73,8 +73,9 @@ class GroupSpec:
 
     def views(self, classes: Sequence[ObjectClass], width: int, height: int) -> list[View]:
         """Return the camera in each member's frame, for an image of width x height pixels."""
-        scene, first = self.members[0].scene, _class_of(self.members[0], classes)
-        view = View.of_scene(scene, first, height).framed(width, height)
+        first = self.members[0]
+        object_class = next(each for each in classes if each.name == first.class_name)
+        view = View.of_scene(first.scene, object_class, height).framed(width, height)
         return [member.view(view) for member in self.members]
 
 
@@ -140,11 +141,7 @@ class _GroupBuilder:
             self.stage.add([prop], [footprint], None)
         self.bodies = [actor.body]
         self.alone = [self.view.depth(vertices, first.shape_model.faces)]
-        self.others = self._depth_of_others()
-
-    def _depth_of_others(self) -> np.ndarray:
-        """Return the depth (H, W) of room and props in the group's view."""
-        return depth(solids(self.library, self.scene.room, self.scene.props), self.view)[0]
+        self.others = depth(items_of(library, scene.props, scene.room), self.view)[0]  # of room and props
 
     def try_one(self, rng: np.random.Generator) -> None:
         """Add an object where it has room, overlaps another on the image, and leaves all to be seen."""
@@ -209,31 +206,15 @@ def _seen_from(
 
     azimuth and elevation are those of the camera (3,) about that object.
     """
-    back, offset = about_z(-turn), np.array([*place, 0.0])
-    x, y, z = back @ (eye - offset) - [0.0, 0.0, object_class.target_height]
-    light = rotate_z(np.array(scene.light, np.float64), -turn)
-    origin = back @ (np.array(scene.room.origin) - offset)
-    room = replace(scene.room, origin=tuple(origin.tolist()), turn=scene.room.turn - turn)
+    offset = np.array([*place, 0.0])
+    x, y, z = about_z(-turn) @ (eye - offset) - [0.0, 0.0, object_class.target_height]
     return replace(
-        scene,
+        turned(scene, -turn, offset),
         azimuth=math.atan2(x, -y) % (2 * math.pi),
         elevation=math.asin(z / math.sqrt(x * x + y * y + z * z)),
-        light=tuple(light.tolist()),
-        panorama_angle=scene.panorama_angle - turn,
-        room=room,
-        props=tuple(_moved(prop, back, offset) for prop in scene.props),
     )
 
 
-def _moved(prop: Placed, back: np.ndarray, offset: np.ndarray) -> Placed:
-    x, y, z = (back @ (np.array(prop.position) - offset)).tolist()
-    return replace(prop, position=(x, y, z), rotation=vector_of(back @ prop.matrix()))
-
-
-def _class_of(member: Member, classes: Sequence[ObjectClass]) -> ObjectClass:
-    return next(each for each in classes if each.name == member.class_name)
-
-
-def group_stream(seed: int, index: int, split: Split, purpose: int) -> np.random.Generator:
-    """Return the generator of one purpose of one group."""
-    return stream(seed, index, split, GROUP_STREAM + GROUPS + purpose)
+def photo_stream(seed: int, index: int, split: Split) -> np.random.Generator:
+    """Return the generator of a group's photograph."""
+    return stream(seed, index, split, GROUP_STREAM + GROUPS)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect
 from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import accumulate
 
 import numpy as np
@@ -140,28 +141,25 @@ def in_hand(stage: StagedRoom, rng: np.random.Generator, level: float) -> Occlud
     return _drawn(stage, "in hand", level, [name], *draws, ends=(0.0, 0.4 * scale), arms=arms)
 
 
-def reaching(stage: StagedRoom, rng: np.random.Generator, level: float) -> OccluderCandidate | None:
-    """Return a bare hand and its arm before the object."""
-    return _fixed(stage, rng, level, "arm", (-0.2, 0.3))
-
-
-def branch(stage: StagedRoom, rng: np.random.Generator, level: float) -> OccluderCandidate | None:
-    """Return a leafy twig that reaches into the frame."""
-    return _fixed(stage, rng, level, "twig", (-0.3, 0.2))
-
-
-def board(stage: StagedRoom, rng: np.random.Generator, level: float) -> OccluderCandidate | None:
-    """Return the end of a board: level above the object, as of a shelf, or its broad side to the camera."""
-    return _fixed(stage, rng, level, "board", (-0.3, 0.3))
-
-
 def _fixed(
-    stage: StagedRoom, rng: np.random.Generator, level: float, kind: str, ends: tuple[float, float]
+    stage: StagedRoom,
+    rng: np.random.Generator,
+    level: float,
+    kind: str,
+    ends: tuple[float, float],
 ) -> OccluderCandidate | None:
     """Return a fixture that reaches into the frame; `ends` of its offset are over the object's scale."""
-    name, scale = _fixture(stage, rng, kind), stage.actor.scale
-    draws = rng.random((1, 7)), rng.standard_normal((1, 3))
+    name = stage.member(kind, int(rng.integers(stage.library.members("arm"))))
+    scale, draws = stage.actor.scale, (rng.random((1, 7)), rng.standard_normal((1, 3)))
     return _drawn(stage, kind, level, [name], *draws, ends=(ends[0] * scale, ends[1] * scale))
+
+
+reaching = partial(_fixed, kind="arm", ends=(-0.2, 0.3))
+"""A bare hand and its arm before the object."""
+branch = partial(_fixed, kind="twig", ends=(-0.3, 0.2))
+"""A leafy twig that reaches into the frame."""
+board = partial(_fixed, kind="board", ends=(-0.3, 0.3))
+"""The end of a board: level above the object, as of a shelf, or its broad side to the camera."""
 
 
 def _drawn(
@@ -202,7 +200,3 @@ def _drawn(
     if arms:
         parts.append(placed(arms[number], hand_position, rows[3:6], "holder"))
     return OccluderCandidate(parts, motion, least, most, kind == "standing", front, bound)
-
-
-def _fixture(stage: StagedRoom, rng: np.random.Generator, family: str) -> tuple[str, int]:
-    return stage.member(family, int(rng.integers(stage.library.members("arm"))))

@@ -9,7 +9,6 @@ import numpy as np
 from vig_world.assets.footprint import Footprint
 from vig_world.composition.occluders import Kind, OccluderCandidate, draw_kind
 from vig_world.composition.stage import StagedRoom
-from vig_world.dataset.spec import Placed
 
 FIT_TOLERANCE = 0.008
 KINDS_TRIED, TRIALS_PER_KIND = 6, 8
@@ -79,14 +78,9 @@ def _place(stage: StagedRoom, candidate: OccluderCandidate | None, level: float)
         return "in furniture"
     if (np.minimum(stage.blockers, depths) < stage.behind).mean() > 0.3 + 0.5 * level:
         return "fills the frame"
-    parts = [_moved(part, shift) for part in candidate.parts]
+    parts = [part.shifted(shift) for part in candidate.parts]
     arms = [part for part in parts if part.role == "holder" and part.family == "arm"]
     if arms and (stage.seen(arms) <= depths)[np.isfinite(depths)].mean() < HAND_SHARE:
         return "no hand"
     stage.add(parts, footprints, depths)
     return ""
-
-
-def _moved(part: Placed, shift: np.ndarray) -> Placed:
-    x, y, z = (np.array(part.position) + shift).tolist()
-    return Placed(part.family, part.asset, (x, y, z), part.rotation, part.role)

@@ -17,6 +17,7 @@ from vig_world.composition.stage import Actor, StagedRoom
 from vig_world.dataset.spec import Room, Surface
 from vig_world.library import Library
 from vig_world.rooms import EMPTY, Layout
+from vig_world.rooms.unfurnished import HEIGHT, RADIUS, SEGMENTS, STANDS, WALL
 from vig_world.rotations import about_z
 
 ZONE_WEIGHTS = {
@@ -44,6 +45,10 @@ the object."""
 SLIDES = 5
 NEAR_RAY = 0.05
 """Metres from a piece of furniture within which the line of sight counts as meeting it."""
+BEYOND = RADIUS * math.cos(math.pi / SEGMENTS) - math.sqrt(2) * STANDS
+"""Metres from the object, wherever it stands, within which there is no wall."""
+SURELY = 0.01
+"""Metres, and share of the frame, by which a view must fail."""
 
 
 @lru_cache(maxsize=8)
@@ -206,3 +211,26 @@ def _solid_table(layout: Layout) -> np.ndarray:
     normal = np.stack([way[..., 1], -way[..., 0]], axis=2) / np.linalg.norm(way, axis=2, keepdims=True)
     sides = np.concatenate([normal, (normal * corners).sum(2, keepdims=True)], axis=2)
     return np.hstack([sides.reshape(-1, 12), layout.solids[:, 4]]).astype(np.float64)
+
+
+def fits_seamless_ground(actor: Actor) -> bool:
+    """Return whether some seamless ground may have a place for the object and its camera.
+
+    False where the camera is in the ground or too high, sees over the wall behind the object, or where
+    the ground is too near to it; none depends on the object's place.
+    """
+    view, height = actor.view, float(actor.view.eye[2])
+    if not LOWEST_EYE * actor.small < height < HEIGHT - EYE_CLEARANCE * actor.small:
+        return False
+    camera = view.camera
+    columns, rows = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
+    x, y = (columns - camera.cx) / camera.focal, (rows - camera.cy) / camera.focal
+    rays = np.stack([x, y, np.ones_like(x)], axis=-1).reshape(-1, 3) @ view.rotation  # (N, 3) of depth 1
+    if (-rays[:, 2] * actor.nearest > height).mean() > MOST_NEAR + SURELY:
+        return False
+    level, towards = np.linalg.norm(rays[:, :2], axis=1), -view.eye[:2]
+    along = rays[:, :2] @ towards / level
+    beside = (towards @ towards - along**2).clip(0)
+    way = along + np.sqrt((BEYOND**2 - beside).clip(0))  # at least, to the wall
+    rises = (beside < BEYOND**2) & (rays[:, 2] >= 0)
+    return not (rises & (height + way * rays[:, 2] / level > WALL + SURELY)).any()

@@ -4,25 +4,24 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
-from vig.scene import IMAGE_SIZE, ObjectClass
+from vig.scene import IMAGE_SIZE, ObjectClass, rotate_z
 from vig_world import World
 from vig_world.assets.target import draw_shape, standing_vertices
 from vig_world.composition.clutter import scatter
 from vig_world.composition.occlusion import hide
 from vig_world.composition.photographs import draw_manner
-from vig_world.composition.place import find_place
-from vig_world.composition.seamless import fits_seamless_ground
-from vig_world.composition.stage import LAYOUT_SIZE, Actor
+from vig_world.composition.place import find_place, fits_seamless_ground
+from vig_world.composition.stage import LAYOUT_SIZE, Actor, items_of
 from vig_world.dataset.spec import Lens, Placed, Room, SampleError, SceneSpec, Split
 from vig_world.library import SLOTS, Library
-from vig_world.raster import Item, depth
+from vig_world.raster import depth
 from vig_world.raster.view import View
 from vig_world.rooms import SPACE
+from vig_world.rotations import about_z, vector_of
 from vig_world.streams import stream
 
 MAX_OCCLUSION = 0.9
@@ -188,10 +187,29 @@ def measure(library: Library, actor: Actor, room: Room, props: list[Placed]) -> 
     """Return the hidden share of the object at the full size of the image, one sample per pixel."""
     view = actor.view.scaled(IMAGE_SIZE / LAYOUT_SIZE)
     alone = depth([actor.item], view)[0]
-    return float((depth(solids(library, room, props), view)[0] < alone)[np.isfinite(alone)].mean())
+    return float((depth(items_of(library, props, room), view)[0] < alone)[np.isfinite(alone)].mean())
 
 
-def solids(library: Library, room: Room, props: Iterable[Placed]) -> list[Item]:
-    """Return the geometry of a furnished room and of props."""
-    items = [Item(library.plan(room.layout).packed, room.rotation(), np.array(room.origin))]
-    return items + [Item(library.packed(p.family, p.asset), p.matrix(), np.array(p.position)) for p in props]
+def turned(scene: SceneSpec, angle: float, origin: np.ndarray | float = 0.0) -> SceneSpec:
+    """Return the scene in a frame that lies at `origin` (3,), turned back by `angle` radians about +Z.
+
+    Everything turns about that place by the angle, the camera included.
+    """
+    turn, room = about_z(angle), scene.room
+
+    def placed(position: tuple[float, float, float]) -> tuple[float, float, float]:
+        x, y, z = (turn @ (np.array(position) - origin)).tolist()
+        return x, y, z
+
+    props = (
+        replace(prop, position=placed(prop.position), rotation=vector_of(turn @ prop.matrix()))
+        for prop in scene.props
+    )
+    return replace(
+        scene,
+        azimuth=(scene.azimuth + angle) % (2 * math.pi),
+        light=tuple(rotate_z(np.array(scene.light, np.float64), angle).tolist()),
+        panorama_angle=scene.panorama_angle + angle,
+        room=replace(room, origin=placed(room.origin), turn=room.turn + angle),
+        props=tuple(props),
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -115,6 +116,14 @@ class Actor:
         return NEAREST * min(1.0, self.scale)
 
 
+def items_of(library: Library, placed: Iterable[Placed], room: Room | None = None) -> list[Item]:
+    """Return the geometry of a furnished room, where there is one, and of props."""
+    items = []
+    if room is not None:
+        items.append(Item(library.plan(room.layout).packed, room.rotation(), np.array(room.origin)))
+    return items + [Item(library.packed(p.family, p.asset), p.matrix(), np.array(p.position)) for p in placed]
+
+
 @dataclass
 class StagedRoom:
     """A scene under construction.
@@ -158,8 +167,7 @@ class StagedRoom:
     @staticmethod
     def empty(library: Library, actor: Actor, room: Room) -> StagedRoom:
         """Return a furnished room with the object alone."""
-        packed = library.plan(room.layout).packed
-        behind, _ = depth([Item(packed, room.rotation(), np.array(room.origin))], actor.view)
+        behind, _ = depth(items_of(library, [], room), actor.view)
         support = library.plan(room.layout).layout.supports[room.support]
         return StagedRoom(library, actor, room, support, behind, behind)
 
@@ -198,7 +206,7 @@ class StagedRoom:
 
     def seen(self, placed: list[Placed]) -> np.ndarray:
         """Return the depth (75, 75) of props alone."""
-        return depth(self._items(placed), self.actor.view)[0]
+        return depth(items_of(self.library, placed), self.actor.view)[0]
 
     def settled(
         self,
@@ -211,12 +219,7 @@ class StagedRoom:
         """Return the offset of props along a motion (3,) at which `level` is hidden, see `raster.settle`."""
         actor = self.actor
         pixels = ObjectPixels(actor.pixels, actor.own, self._hidden_pixels())
-        return settle(self._items(placed), actor.view, motion, ends, pixels, level, tolerance)
-
-    def _items(self, placed: list[Placed]) -> list[Item]:
-        return [
-            Item(self.library.packed(p.family, p.asset), p.matrix(), np.array(p.position)) for p in placed
-        ]
+        return settle(items_of(self.library, placed), actor.view, motion, ends, pixels, level, tolerance)
 
     def points(self, placed: Placed) -> np.ndarray:
         """Return farthest points (N, 3) of a prop in the world."""

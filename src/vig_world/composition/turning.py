@@ -10,14 +10,12 @@ import numpy as np
 
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
-from vig.scene.light import rotate_z
 from vig_world.assets.target import target_vertices
-from vig_world.composition.sampling import CompositionError, measure, sample
+from vig_world.composition.sampling import CompositionError, measure, sample, turned
 from vig_world.composition.stage import LAYOUT_SIZE, Actor
-from vig_world.dataset.spec import Placed, SceneSpec
+from vig_world.dataset.spec import SceneSpec
 from vig_world.library import Library
 from vig_world.raster.view import View
-from vig_world.rotations import about_z, vector_of
 from vig_world.streams import stream
 
 HIDDEN, OPEN = (0.55, 0.95), 0.15
@@ -54,7 +52,7 @@ class Turning:
             turn = time + self.uneven / whole * math.sin(whole * time + self.phase)
             shift = time * np.array(self.way)
             props = tuple(
-                prop if prop.role == "clutter" else _moved(prop, shift) for prop in self.scene.props
+                prop if prop.role == "clutter" else prop.shifted(shift) for prop in self.scene.props
             )
             yield turned(replace(self.scene, props=props), -turn * self.turn)
 
@@ -91,37 +89,3 @@ def draw_turning(library: Library, object_class: ObjectClass, seed: int, index: 
     x, y, z = (2 * WAY * reach * rng.choice([-1.0, 1.0]) * actor.aside).tolist()
     uneven, phase = rng.uniform(0, [UNEVEN, 2 * math.pi]).tolist()
     return Turning(scene, float(turn), uneven, phase, (x, y, z))
-
-
-def turned(scene: SceneSpec, angle: float) -> SceneSpec:
-    """Return the scene with its object turned back by `angle` radians about +Z, in the object's own
-    frame.
-
-    The object's frame is the world's: everything else turns about it by the angle, the camera included.
-    """
-    turn, room = about_z(angle), scene.room
-    origin = turn @ np.array(room.origin)
-    light = rotate_z(np.array(scene.light, np.float64), angle)
-    props = (
-        replace(
-            prop, position=_triple(turn @ np.array(prop.position)), rotation=vector_of(turn @ prop.matrix())
-        )
-        for prop in scene.props
-    )
-    return replace(
-        scene,
-        azimuth=(scene.azimuth + angle) % (2 * math.pi),
-        light=tuple(light.tolist()),
-        panorama_angle=scene.panorama_angle + angle,
-        room=replace(room, origin=_triple(origin), turn=room.turn + angle),
-        props=tuple(props),
-    )
-
-
-def _moved(prop: Placed, shift: np.ndarray) -> Placed:
-    return replace(prop, position=_triple(np.array(prop.position) + shift))
-
-
-def _triple(numbers: np.ndarray) -> tuple[float, float, float]:
-    x, y, z = numbers.tolist()
-    return x, y, z

@@ -73,29 +73,16 @@ def check_size(size: Size) -> None:
         )
 
 
-COLUMNS = (
-    "index",
-    "seed",
-    "occlusion",
-    "target_occlusion",
-    "visib_fract",
-    "share_occluder",
-    "share_support",
-    "share_truncation",
-    "cause",
-    "hidden_by",
-    "truncated",
-    "size",
-    "panorama",
-    "layout",
-    "zone",
-    "design",
-    "assets",
-    "finish",
-    "roll",
-    "photo",
-)
-"""The columns of latents.parquet that are no latents."""
+COLUMNS = {
+    **dict.fromkeys(("index", "seed", "panorama", "layout", "design"), "int64"),
+    **dict.fromkeys(("occlusion", "target_occlusion", "visib_fract", "size", "roll"), "double"),
+    **dict.fromkeys(("share_occluder", "share_support", "share_truncation"), "double"),
+    **dict.fromkeys(("cause", "zone", "finish", "photo"), "string"),
+    **dict.fromkeys(("hidden_by", "assets"), "list"),
+    "truncated": "bool",
+}
+"""The columns of latents.parquet that are no latents, with Arrow's names of their types; lists are of
+strings."""
 
 
 def read_info(root: Path) -> dict[str, Any]:

@@ -219,9 +219,13 @@ def decode_picture(data: bytes, kind: str, size: Size) -> np.ndarray:
 def _picture(folder: Path, index: int, kind: str, size: Size) -> np.ndarray:
     path = image_paths(folder, index, normals=True)[kind]
     with reading(path, "a picture of the dataset", REMEDY):
-        data = read_bytes(inside(folder, path.relative_to(folder)), most_bytes(size))
-        picture = decode_picture(data, kind, size)
-    return picture
+        return decode_picture(image_bytes(folder, path, size), kind, size)
+
+
+def image_bytes(folder: Path, path: Path, size: Size) -> bytes:
+    """Return the content of an image file in the folder of a split; UserError where it cannot be read."""
+    with reading(path, "a picture of the dataset", REMEDY):
+        return read_bytes(inside(folder, path.relative_to(folder)), most_bytes(size))
 
 
 def _middle_square(picture: np.ndarray, kind: str) -> np.ndarray:

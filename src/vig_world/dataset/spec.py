@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Literal
 
@@ -79,6 +79,11 @@ class Placed:
     def matrix(self) -> np.ndarray:
         """Return prop to world, (3, 3) float64."""
         return _matrix(self.rotation)
+
+    def shifted(self, way: np.ndarray) -> Placed:
+        """Return the prop moved by (3,) metres."""
+        x, y, z = (np.array(self.position) + way).tolist()
+        return replace(self, position=(x, y, z))
 
 
 @dataclass(frozen=True)

@@ -20,10 +20,8 @@ MOST_IN_LIST, MOST_TEXT = 256, 16_384
 """Limits of each sample: entries of a list, bytes of each text column."""
 
 _TYPES = {
-    **dict.fromkeys(("index", "seed", "panorama", "layout", "design"), pa.int64()),
-    **dict.fromkeys(("cause", "zone", "finish", "photo"), pa.string()),
-    **dict.fromkeys(("hidden_by", "assets"), pa.list_(pa.string())),
-    "truncated": pa.bool_(),
+    name: pa.list_(pa.string()) if kind == "list" else pa.type_for_alias(kind)
+    for name, kind in COLUMNS.items()
 }
 """Types of the table's columns; the others are float64."""
 _TEXTS = ("hidden_by", "zone", "assets", "photo")

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from vig.io.checks import read_bytes, reading
 from vig.photo.masks import box_of
 from vig.scene import ObjectClass
-from vig_world.dataset.format import OBJECT_ID, REMEDY, image_paths, inside, most_bytes, read_info
-from vig_world.dataset.read import Dataset, read_dataset
+from vig_world.dataset.format import OBJECT_ID, image_paths, read_info
+from vig_world.dataset.read import Dataset, image_bytes, read_dataset
 from vig_world.generation.files import refuse_used, write_bytes
 from vig_world.generation.keypoints import (
     EDGES,
@@ -154,7 +153,4 @@ _KINS = {"segm": "segmentation", "bbox": "bbox", "area": "area"}
 def copy_image(dataset: Dataset, index: int, path: Path) -> None:
     """Copy a sample's photo."""
     source = image_paths(dataset.folder, index)["rgb"]
-    with reading(source, "a picture of the dataset", REMEDY):
-        inner = inside(dataset.folder, source.relative_to(dataset.folder))
-        data = read_bytes(inner, most_bytes(dataset.size))
-    write_bytes(path, data)
+    write_bytes(path, image_bytes(dataset.folder, source, dataset.size))

@@ -72,7 +72,7 @@ def describe(
             "visib_fract": info["visib_fract"],
             **{f"share_{name}": share for name, share in shares.items()},
             "cause": picture.cause,
-            "hidden_by": hidden_by(spec),
+            "hidden_by": [f"{prop.family}/{prop.asset}" for prop in spec.props if prop.role == "occluder"],
             "truncated": shares["truncation"] > 0,
             "size": info["px_count_all"] / picture.amodal.size,
             "panorama": spec.panorama,
@@ -87,11 +87,6 @@ def describe(
         "rejected": spec.rejected,
         "spec": spec.to_json(),
     }
-
-
-def hidden_by(spec: SceneSpec) -> list[str]:
-    """Return the props that were placed to hide the object, as `family/number`."""
-    return [f"{prop.family}/{prop.asset}" for prop in spec.props if prop.role == "occluder"]
 
 
 def assets_used(spec: SceneSpec) -> list[str]:

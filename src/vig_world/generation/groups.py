@@ -25,7 +25,7 @@ from vig.io.errors import UserError
 from vig.photo.images import write_png
 from vig.photo.masks import box_of
 from vig.scene import ObjectClass, linear_from_srgb
-from vig_world.composition.group import GroupSpec, group_stream, sample_group
+from vig_world.composition.group import GroupSpec, photo_stream, sample_group
 from vig_world.dataset.spec import Split
 from vig_world.generation.files import write_json
 from vig_world.library import Library
@@ -114,7 +114,7 @@ def make_group(
     most = shares.argmax(0)
     visible = np.stack([(share >= 0.5) & (most == number) for number, share in enumerate(shares)])
     hides = uncovered[:, None] & uncovered & (depths[:, None] < depths)
-    photo, _ = photograph(_halved(linear), group_stream(seed, index, library.split, 0))
+    photo, _ = photograph(_halved(linear), photo_stream(seed, index, library.split))
     return Group(spec, tuple(views), photo, amodal, visible & amodal, hides.sum((2, 3)) >= FINER**2 * HIDES)
 
 

@@ -125,8 +125,7 @@ class Maker:
         Raises UserError for errors that no other draw would avoid.
         """
         try:
-            with one_thread():
-                return self._files(self._sample(index, draw))
+            return self.files(self.sample(index, draw))
         except SampleError as error:
             return Failure(str(error), expected=isinstance(error, CompositionError))
         except UserError:
@@ -135,21 +134,15 @@ class Maker:
             self.close()
             return Failure(f"sample {index}: {type(error).__name__}: {error}", traceback.format_exc())
 
+    @one_thread()
     def sample(self, index: int, draw: int = 0) -> SceneSpec:
         """Return a draw of the scene of sample `index`."""
-        with one_thread():
-            return self._sample(index, draw)
-
-    def _sample(self, index: int, draw: int) -> SceneSpec:
         job = self.job
         return sample(self.library, job.object_class, job.seed, index, job.world, draw=draw)
 
+    @one_thread()
     def files(self, spec: SceneSpec) -> dict[str, bytes]:
         """Return the files of a scene. Raises UserError when the renderer cannot run here."""
-        with one_thread():
-            return self._files(spec)
-
-    def _files(self, spec: SceneSpec) -> dict[str, bytes]:
         if self._renderer is None:
             self._renderer = self._open()
         picture, settings = self._renderer.render(spec), None

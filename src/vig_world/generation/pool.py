@@ -1,4 +1,4 @@
-"""Samples made on this machine, in this process or in several."""
+"""Samples made in this process, in several, or on a Ray cluster (the extra `cluster`)."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pathlib import Path
 
 from vig.io.errors import UserError
 from vig.parallel import Lost, map_as_done
+from vig.parallel.cluster import map_on_cluster
 from vig_world.generation.job import Failure, Job, Maker, store
 
 Draw = tuple[int, int]
@@ -18,6 +19,8 @@ HOPELESS = 16
 """Draws of which not one succeeds, after which a run ends."""
 MOST_DRAWS = 100
 """Draws of one sample."""
+CHUNK = 8
+"""Samples in a task of a cluster: a few hundred kilobytes to send back."""
 
 
 def make_samples(
@@ -107,3 +110,28 @@ def _prepare(shared: tuple[Job, Path]) -> Callable[[Draw], Failure | None]:
         return None
 
     return work
+
+
+def make_on_ray(
+    job: Job, folder: Path, missing: list[int], address: str, advance: Callable[[int], None]
+) -> None:
+    """Make the samples on the cluster at `address` (`auto`: the one this machine belongs to).
+
+    Its nodes make them, and this process alone writes them.
+
+    Raises:
+        UserError: Ray is not installed, there is no cluster, a file cannot be written, or as `make_samples`.
+    """
+
+    def attempt(draws: list[Draw]) -> Iterator[tuple[int, Failure | Lost | None]]:
+        for place, made in map_on_cluster(_prepare_remote, job, draws, address, CHUNK):
+            yield place, made if isinstance(made, Lost) else store(folder, made)
+
+    make_samples(missing, attempt, advance)
+
+
+def _prepare_remote(job: Job) -> Callable[[Draw], dict[str, bytes] | Failure]:
+    """Return the function that makes the files of a draw of a sample on a node."""
+    maker = Maker(job)
+    multiprocessing.util.Finalize(None, maker.close, exitpriority=1)
+    return lambda draw: maker.make(*draw)

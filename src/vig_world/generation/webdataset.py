@@ -8,11 +8,11 @@ import tarfile
 from pathlib import Path
 from typing import Any
 
-from vig.io.checks import read_bytes, reading
+from vig.io.checks import reading
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
-from vig_world.dataset.format import REMEDY, SCENE, image_paths, inside, most_bytes, read_info
-from vig_world.dataset.read import Dataset, read_dataset
+from vig_world.dataset.format import REMEDY, SCENE, image_paths, read_info
+from vig_world.dataset.read import Dataset, image_bytes, read_dataset
 from vig_world.generation.files import read_scene, refuse_used
 
 SHARD = 1000
@@ -62,9 +62,7 @@ def _labels(root: Path, split: str) -> list[dict[str, Any]]:
 def _add_sample(tar: tarfile.TarFile, dataset: Dataset, index: int, label: dict[str, Any]) -> None:
     folder = dataset.folder
     for kind, path in image_paths(folder, index, dataset.normals).items():
-        with reading(path, "a picture of the dataset", REMEDY):
-            data = read_bytes(inside(folder, path.relative_to(folder)), most_bytes(dataset.size))
-        _add(tar, f"{index:06d}.{kind}.png", data)
+        _add(tar, f"{index:06d}.{kind}.png", image_bytes(folder, path, dataset.size))
     _add(tar, f"{index:06d}.json", json.dumps(label).encode())
 
 

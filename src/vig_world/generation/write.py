@@ -44,10 +44,9 @@ from vig_world.dataset.format import (
 from vig_world.dataset.spec import SPLITS, WORLD_VERSION
 from vig_world.extras import optional_import
 from vig_world.generation import bop
-from vig_world.generation.cluster import make_on_ray
 from vig_world.generation.files import sidecar_path, write_bytes, write_json
 from vig_world.generation.job import TIERS, Job
-from vig_world.generation.pool import make_here, make_in_processes
+from vig_world.generation.pool import make_here, make_in_processes, make_on_ray
 from vig_world.library import OwnAssets
 
 with optional_import("world"):

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vig.scene import ObjectClass
+from vig_world.assets.joinery import by_finish
 from vig_world.assets.target import target_vertices
 from vig_world.assets.things import Material
 from vig_world.dataset.spec import SceneSpec
@@ -28,10 +28,7 @@ class Instance:
             them.
         mesh: Metres, own frame; uv (0, 0) at the texture's bottom left, repeated outside [0, 1].
         normals: (V, 3) unit.
-        texture: (h, w, 3) linear albedo, row 0 on top.
-        kind: Kind of the material.
-        roughness: Roughness of the material.
-        emission: Emission of the material.
+        material: Its material, without a slot's stand-in.
         rotation: (3, 3), from its own frame to the world.
         translation: (3,), metres.
     """
@@ -40,10 +37,7 @@ class Instance:
     key: str
     mesh: Mesh
     normals: np.ndarray
-    texture: np.ndarray
-    kind: str
-    roughness: float
-    emission: float
+    material: Material
     rotation: np.ndarray
     translation: np.ndarray
 
@@ -62,17 +56,16 @@ def build(library: Library, spec: SceneSpec, object_class: ObjectClass) -> list[
     """Return everything in the scene; the first instance is the object itself."""
     vertices, faces = target_vertices(spec, object_class), object_class.shape_model.faces
     target = Mesh(vertices, faces, np.full((len(vertices), 2), 0.5, np.float32))
-    albedo = np.array(spec.albedo, np.float32).reshape(1, 1, 3)
+    ceramic = Material(np.array(spec.albedo, np.float32).reshape(1, 1, 3), "ceramic", 0.5)
     normals = vertex_normals(vertices, faces)
-    still = (np.eye(3), np.zeros(3))
-    instances = [Instance(TARGET, "", target, normals, albedo, "ceramic", 0.5, 0.0, *still)]
+    instances = [Instance(TARGET, "", target, normals, ceramic, np.eye(3), np.zeros(3))]
     instances += _room(library, spec)
     for number, placed in enumerate(spec.props):
         pose = (placed.matrix(), np.array(placed.position))
         for part, (mesh, material) in enumerate(library.prop(placed.family, placed.asset).parts):
             name = f"prop-{number:02d}/{placed.family}/{part}"
             key = f"{placed.family}/{placed.asset}/{part}"
-            instances.append(_instance(name, key, mesh, material, material.texture, *pose))
+            instances.append(_instance(name, key, mesh, material, *pose))
     return instances
 
 
@@ -81,46 +74,22 @@ def _room(library: Library, spec: SceneSpec) -> list[Instance]:
     pose = (spec.room.rotation(), np.array(spec.room.origin))
     finishes = dict(spec.room.finishes)
     instances = []
-    for number, (mesh, material) in enumerate(joined(library.layout(spec.room.layout).parts)):
-        texture, key, kind = material.texture, f"layout-{spec.room.layout}/{number}", material.kind
+    for number, (mesh, material) in enumerate(by_finish(library.layout(spec.room.layout).parts)):
+        key = f"layout-{spec.room.layout}/{number}"
+        name = material.slot if material.slot in ("wall", "floor", "ceiling") else f"room-{number:02d}"
         if material.slot:
             finish = finishes[material.slot]
-            texture, kind = library.finish(finish.kind, finish.asset), finish.kind
+            texture = library.finish(finish.kind, finish.asset)
+            material = replace(material, texture=texture, kind=finish.kind)
             key += f"/{finish.kind}-{finish.asset}-{finish.metres}"
             assert mesh.uv is not None
             mesh = Mesh(mesh.vertices, mesh.faces, mesh.uv / np.float32(finish.metres))
-        name = material.slot if material.slot in ("wall", "floor", "ceiling") else f"room-{number:02d}"
-        instances.append(_instance(name, key, mesh, material, texture, *pose, kind=kind))
+        instances.append(_instance(name, key, mesh, material, *pose))
     return instances
 
 
 def _instance(
-    name: str,
-    key: str,
-    mesh: Mesh,
-    material: Material,
-    texture: np.ndarray,
-    rotation: np.ndarray,
-    translation: np.ndarray,
-    kind: str | None = None,
+    name: str, key: str, mesh: Mesh, material: Material, rotation: np.ndarray, translation: np.ndarray
 ) -> Instance:
     normals = vertex_normals(mesh.vertices, mesh.faces).astype(np.float32)
-    surface = (kind or material.kind, material.roughness, material.emission)
-    return Instance(name, key, mesh, normals, texture, *surface, rotation, translation)
-
-
-def joined(parts: Iterable[tuple[Mesh, Material]]) -> list[tuple[Mesh, Material]]:
-    """Return the same surfaces with one mesh for each material, or each slot, in the order of first use."""
-    groups: dict[str | int, tuple[Material, list[Mesh]]] = {}
-    for mesh, material in parts:
-        groups.setdefault(material.slot or id(material), (material, []))[1].append(mesh)
-    return [(_joined(meshes), material) for material, meshes in groups.values()]
-
-
-def _joined(meshes: list[Mesh]) -> Mesh:
-    starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes[:-1]])
-    blank = [np.zeros((len(mesh.vertices), 2), np.float32) for mesh in meshes]
-    uvs = [other if mesh.uv is None else mesh.uv for mesh, other in zip(meshes, blank, strict=True)]
-    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]
-    vertices = np.concatenate([mesh.vertices for mesh in meshes])
-    return Mesh(vertices, np.concatenate(faces).astype(np.int32), np.concatenate(uvs))
+    return Instance(name, key, mesh, normals, material, rotation, translation)

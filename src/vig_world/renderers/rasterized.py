@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from vig.scene import ObjectClass, srgb8_from_linear
-from vig_world.assets.panoramas.mirror import mirror
+from vig_world.assets.panoramas.light import mirror
 from vig_world.assets.target import target_vertices
 from vig_world.dataset.spec import Coat, SceneSpec
 from vig_world.library import Library

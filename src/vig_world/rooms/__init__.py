@@ -1,9 +1,8 @@
 """Procedural furnished rooms, each a pure function of a random generator."""
 
 from vig_world.rooms.draw import draw_layout
-from vig_world.rooms.hall import EMPTY, SPACE, draw_hall
 from vig_world.rooms.layout import Layout, material_under
-from vig_world.rooms.sweep import draw_sweep
+from vig_world.rooms.unfurnished import EMPTY, SPACE, draw_hall, draw_sweep
 
 __all__ = [
     "EMPTY",

@@ -5,17 +5,16 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-from vig_world.assets.joinery import joined
+from vig_world.assets.joinery import by_finish
 from vig_world.assets.materials import plain, slot_material
 from vig_world.assets.shapes import moved, scaled
 from vig_world.assets.things import Furniture, Material
-from vig_world.mesh import Mesh
 from vig_world.rooms import fittings, openings
 from vig_world.rooms.kinds import KINDS
 from vig_world.rooms.layout import Layout
 from vig_world.rooms.measures import CELL, floor_supports, measured, occupied
 from vig_world.rooms.plan import HEADROOM, Body, Make, Plan
-from vig_world.rooms.shell import Opening, Part, Wall, shell, walls_of
+from vig_world.rooms.shell import Opening, Wall, shell, walls_of
 
 Array = np.ndarray
 SHOULDERS = 0.5
@@ -78,7 +77,7 @@ def _drawn(name: str, rng: np.random.Generator, make: Make, always: bool) -> Lay
     if not always and not (len(plan.placed) > 2 and walkable(plan)):
         return None
     solids = [np.vstack([b.corners, [b.low, b.high]]) for b in plan.bodies]
-    return Layout(name, tuple(_merged(plan.parts)), tuple(supports), outline, height, np.array(solids))
+    return Layout(name, tuple(by_finish(plan.parts)), tuple(supports), outline, height, np.array(solids))
 
 
 def _outline(rng: np.random.Generator, sides: tuple[tuple[float, float], tuple[float, float]]) -> Array:
@@ -249,14 +248,3 @@ def walkable(plan: Plan) -> bool:
         return False
     sizes = np.bincount(labels.ravel())[1:]
     return bool(sizes.max() > 0.85 * sizes.sum())
-
-
-def _merged(parts: list[Part]) -> list[Part]:
-    """Return one part for each finish: a slot's surfaces together, and those of one material."""
-    meshes: dict[object, list[Mesh]] = {}
-    stuffs: dict[object, Material] = {}
-    for mesh, stuff in parts:
-        key = stuff.slot or id(stuff)
-        meshes.setdefault(key, []).append(mesh)
-        stuffs.setdefault(key, stuff)
-    return [(joined(value), stuffs[key]) for key, value in meshes.items()]

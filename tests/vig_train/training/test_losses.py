@@ -26,7 +26,7 @@ def batch(mask: torch.Tensor, roll: float = 0.0, present: tuple[float, float] = 
     """What the images are: at azimuths 0.5 and 4, all numbers 0."""
     images, azimuth = torch.zeros(2, 3, 8, 8), torch.tensor([0.5, 4.0])
     there = torch.tensor(present)
-    return Batch(images, azimuth, torch.zeros(2, 2), torch.full((2,), roll), there, mask)
+    return Batch(azimuth, torch.zeros(2, 2), torch.full((2,), roll), there, images, mask)
 
 
 def test_losses_by_hand() -> None:

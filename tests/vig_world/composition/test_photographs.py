@@ -8,7 +8,7 @@ from scipy.ndimage import binary_dilation, binary_erosion
 
 from vig.scene import Latents, ObjectClass
 from vig_world.assets.coats import albedo_of, draw_coat, mean_albedo
-from vig_world.assets.panoramas.mirror import mirror
+from vig_world.assets.panoramas.light import mirror
 from vig_world.assets.target import target_vertices
 from vig_world.composition.photographs import draw_manner
 from vig_world.composition.sampling import sample

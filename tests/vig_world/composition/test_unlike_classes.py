@@ -13,9 +13,8 @@ from tests.toys import toy
 from vig.scene import ObjectClass
 from vig_world.assets.target import NO_DESIGN, shape_vertices, standing_vertices, target_vertices
 from vig_world.composition.photographs import LEVEL, LEVEL_SHARE, LOW, LOW_SHARE, draw_manner
-from vig_world.composition.place import find_place
+from vig_world.composition.place import find_place, fits_seamless_ground
 from vig_world.composition.sampling import MANNER_STREAM, TOLERANCE, sample, target_occlusion
-from vig_world.composition.seamless import fits_seamless_ground
 from vig_world.composition.stage import LAYOUT_SIZE, Actor
 from vig_world.dataset.spec import SceneSpec
 from vig_world.library import Library

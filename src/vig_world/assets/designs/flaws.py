@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from vig_world.assets.designs.design import TeapotDesign
+from vig_world.assets.designs.mixing import size_flaws
 from vig_world.assets.designs.swept import HANDLE_LOFT, SPOUT_LOFT
 from vig_world.assets.designs.teapot import PART_NAMES, TEAPOT_FACES, TEAPOT_PARTS, teapot_vertices
 from vig_world.assets.designs.topology import Loft
@@ -57,12 +58,7 @@ def flaws(design: TeapotDesign) -> list[str]:
     if vertices[:, 2].min() < -1e-9:
         flaws_found.append("it reaches below the ground")
     sizes = zip(("long", "wide", "high"), np.ptp(vertices, axis=0), (LENGTHS, WIDTHS, HEIGHTS), strict=True)
-    flaws_found += [
-        f"it is {1000 * size:.0f} mm {word}, not {1000 * least:.0f} to {1000 * most:.0f}"
-        for word, size, (least, most) in sizes
-        if not least <= size <= most
-    ]
-    return flaws_found
+    return flaws_found + size_flaws(sizes)
 
 
 def inside(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

@@ -1,14 +1,28 @@
-"""Random designs as mixtures of named ones, part by part."""
+"""Named designs, in `designs.json` beside a package's code, and random ones as mixtures of them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from importlib import resources
 from typing import Any, TypeVar
 
 import numpy as np
 
 Design = TypeVar("Design")
+
+
+def load_catalogue(make: Callable[..., Design], package: str) -> dict[str, tuple[Design, ...]]:
+    """Return the named designs of a package by split, in the order of its `designs.json`.
+
+    make: called with a design's name and the parameters that the file gives; it knows defaults of the others.
+    """
+    catalogue = json.loads(resources.files(package).joinpath("designs.json").read_text("utf-8"))
+    return {
+        split: tuple(make(name, **parameters) for name, parameters in designs.items())
+        for split, designs in catalogue.items()
+    }
 
 
 @dataclass(frozen=True)
@@ -102,3 +116,12 @@ def drawn_in_order(
 
 def _plain(value: Any) -> Any:
     return round(float(value), 5) if isinstance(value, float) else value
+
+
+def size_flaws(sizes: Iterable[tuple[str, float, tuple[float, float]]]) -> list[str]:
+    """Return a sentence on each size, metres, that is not within its limits; sizes: word, size, limits."""
+    return [
+        f"it is {1000 * size:.0f} mm {word}, not {1000 * least:.0f} to {1000 * most:.0f}"
+        for word, size, (least, most) in sizes
+        if not least <= size <= most
+    ]

@@ -16,6 +16,7 @@ from vig_world.assets.designs.revolved import (
     wall,
 )
 from vig_world.assets.designs.swept import HANDLE_LOFT, SPOUT_LOFT, handle_vertices, spout_vertices
+from vig_world.assets.designs.topology import symmetric
 
 PART_NAMES = ("body", "lid", "knob", "foot", "spout", "handle")
 
@@ -52,14 +53,6 @@ def teapot_vertices(design: TeapotDesign) -> np.ndarray:
     Exactly mirror symmetric in y (see MIRROR); the topology is TEAPOT_FACES for every design.
     """
     body_wall = wall(design)
-    vertices = np.concatenate(
-        [
-            body_vertices(design),
-            lid_vertices(design),
-            knob_vertices(design),
-            spout_vertices(design, body_wall),
-            handle_vertices(design, body_wall),
-        ]
-    ).astype(np.float32)
-    reflected = vertices[MIRROR] * np.array([1.0, -1.0, 1.0], np.float32)
-    return 0.5 * (vertices + reflected)
+    parts = [make(design) for make in (body_vertices, lid_vertices, knob_vertices)]
+    parts += [make(design, body_wall) for make in (spout_vertices, handle_vertices)]
+    return symmetric(np.concatenate(parts), MIRROR)

@@ -47,6 +47,12 @@ class Loft:
         return np.concatenate(rings).astype(np.int32)
 
 
+def symmetric(vertices: np.ndarray, mirror: np.ndarray) -> np.ndarray:
+    """Return vertices (V, 3) as float32 and as their mean with their mirror image in y, of numbers (V,)."""
+    vertices = vertices.astype(np.float32)
+    return 0.5 * (vertices + vertices[mirror] * np.array([1.0, -1.0, 1.0], np.float32))
+
+
 def band(low: int, m: int, high: int, n: int) -> list[tuple[int, int, int]]:
     """Return triangles between a ring of m vertices from index `low` and a ring of n >= m from `high` above
     it.

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +18,17 @@ from vig.scene import linear_from_srgb
 from vig_world.assets.materials import ROUGHNESS
 from vig_world.assets.models.unwrapping import unwrap
 from vig_world.assets.textures import BRIGHTEST, DARKEST
-from vig_world.assets.things import ZONE_NAMES, Furniture, FurnitureModel, Material, Parts, PropModel, Support
+from vig_world.assets.things import (
+    ZONE_NAMES,
+    AssetModel,
+    Content,
+    Furniture,
+    FurnitureModel,
+    Material,
+    Parts,
+    PropModel,
+    Support,
+)
 from vig_world.dataset.spec import Split
 
 FOLDER = Path(__file__).parent
@@ -73,33 +84,25 @@ def rows() -> tuple[ModelRow, ...]:
 @functools.cache
 def packaged_props(split: Split) -> dict[str, tuple[PropModel, ...]]:
     """Return the props of a split by family."""
-    return {
-        family: tuple(
-            PropModel(row.name, family, "", tuple(row.zones.split()), functools.partial(_parts, number), True)
-            for number, row in members
-        )
-        for family, members in _by_family("prop", split).items()
-    }
+    return _by_family("prop", split, _parts)
 
 
 @functools.cache
 def packaged_furniture(split: Split) -> dict[str, tuple[FurnitureModel, ...]]:
     """Return the furniture of a split by family."""
-    return {
-        family: tuple(
-            FurnitureModel(row.name, family, "", functools.partial(_furniture, number), True)
-            for number, row in members
-        )
-        for family, members in _by_family("furniture", split).items()
-    }
+    return _by_family("furniture", split, _furniture)
 
 
-def _by_family(role: str, split: Split) -> dict[str, list[tuple[int, ModelRow]]]:
-    """Return numbers and rows by family, in alphabetical order, on which random draws depend."""
-    families: dict[str, list[tuple[int, ModelRow]]] = {}
+def _by_family(
+    role: str, split: Split, read: Callable[[int], Content]
+) -> dict[str, tuple[AssetModel[Content], ...]]:
+    """Return models by family, in alphabetical order, on which random draws depend."""
+    families: dict[str, tuple[AssetModel[Content], ...]] = {}
     for number, row in enumerate(rows()):
         if row.role == role and row.split == split:
-            families.setdefault(row.family, []).append((number, row))
+            zones = tuple(row.zones.split())
+            model = AssetModel(row.name, row.family, "", functools.partial(read, number), zones, True)
+            families[row.family] = (*families.get(row.family, ()), model)
     return dict(sorted(families.items()))
 
 

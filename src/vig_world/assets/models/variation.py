@@ -8,7 +8,7 @@ from vig_world.assets.materials import ROUGHNESS, slot_material
 from vig_world.assets.shapes import scaled
 from vig_world.assets.textures import BRIGHTEST, DARKEST, colour, near, texture
 from vig_world.assets.things import Furniture, Material, Parts
-from vig_world.mesh import Mesh
+from vig_world.mesh import Mesh, face_normals
 
 STRETCH = 0.1
 """Range of the factor by which each axis of a prop differs from the model's; half as much of furniture."""
@@ -37,7 +37,9 @@ def vary(parts: Parts, rng: np.random.Generator) -> Parts:
     style = rng.random()
     largest = max(float(np.ptp(mesh.vertices, axis=0).max()) for mesh, _ in parts)
     first, second = colour(rng), colour(rng)
-    areas = [_area(mesh) for mesh, _ in parts]
+    areas = [
+        float(np.linalg.norm(face_normals(mesh.vertices, mesh.faces), axis=1).sum()) for mesh, _ in parts
+    ]
     result = []
     for (mesh, stuff), area in zip(parts, areas, strict=True):
         has_picture = stuff.texture.size > 3
@@ -78,8 +80,3 @@ def vary_furniture(piece: Furniture, rng: np.random.Generator) -> Furniture:
         parts.append((scaled(mesh, (x, y, z)), stuff))
     supports = tuple(support.stretched(x, y, z) for support in piece.supports)
     return Furniture(piece.family, tuple(parts), supports)
-
-
-def _area(mesh: Mesh) -> float:
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from vig_world.assets.designs.crossings import crossings
+from vig_world.assets.designs.mixing import size_flaws
 from vig_world.assets.mugs.design import MugDesign
 from vig_world.assets.mugs.handle import centre_line
 from vig_world.assets.mugs.mug import MUG_FACES, mug_vertices, wall_rows
@@ -53,11 +54,7 @@ def flaws(design: MugDesign) -> list[str]:
         ("wide", width, WIDTHS),
         ("long", float(np.ptp(vertices[:, 0])), LENGTHS),
     ]
-    flaws_found += [
-        f"it is {1000 * size:.0f} mm {word}, not {1000 * least:.0f} to {1000 * most:.0f}"
-        for word, size, (least, most) in sizes
-        if not least <= size <= most
-    ]
+    flaws_found += size_flaws(sizes)
     ratios = [
         ("its height over its width", vertices[:, 2].max() / width, PROPORTIONS),
         ("the handle's reach over its width", (vertices[:, 0].max() + vertices[:, 0].min()) / width, REACHES),

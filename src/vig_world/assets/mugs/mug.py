@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from vig_world.assets.designs.curves import squared_circle
-from vig_world.assets.designs.topology import Loft, band
+from vig_world.assets.designs.topology import Loft, band, symmetric
 from vig_world.assets.mugs.design import MugDesign
 from vig_world.assets.mugs.handle import AROUND, RINGS, half_sizes, handle_rings, section
 from vig_world.assets.mugs.wall import Profile, inside, outside, rim, underside
@@ -134,9 +134,7 @@ def mug_vertices(design: MugDesign) -> np.ndarray:
         loops.append(_on_wall(design, angles[upper] * unit[:, 0], *place.T))
         body[_LOOPS[upper]] = loops[-1]
     handle = handle_rings(design, outer, (loops[0], loops[1])).reshape(-1, 3)
-    vertices = np.concatenate([body[_KEPT], handle]).astype(np.float32)
-    reflected = vertices[MUG_MIRROR] * np.array([1.0, -1.0, 1.0], np.float32)
-    return 0.5 * (vertices + reflected)
+    return symmetric(np.concatenate([body[_KEPT], handle]), MUG_MIRROR)
 
 
 def wall_rows(design: MugDesign, outer: Profile) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,9 @@ from vig_world.assets.own.furniture_families import family_of_file
 from vig_world.assets.own.props import read_each
 from vig_world.assets.own.settings import FileSettings
 from vig_world.assets.own.standing import SizedKind
-from vig_world.assets.own.supports import Area, level_areas
+from vig_world.assets.own.supports import level_areas
 from vig_world.assets.things import Furniture, FurnitureModel, Parts, Support, prop
+from vig_world.mesh import stacked
 
 _FURNITURE = SizedKind("piece of furniture", 0.3, 4.0, furniture=True)
 _LOWEST = 0.25
@@ -41,11 +43,9 @@ def read_furniture(folder: str | Path) -> tuple[list[FurnitureModel], list[str]]
 
 def _made(name: str, mark: str, parts: Parts, settings: FileSettings) -> tuple[FurnitureModel, list[str]]:
     standing = prop("", *parts).parts
-    vertices = np.concatenate([mesh.vertices for mesh, _ in standing]).astype(np.float64)
-    starts = np.cumsum([0] + [len(mesh.vertices) for mesh, _ in standing[:-1]])
-    faces = np.concatenate([mesh.faces + start for (mesh, _), start in zip(standing, starts, strict=True)])
+    vertices, faces = stacked([mesh for mesh, _ in standing])
     family = settings.family or family_of_file(name)
-    areas = level_areas(vertices, faces)
+    areas = level_areas(vertices.astype(np.float64), faces)
     height = float(vertices[:, 2].max())
     if not areas and height < _LOWEST:
         raise UserError(f"{name}: expected furniture; got {height:.2f} m high without a support.")
@@ -55,7 +55,7 @@ def _made(name: str, mark: str, parts: Parts, settings: FileSettings) -> tuple[F
     return FurnitureModel(name, family, mark, lambda: piece), notes
 
 
-def _support(area: Area, family: str, zones: tuple[str, ...], number: int) -> Support:
+def _support(area: Support, family: str, zones: tuple[str, ...], number: int) -> Support:
     """Return an area with its zone: from the settings (in turn, if several), the family, or its height."""
     height = area.centre[2]
     if zones:
@@ -65,13 +65,6 @@ def _support(area: Area, family: str, zones: tuple[str, ...], number: int) -> Su
     elif family == "shelf" or np.isfinite(area.clearance):
         zone = "display" if height > 0.6 else "storage"
     else:
-        zone = (
-            "reading"
-            if height < 0.6
-            else "dining"
-            if height < 0.85
-            else "cooking"
-            if height < 1.0
-            else "display"
-        )
-    return Support(zone, area.centre, area.half, area.turn, area.clearance, area.behind)
+        limits = {"reading": 0.6, "dining": 0.85, "cooking": 1.0}
+        zone = next((name for name, limit in limits.items() if height < limit), "display")
+    return replace(area, zone=zone)

@@ -21,6 +21,7 @@ from vig_world.assets.own.folder import files_of
 from vig_world.assets.own.meshes import read_gltf, read_obj, read_off, read_ply, read_stl
 from vig_world.assets.own.siblings import MOST_BYTES, Siblings
 from vig_world.assets.own.surfaces import SurfaceMesh, paint
+from vig_world.mesh import stacked
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".off", ".stl")
 UNREAD = tuple(
@@ -147,7 +148,5 @@ def _join_pieces(path: Path, meshes: list[SurfaceMesh]) -> list[MeshPiece]:
 
 
 def _joined(group: list[MeshPiece]) -> MeshPiece:
-    starts = np.cumsum([0] + [len(piece.vertices) for piece in group[:-1]])
-    faces = [piece.faces + start for piece, start in zip(group, starts, strict=True)]
-    vertices, uv = (np.concatenate([getattr(p, key) for p in group]) for key in ("vertices", "uv"))
-    return MeshPiece(vertices, np.concatenate(faces), uv, group[0].texture, group[0].opacity)
+    uv = np.concatenate([piece.uv for piece in group])
+    return MeshPiece(*stacked(group), uv, group[0].texture, group[0].opacity)

@@ -39,7 +39,7 @@ def read_props(folder: str | Path) -> tuple[list[PropModel], list[str]]:
 
     def made(name: str, mark: str, parts: Parts, settings: FileSettings) -> tuple[PropModel, list[str]]:
         standing = prop("", *parts).parts
-        return PropModel(name, settings.family or _called(name), mark, settings.zones, lambda: standing), []
+        return PropModel(name, settings.family or _called(name), mark, lambda: standing, settings.zones), []
 
     return read_each(folder, _PROP, made)
 
@@ -101,12 +101,7 @@ def standing_parts(
         raise
     except ValueError as error:
         raise UserError(f"{path}: expected {error}.") from error
-    return parts_of(pieces), guesses
-
-
-def parts_of(pieces: list[MeshPiece]) -> Parts:
-    """Return pieces as meshes with materials; files do not name these, so they are plastic."""
-    return tuple(
+    plastic = tuple(  # files do not name their materials
         (
             Mesh(
                 piece.vertices.astype(np.float32),
@@ -117,3 +112,4 @@ def parts_of(pieces: list[MeshPiece]) -> Parts:
         )
         for piece in pieces
     )
+    return plastic, guesses

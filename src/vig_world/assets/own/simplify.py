@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from vig_world.assets.own.load import MeshPiece
+from vig_world.mesh import stacked
 
 _UV_CELLS = 16
 """Vertices of one place stay apart where their texture coordinates fall into different cells of this many."""
@@ -71,9 +72,7 @@ def signed_volume(pieces: list[MeshPiece]) -> float | None:
     """Return the volume within the pieces' surface, negative when it is inside out; None when it is not
     closed.
     """
-    points = np.concatenate([piece.vertices for piece in pieces])
-    starts = np.cumsum([0] + [len(piece.vertices) for piece in pieces[:-1]])
-    faces = np.concatenate([piece.faces + start for piece, start in zip(pieces, starts, strict=True)])
+    points, faces = stacked(pieces)
     size = float(np.ptp(points, axis=0).max())
     _, place = np.unique(np.round(points / (1e-5 * size)).astype(np.int64), axis=0, return_inverse=True)
     corners = place.reshape(-1)[faces]

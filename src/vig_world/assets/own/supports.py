@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vig_world.assets.things import Support
 from vig_world.mesh import face_normals
 
 LEAST_SIDE = 0.15
@@ -17,18 +18,6 @@ _LEVEL = 0.01
 """Metres by which heights on one support may differ from its own."""
 _UP = 0.95
 _REACH = 0.3
-
-
-@dataclass(frozen=True)
-class Area:
-    """A level rectangle, as `Support` is: centre (x, y, z), half extents, and turn of its own axes, radians;
-    free metres above, metres to a back at its own +y."""
-
-    centre: tuple[float, float, float]
-    half: tuple[float, float]
-    turn: float
-    clearance: float
-    behind: float
 
 
 @dataclass(frozen=True)
@@ -44,15 +33,15 @@ class _Hits:
     origin: np.ndarray
 
 
-def level_areas(vertices: np.ndarray, faces: np.ndarray) -> list[Area]:
+def level_areas(vertices: np.ndarray, faces: np.ndarray) -> list[Support]:
     """Return level rectangles along the axes, at least LEAST_SIDE long with LEAST_CLEARANCE above, largest
-    first.
+    first, of no zone.
 
     vertices (V, 3) metres, Z up; faces (F, 3), counter-clockwise seen from outside. At most MOST_SUPPORTS.
     """
     hits = _hits(vertices, faces)
     usable = hits.up & (hits.clearance >= LEAST_CLEARANCE)
-    areas: list[tuple[int, Area]] = []
+    areas: list[tuple[int, Support]] = []
     while usable.any() and len(areas) < 4 * MOST_SUPPORTS:
         bins = np.round(hits.z[usable] / (_LEVEL / 2)).astype(int)
         counts = np.bincount(bins - bins.min())
@@ -146,7 +135,7 @@ def largest_rectangle(grid: np.ndarray) -> tuple[int, int, int, int]:
 
 def _opened(
     vertices: np.ndarray, faces: np.ndarray, low: np.ndarray, high: np.ndarray, z: float, clearance: float
-) -> Area | None:
+) -> Support | None:
     """Return the rectangle from low to high (2,) with the first open side for its front: -y, +x, +y, -x.
 
     None when no side is open, as inside a cupboard with its doors shut.
@@ -161,7 +150,8 @@ def _opened(
         if _front_is_open(turned[faces], centre, extents, clearance):
             behind = _behind(turned, faces, centre[:2] - extents, centre[:2] + extents, z)
             place = (float(middle[0]), float(middle[1]), z)
-            return Area(place, (float(extents[0]), float(extents[1])), quarter * np.pi / 2, clearance, behind)
+            half_sides = (float(extents[0]), float(extents[1]))
+            return Support("", place, half_sides, quarter * np.pi / 2, clearance, behind)
     return None
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import importlib
+import pkgutil
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vig_world.assets.discovery import import_modules, sort_by_name
 from vig_world.assets.textures.colours import (
     BRIGHTEST,
     DARKEST,
@@ -20,8 +22,10 @@ from vig_world.assets.textures.decoration import decoration
 from vig_world.assets.textures.fields import Array, noise
 from vig_world.assets.textures.kinds import KINDS
 
-import_modules(__name__)
-sort_by_name(KINDS)
+for module in pkgutil.iter_modules(__path__):  # each maker registers itself in KINDS
+    importlib.import_module(f"{__name__}.{module.name}")
+for name in sorted(KINDS):  # so that their order depends neither on files nor on who imported them first
+    KINDS[name] = KINDS.pop(name)
 
 
 _FINISHES = {

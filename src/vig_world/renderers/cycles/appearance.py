@@ -11,6 +11,7 @@ import numpy as np
 from vig.scene import IMAGE_SIZE, ShapeModel
 from vig_world.assets.coats import albedo_of
 from vig_world.assets.textures import decoration
+from vig_world.assets.things import Material
 from vig_world.dataset.spec import Coat
 
 Finish = Literal["diffuse", "glossy", "painted"]
@@ -69,84 +70,60 @@ _KINDS: dict[str, _Look] = {
 """Looks by kind of material (`vig_world.assets.things.Material`) or, for finishes, of texture; else plain."""
 
 
-def appearance(
-    kind: str,
-    roughness: float,
-    emission: float,
-    colour: np.ndarray,
-    texture: str | None,
-    rng: np.random.Generator,
-) -> dict[str, Any]:
-    """Return a thing's material as plain data: kind, roughness and emission of
-    `vig_world.assets.things.Material`.
+def appearance(material: Material, texture: str | None, rng: np.random.Generator) -> dict[str, Any]:
+    """Return a thing's material as plain data.
 
     Args:
-        texture: Name of the array that holds its albedo; None for a single `colour` (3,), linear.
+        material: Its kind, roughness and emission count.
+        texture: Name of the array that holds its albedo; None for the one colour of its texture.
         rng: Draws whether it is polished, always the same number of times.
     """
-    look = _KINDS.get(kind, _Look())
+    look = _KINDS.get(material.kind, _Look())
     chance, weight, gloss = rng.uniform(size=3)
     low, high = look.gloss
+    principled = {
+        "Metallic": look.metallic,
+        "Specular IOR Level": look.specular,
+        "Sheen Weight": look.sheen,
+        "Coat Weight": 0.3 + 0.7 * weight if chance < look.polish else 0.0,
+        "Coat Roughness": low + (high - low) * gloss,
+    }
+    flat = _material(material.texture[0, 0], texture, material.roughness, principled)
+    return flat | {"emission": material.emission, "relief": look.relief if texture else 0.0}
+
+
+def _material(
+    colour: np.ndarray, texture: str | None, roughness: float, principled: dict[str, float]
+) -> dict[str, Any]:
+    """Return a flat material that emits nothing; principled: inputs of Blender's shader of that name."""
     return {
         "lambertian": False,
         "texture": texture,
         "colour": colour.tolist(),
         "roughness": roughness,
-        "emission": emission,
-        "relief": look.relief if texture else 0.0,
-        "principled": {
-            "Metallic": look.metallic,
-            "Specular IOR Level": look.specular,
-            "Sheen Weight": look.sheen,
-            "Coat Weight": 0.3 + 0.7 * weight if chance < look.polish else 0.0,
-            "Coat Roughness": low + (high - low) * gloss,
-        },
+        "emission": 0.0,
+        "relief": 0.0,
+        "principled": principled,
     }
 
 
 def lambertian(albedo: np.ndarray) -> dict[str, Any]:
     """Return the object's material in the finish `diffuse`: albedo (3,), as in vig's model."""
-    return {
-        "lambertian": True,
-        "texture": None,
-        "colour": albedo.tolist(),
-        "roughness": 0.0,
-        "emission": 0.0,
-        "relief": 0.0,
-        "principled": {},
-    }
+    return _material(albedo, None, 0.0, {}) | {"lambertian": True}
 
 
-def coated(albedo: np.ndarray, roughness: float, texture: str | None) -> dict[str, Any]:
-    """Return a Lambertian base under a clear coat of index 1.5 and the given roughness."""
-    principled = {"Specular IOR Level": 0.0, "Coat Weight": 1.0, "Coat Roughness": roughness, "Coat IOR": 1.5}
-    return {
-        "lambertian": False,
-        "texture": texture,
-        "colour": albedo.tolist(),
-        "roughness": 1.0,
-        "emission": 0.0,
-        "relief": 0.0,
-        "principled": principled,
-    }
+def coated(albedo: np.ndarray, roughness: float, texture: str | None, weight: float = 1.0) -> dict[str, Any]:
+    """Return a Lambertian base under a clear coat of index 1.5 and the given roughness and weight."""
+    coat = {"Coat Weight": weight, "Coat Roughness": roughness, "Coat IOR": 1.5}
+    return _material(albedo, texture, 1.0, {"Specular IOR Level": 0.0} | coat)
 
 
 def coat_material(coat: Coat, texture: str) -> dict[str, Any]:
     """Return the material of an object with a coat, whose albedo is in a texture."""
+    grey = np.full(3, 0.5)
     if coat.metal:
-        principled = {"Metallic": 1.0}
-    else:
-        principled = {"Specular IOR Level": 0.0, "Coat Weight": coat.gloss, "Coat Roughness": coat.roughness}
-        principled["Coat IOR"] = 1.5
-    return {
-        "lambertian": False,
-        "texture": texture,
-        "colour": [0.5, 0.5, 0.5],
-        "roughness": coat.roughness if coat.metal else 1.0,
-        "emission": 0.0,
-        "relief": 0.0,
-        "principled": principled,
-    }
+        return _material(grey, texture, coat.roughness, {"Metallic": 1.0})
+    return coated(grey, coat.roughness, texture, coat.gloss)
 
 
 def baked(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -128,12 +128,11 @@ class _SceneMessage:
 
 
 def _material(scene: _SceneMessage, instance: Instance, rng: np.random.Generator) -> dict[str, Any]:
-    name = scene.texture(instance.texture) if instance.texture.shape[:2] != (1, 1) else None
-    kind = instance.kind
-    if instance.name in SHELL and kind == "paint":
-        kind = "plaster"  # emulsion, not lacquer
-    colour = instance.texture[0, 0]
-    return appearance(kind, instance.roughness, instance.emission, colour, name, rng)
+    material = instance.material
+    name = scene.texture(material.texture) if material.texture.shape[:2] != (1, 1) else None
+    if instance.name in SHELL and material.kind == "paint":
+        material = replace(material, kind="plaster")  # emulsion, not lacquer
+    return appearance(material, name, rng)
 
 
 def _add_target(
@@ -143,7 +142,7 @@ def _add_target(
     finish: Finish,
     rng: np.random.Generator,
 ) -> None:
-    albedo = target.texture[0, 0]
+    albedo = target.material.texture[0, 0]
     if finish == "diffuse":
         scene.add(target, lambertian(albedo))
         return

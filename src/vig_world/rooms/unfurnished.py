@@ -1,14 +1,18 @@
-"""Seamless grounds, as things are photographed on: a floor that rises into a wall without an edge."""
+"""Rooms without furniture: seamless grounds, as things are photographed on, whose floor rises into a wall
+without an edge; and empty halls of any size, for views that no furnished room has space for.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from vig_world.assets.coats import any_colour
+from vig_world.assets.materials import plain
 from vig_world.assets.textures import texture
 from vig_world.assets.things import Material, Support
 from vig_world.mesh import Mesh
 from vig_world.rooms.layout import Layout
+from vig_world.rooms.shell import shell
 
 RADIUS, BEND, WALL, HEIGHT = 3.2, 0.7, 1.9, 3.0
 """Metres: radius of the floor, and of the bend between it and the wall; heights of the wall and of the
@@ -18,6 +22,15 @@ STANDS = 0.6 * (RADIUS - BEND)
 SEGMENTS, STEPS = 48, 8
 TEXTURED = ("cloth", "paint", "wood", "marble", "terrazzo", "weave", "concrete", "plaster")
 """Kinds of textures of those that are not of one colour."""
+EMPTY = "empty"
+"""The kind of empty halls."""
+HALF, SHORTER, CEILING = 4.0, 0.8, 0.8
+"""Half the longer side, metres, of the smallest hall; over that, the least half of the other side and the
+height of the ceiling."""
+MIDDLE = 0.6
+"""Share of each side of a hall on which things stand."""
+SPACE = 2.2
+"""Metres from the middle of the smallest hall within which the camera and the object have space."""
 
 
 def draw_sweep(rng: np.random.Generator) -> Layout:
@@ -58,3 +71,15 @@ def _inside(profile: np.ndarray, metres: float) -> Mesh:
     corners = points[faces].astype(np.float64)
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     return Mesh(points, np.ascontiguousarray(faces[area > 1e-12], np.int32), uv.astype(np.float32))
+
+
+def draw_hall(rng: np.random.Generator, size: float = 1.0) -> Layout:
+    """Return floor, four walls, a ceiling and skirting, `size` times as large as the smallest."""
+    sides = HALF * size * rng.permutation([1.0, rng.uniform(SHORTER, 1.0)])
+    x, y = sides.tolist()
+    outline = np.array([[-x, -y], [x, -y], [x, y], [-x, y]])
+    height = CEILING * HALF * size
+    paint = plain(np.array([0.8, 0.79, 0.75]) * rng.uniform(0.85, 1.0), "wood", 0.5)
+    parts = tuple(shell(rng, outline, height, [], 0.2, paint))
+    support = Support("display", (0.0, 0.0, 0.0), (MIDDLE * x, MIDDLE * y))
+    return Layout(EMPTY, parts, (support,), outline, height, np.zeros((0, 5, 2)))
