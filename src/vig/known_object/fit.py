@@ -33,8 +33,6 @@ DISTINCT = math.radians(25.0)
 """Angle from which poses are different."""
 STEPS = np.array([0.05, 0.05, 0.05, 0.01, 0.01, 0.02])
 """Differences by which a score's curvature is measured: radians about x, y, z; shares of the distance."""
-DEVIATION_PIXELS = 64
-"""Pixels of the window's side for these."""
 TRUSTED_SCORE, TRUSTED_LEAD = -8.5, 0.7
 """Score, and lead over every other pose, from which a pose is trusted: chosen on photos of HOPE under one of
 its lights, 95 % of such rotations were within 15 degrees, 96 and 93 % under two others."""
@@ -247,7 +245,7 @@ class KnownObject:
         verdict, reason = _verdict(poses, picture.outlined, self.surface.one_colour)
         if not (visible > 0.5).any():
             verdict, reason = Verdict.FAILED, Verdict.FAILED.value
-        small = self._picture(pyramid, around, place, DEVIATION_PIXELS).native(self.surface)
+        small = self._picture(pyramid, around, place, IMAGE_SIZE // 2).native(self.surface)
         sure = verdict is Verdict.TRUSTED or len(poses.scores) == 1
         deviation, framing_deviation = self._deviation(small, rotation, middle, latents, sure)
         framing_deviation[:2] *= around.focal / around.side

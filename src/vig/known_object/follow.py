@@ -22,8 +22,6 @@ SEEKING = (
     STEPS[1],
 )
 """Where the object was lost, from views about the last pose."""
-SLOWING = 0.8
-"""Factor of the speed from frame to frame."""
 LOST, FOUND = 0.35, 0.5
 """Shares of the usual score below which the object is lost, and above which it is found again."""
 
@@ -66,8 +64,8 @@ class PoseFollower:
 
 
 def _slowed(motion: np.ndarray) -> np.ndarray:
-    """Return about `SLOWING` of a small motion (4, 4)."""
-    slowed = np.eye(4) + SLOWING * (motion - np.eye(4))
+    """Return about 0.8 of a small motion (4, 4)."""
+    slowed = np.eye(4) + 0.8 * (motion - np.eye(4))
     u, _, v = np.linalg.svd(slowed[:3, :3])
     slowed[:3, :3] = u @ v
     return slowed

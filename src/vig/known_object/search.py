@@ -24,8 +24,6 @@ MOST_ASPECT = 0.35
 fewer than 200 remained."""
 APART = math.radians(16.0)
 """Least angle between views that are refined."""
-TURNED = math.radians(60.0)
-"""Angle by which an object may have turned while it was not seen."""
 LOOSE_OUTLINE = 1.0
 """In place of `ScoreWeights.outline` for views where a box alone tells what is the object's."""
 LEAST_COLOUR: float = engine.LEAST_COLOUR
@@ -335,8 +333,10 @@ class Views:
 
         depth: Of the surface's middle, metres.
         """
-        all_turned = np.einsum("aij,njk->anik", _turns(), self.rotations)
-        turn, view = np.nonzero(np.einsum("anij,ij->an", all_turned, rotation) > 1 + 2 * math.cos(TURNED))
+        near = 1 + 2 * math.cos(math.radians(60.0))  # by which it may have turned while it was not seen
+        turn, view = np.nonzero(
+            np.einsum("aij,njk,ik->an", _turns(), self.rotations, rotation, optimize=True) > near
+        )
         count = len(turn)
         turn, view = (np.tile(numbers, len(places)) for numbers in (turn, view))
         scale = np.full(len(turn), picture.focal * VIEW_DISTANCE * self.radius / (self.focal * depth))

@@ -137,8 +137,8 @@ class Tracker:
         self._number += 1
         if self._known is not None:
             window, fit, ratio = on_one_core(partial(self._known.step, ImagePyramid(picture)))
-            part = {"picture": picture, "window": window, "fit": fit, "camera_distance_ratio": ratio}
-            return self._known_pose(replace(self._found, **part), began)
+            found = replace(self._found, picture=picture, window=window, fit=fit, camera_distance_ratio=ratio)
+            return self._known_pose(found, began)
         assert self._follower is not None
         missed = self._follower.missed
         if missed and missed % GIVEN_UP == 0 and self.explainer.recognizer.has_map:

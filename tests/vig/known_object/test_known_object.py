@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.toys import toy
-from vig import Explainer, Hints
+from vig import Explainer, Hints, Tracker
 from vig.inference import PixelLabel, Verdict
 from vig.io.errors import UserError
 from vig.known_object import FILE, KnownObject, Surface
@@ -227,3 +227,28 @@ def test_without_a_place_or_with_a_damaged_surface(pack: Path, tmp_path: Path) -
     (tmp_path / FILE).write_bytes((pack / FILE).read_bytes()[:-100])
     with pytest.raises(UserError, match="the surface of an object"):
         Explainer(tmp_path)
+
+
+def test_a_known_object_is_followed_and_found_again_after_it_was_hidden(pack: Path) -> None:
+    start, turn = pose_at(1), Rotation.from_rotvec([0.02, -0.03, 0.02]).as_matrix()
+    tracker, errors, lost = Tracker(pack, K=K), [], []
+    pose, middle = start.copy(), start[:3, :3] @ [0, 0, SIDES[2] / 2] + start[:3, 3]
+    for number in range(14):
+        photo, mask = photo_of(pose)
+        if 6 <= number < 9:
+            photo[:, 60:240] = (90, 140, 60)
+        seen = tracker.start(photo, box=box_round(mask)) if number == 0 else tracker(photo)
+        assert seen is not None and seen.number == number and seen.covariance.shape == (6, 6)
+        errors.append(off(seen.camera_from_object, pose))
+        lost.append(seen.lost)
+        pose[:3, :3] = turn @ pose[:3, :3]
+        middle = middle + [0.002, 0.001, 0.003]
+        pose[:3, 3] = middle - pose[:3, :3] @ [0, 0, SIDES[2] / 2]
+    assert lost == [False] * 6 + [True] * 3 + [False] * 5
+    turned, moved = np.array(errors).T
+    followed = [0, 1, 2, 3, 4, 5, 9, 10, 11, 12, 13]
+    assert turned[followed].max() < 6 and moved[followed].max() < 0.02
+    with pytest.raises(UserError, match="expected a box or a mask"):
+        Tracker(pack, K=K)(photo)
+    with pytest.raises(UserError, match="frames of one size"):
+        tracker(photo[:100])
