@@ -47,12 +47,14 @@ class Place:
         seen: (H, W) bool, its visible pixels; None where they are not known.
         hidden: (H, W) bool, pixels in which something else is seen; None where none are known.
         whole: Whether nothing hides any of the object.
+        boxed: Whether the box is round the whole object, hidden parts included; else round what is seen.
     """
 
     box: Box
     seen: np.ndarray | None = None
     hidden: np.ndarray | None = None
     whole: bool = False
+    boxed: bool = True
 
     @staticmethod
     def of(box: Box | None, told: Hints) -> Place:
@@ -61,6 +63,7 @@ class Place:
         Raises:
             UserError: Nothing tells the place.
         """
+        boxed = box is not None or told.visible
         if box is None:
             clues = told.clues()
             if clues is None:
@@ -70,7 +73,7 @@ class Place:
                 )
             box = clues.box
         hidden = None if told.marks is None else told.marks == PixelLabel.IN_FRONT
-        return Place(box, told.mask, hidden, told.visible)
+        return Place(box, told.mask, hidden, told.visible, boxed)
 
 
 @dataclass(frozen=True)
@@ -207,7 +210,9 @@ class KnownObject:
         assert window.focal is not None
         colour = np.ascontiguousarray(colour, np.float32)
         focal = window.focal * size / window.side
-        return Picture(colour, np.ascontiguousarray(seen, np.float32), place.seen is not None, focal, box)
+        seen = np.ascontiguousarray(seen, np.float32)
+        extent = None if place.boxed else (w, h)
+        return Picture(colour, seen, place.seen is not None, focal, box, extent)
 
     def _fit(
         self, pyramid: ImagePyramid, window: Window, place: Place, poses: Poses, lens: Intrinsics

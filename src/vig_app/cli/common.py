@@ -81,6 +81,29 @@ class Gallery:
 
 
 @dataclass(frozen=True)
+class BopCommand:
+    """Find the poses of known objects in a data set in BOP's format, as bop_toolkit scores them."""
+
+    dataset: tyro.conf.Positional[Path]
+    """Its folder."""
+    detections: Path | None = None
+    """Where the objects are seen: a JSON list with scene_id, image_id, category_id, score and segmentation,
+    as BOP's default detections. Without it the masks mask_visib of the data set, which are the truth."""
+    targets: Path | None = None
+    """JSON list of scene_id, im_id, obj_id and inst_count; by default its test_targets_bop19.json."""
+    meshes: Path | None = None
+    """Folder of obj_000001.ply ... with colours or textures, and models_info.json; by default its models."""
+    split: str = "test"
+    """Folder of its scenes."""
+    out: Path = Path("vig-bop")
+    """Folder of the results, vig_DATASET-SPLIT.csv."""
+    workers: int = 1
+    """Processes that share the images out."""
+    json: bool = False
+    """Print one JSON object."""
+
+
+@dataclass(frozen=True)
 class Doctor:
     """Versions, a check of the native code, and what is slow here and why: what a bug report needs."""
 

@@ -20,6 +20,7 @@ import tyro
 from vig import __version__
 from vig.io.errors import UserError
 from vig_app.cli.common import (
+    BopCommand,
     Demo,
     Doctor,
     ExitCode,
@@ -39,6 +40,7 @@ VERBS = (
     Verb("export", ExportCommand, "vig_app.cli.export:export"),
     Verb("view", ViewCommand, "vig_app.cli.view:view"),
     Verb("gallery", Gallery, "vig_app.cli.gallery:gallery"),
+    Verb("bop", BopCommand, "vig_app.cli.bop:bop"),
     Verb("doctor", Doctor, "vig_app.cli.doctor:run_doctor"),
     Verb("schema", SchemaCommand, "vig_app.cli.schema:print_schema"),
 )

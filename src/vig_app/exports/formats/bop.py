@@ -26,6 +26,7 @@ OBJECT_ID = 1
 MODEL = f"bop/models/obj_{OBJECT_ID:06}.ply"
 FILES = ("bop/scene_camera.json", "bop/scene_gt.json", "bop/scene_gt_info.json", MODEL)
 RUN_FILE = "bop.csv"
+POSE_COLUMNS = "scene_id,im_id,obj_id,score,R,t,time"
 
 
 def write(folder: Path, explanation: Explanation, photo: str) -> None:
@@ -71,12 +72,19 @@ def write_run(path: Path, run: ExportedRun) -> None:
     """Write a line for each object."""
     numbers = run.image_numbers(SCENE_NUMBERS)
     with atomic_write(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
-        print("scene_id,im_id,obj_id,score,R,t,time", file=file)
+        print(POSE_COLUMNS, file=file)
         for row in run.objects:
             explanation = read_explanation(run.folder / row["folder"])
             pose = np.array(explanation["pinhole"]["camera_from_object"], float)
-            rotation = " ".join(f"{number:.8g}" for number in pose[:3, :3].ravel())
-            translation = " ".join(f"{MILLIMETRES * number:.8g}" for number in pose[:3, 3])
+            pose[:3, 3] *= MILLIMETRES
             scene, image = numbers[row["photo"]]
-            fields = scene, image, run.class_ids[row["class"]], row["score"], rotation, translation
-            print(*fields, row["seconds"], sep=",", file=file)
+            number = run.class_ids[row["class"]]
+            print(pose_line(scene, image, number, row["score"], pose, row["seconds"]), file=file)
+
+
+def pose_line(
+    scene: int, image: int, number: int, score: float | None, pose: np.ndarray, seconds: float
+) -> str:
+    """Return the line, of `POSE_COLUMNS`, of a pose (4, 4) in millimetres of the object of a number."""
+    rotation, shift = (" ".join(f"{x:.8g}" for x in part.ravel()) for part in (pose[:3, :3], pose[:3, 3]))
+    return f"{scene},{image},{number},{score},{rotation},{shift},{seconds}"
