@@ -112,7 +112,7 @@ def object_class_of(
     model = _shape_model(shapes, dark)
     mean, covariance = packaged_light_prior()
     size = np.ptp(shapes.components.mean, axis=0)
-    front, _, up = shapes.components.mean.T  # a user may click the farthest vertices
+    x, _, z = shapes.components.mean.T  # a user may click the farthest vertices
     # A dark part is evidence for the front by itself: on 205 photos of real cars views are as good
     # with a `view_weight` of 1,000 as with 3,000, and those that are turned have a lower confidence.
     # The standard camera is 1.5 longest sides of the mean shape away.
@@ -126,7 +126,7 @@ def object_class_of(
         symmetry=Symmetry(shapes.symmetries.symmetry),
         mirror=shapes.symmetries.mirror,
         front=settings.shows,
-        points={"front": int(front.argmax()), "back": int(front.argmin()), "top": int(up.argmax())},
+        points={"front": int(x.argmax()), "back": int(x.argmin()), "top": int(z.argmax())},
         viewing_distance=float(np.round(1.5 * size.max(), 4)),
         places=settings.places,
         fit_settings={} if dark is None else {"view_weight": 1000.0},

@@ -50,9 +50,9 @@ def write_pack(
     say("computing how light goes from part to part, on shapes of the class ...")
     write_transfer(result.object_class, staged, progress, cache.result)
     _put_aside_weights(out, staged, say)
-    _, sections = read_sections(out / "card.md")  # those on the weights that stay
-    kept = CARD_SECTIONS if (out / TRAINED_FILES[0]).exists() else ()
-    write_card(staged, [card(result), *(sections[name] for name in kept if name in sections)])
+    # Those on the weights that stay.
+    sections = read_sections(out / "card.md")[1] if (out / TRAINED_FILES[0]).exists() else {}
+    write_card(staged, [card(result), *(sections[name] for name in CARD_SECTIONS if name in sections)])
     for file in sorted(staged.iterdir(), key=lambda path: path.name == "class.json"):
         file.replace(out / file.name)
     shutil.rmtree(staged)

@@ -92,10 +92,9 @@ def upright_poses(
     lathe = "; of pots and the like, whatever their handles, state --symmetry any-turn"
     unsure = settings.symmetry is None and symmetries.symmetry == "none"
     report.append(f"symmetry: {symmetries.symmetry}, {_source(settings.symmetry)}{lathe if unsure else ''}")
-    # Else front and sides are alike.
-    has_front = symmetries.mirror and symmetries.symmetry == "none"
+    has_one_plane = symmetries.mirror and symmetries.symmetry == "none"
     if settings.front is None:
-        front = front_angle(clouds, symmetries.mirror_plane) if has_front else 0.0
+        front = front_angle(clouds, symmetries.mirror_plane) if has_one_plane else 0.0
     else:
         ahead = from_common @ from_usual @ axis_vector(settings.front)
         if abs(ahead[2]) > 0.5:
@@ -110,7 +109,7 @@ def upright_poses(
     rotations = np.tile(np.eye(3), (len(scans), 1, 1))
     for number, surface, rotation in zip(used, surfaces, levelled, strict=True):
         turned = about_z(-front) @ rotation
-        if has_front:
+        if has_one_plane:
             turned = about_z(straightening_angle(_turned_cloud(surface, turned))) @ turned
         rotations[number] = about_z(math.radians(settings.turns.get(number + 1, 0.0))) @ turned
     return UprightPoses(rotations, symmetries, tuple(report), back)

@@ -18,11 +18,6 @@ from vig_world.assets.held_out import save_coded
 from vig_world.assets.target import nearest_coefficients
 from vig_world.library import Library
 
-TURN_COUNT = 12
-"""Turns of each panorama about the vertical."""
-GROUND_ALBEDOS = (0.1, 0.25, 0.5)
-"""Albedos of the object's support."""
-
 
 @dataclass(frozen=True)
 class CodedClass:
@@ -148,13 +143,19 @@ def relative_distance(model: ShapeModel, vertices: np.ndarray, components: int) 
 
 
 def light_prior() -> tuple[np.ndarray, np.ndarray]:
-    """Return mean (9,) and covariance (9, 9) of spherical harmonics in the world frame, at the paper's
-    exposure.
+    """Return the prior of light on things indoors, from the training panoramas: the same for all classes.
+
+    Mean (9,) and covariance (9, 9) of spherical harmonics in the world frame, at the paper's exposure.
     """
-    angles = 2 * np.pi * np.arange(TURN_COUNT) / TURN_COUNT
+    angles = 2 * np.pi * np.arange(12) / 12  # of each panorama about the vertical
     library = Library("train")
     lights = np.array(
-        [library.light(i, a, g) for i in range(library.panoramas) for a in angles for g in GROUND_ALBEDOS]
+        [
+            library.light(number, angle, albedo)
+            for number in range(library.panoramas)
+            for angle in angles
+            for albedo in (0.1, 0.25, 0.5)  # of the object's support
+        ]
     )
     covariance = np.cov(lights.T)
     # L00 is uncertain by 5 %, so that an exposure slightly off can be explained.

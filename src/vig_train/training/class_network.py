@@ -129,7 +129,8 @@ def _prepare(shared: tuple[str, str, int, str]) -> Callable[[int], None]:
         for number in range(PASSES):
             batch = augment(examples, np.random.default_rng([seed, chunk, number]))
             with torch.inference_mode(), bfloat16(batch.images.device):
-                coarse = torch.cat([network.maps(part)[-1].half() for part in batch.images.split(32)])
+                parts = [network.maps(part)[-1].half() for part in batch.images.split(32)]
+            coarse = torch.cat(parts)  # which refuses float16 within `bfloat16` on a CPU
             model = torch.tensor([image.model for image in drawn])
             own = {field.name: getattr(batch, field.name) for field in fields(Targets)}
             features.append({"coarse": coarse, "model": model, **own})

@@ -14,7 +14,7 @@ from vig.scene import Latents, Symmetry, regressed_layout, rotate_z
 
 
 class TensorRows:
-    """A dataclass of tensors with a row for each of N images."""
+    """Base of dataclasses whose fields are tensors, or others of these, with N rows each."""
 
     def __getitem__(self, chosen: torch.Tensor | slice) -> Self:
         return type(self)(*(value[chosen] for value in vars(self).values()))

@@ -16,8 +16,7 @@ from vig_world.assets.things import ZONE_NAMES
 from vig_world.composition.stage import Actor, StagedRoom
 from vig_world.dataset.spec import Room, Surface
 from vig_world.library import Library
-from vig_world.rooms import EMPTY, Layout
-from vig_world.rooms.unfurnished import HEIGHT, RADIUS, SEGMENTS, STANDS, WALL
+from vig_world.rooms import EMPTY, Layout, unfurnished
 from vig_world.rotations import about_z
 
 ZONE_WEIGHTS = {
@@ -45,10 +44,10 @@ the object."""
 SLIDES = 5
 NEAR_RAY = 0.05
 """Metres from a piece of furniture within which the line of sight counts as meeting it."""
-BEYOND = RADIUS * math.cos(math.pi / SEGMENTS) - math.sqrt(2) * STANDS
-"""Metres from the object, wherever it stands, within which there is no wall."""
+BEYOND = unfurnished.RADIUS * math.cos(math.pi / unfurnished.SEGMENTS) - math.sqrt(2) * unfurnished.STANDS
+"""Metres from the object, wherever it stands on a seamless ground, within which there is no wall."""
 SURELY = 0.01
-"""Metres, and share of the frame, by which a view must fail."""
+"""Metres, and share of the frame, by which a view on a seamless ground must fail."""
 
 
 @lru_cache(maxsize=8)
@@ -220,7 +219,7 @@ def fits_seamless_ground(actor: Actor) -> bool:
     the ground is too near to it; none depends on the object's place.
     """
     view, height = actor.view, float(actor.view.eye[2])
-    if not LOWEST_EYE * actor.small < height < HEIGHT - EYE_CLEARANCE * actor.small:
+    if not LOWEST_EYE * actor.small < height < unfurnished.HEIGHT - EYE_CLEARANCE * actor.small:
         return False
     camera = view.camera
     columns, rows = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
@@ -233,4 +232,4 @@ def fits_seamless_ground(actor: Actor) -> bool:
     beside = (towards @ towards - along**2).clip(0)
     way = along + np.sqrt((BEYOND**2 - beside).clip(0))  # at least, to the wall
     rises = (beside < BEYOND**2) & (rays[:, 2] >= 0)
-    return not (rises & (height + way * rays[:, 2] / level > WALL + SURELY)).any()
+    return not (rises & (height + way * rays[:, 2] / level > unfurnished.WALL + SURELY)).any()

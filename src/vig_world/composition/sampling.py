@@ -193,7 +193,8 @@ def measure(library: Library, actor: Actor, room: Room, props: list[Placed]) -> 
 def turned(scene: SceneSpec, angle: float, origin: np.ndarray | float = 0.0) -> SceneSpec:
     """Return the scene in a frame that lies at `origin` (3,), turned back by `angle` radians about +Z.
 
-    Everything turns about that place by the angle, the camera included.
+    Everything turns about that place by the angle, the camera included; its azimuth and elevation are right
+    where `origin` is 0, else they must be replaced.
     """
     turn, room = about_z(angle), scene.room
 

@@ -15,10 +15,10 @@ from vig_world.rooms.layout import Layout
 from vig_world.rooms.shell import shell
 
 RADIUS, BEND, WALL, HEIGHT = 3.2, 0.7, 1.9, 3.0
-"""Metres: radius of the floor, and of the bend between it and the wall; heights of the wall and of the
-nominal ceiling."""
+"""Of a seamless ground, metres: radius of the floor, and of the bend between it and the wall; heights of the
+wall and of the nominal ceiling."""
 STANDS = 0.6 * (RADIUS - BEND)
-"""Metres along either axis within which things stand."""
+"""Metres along either axis within which things stand on a seamless ground."""
 SEGMENTS, STEPS = 48, 8
 TEXTURED = ("cloth", "paint", "wood", "marble", "terrazzo", "weave", "concrete", "plaster")
 """Kinds of textures of those that are not of one colour."""

@@ -219,13 +219,17 @@ def test_a_member_that_is_missing_is_trained_again_to_the_same_bytes(
     assert path.read_bytes() == before and heads.path(0).stat().st_mtime_ns == other
 
 
-def test_other_props_make_the_images_anew_and_are_named_on_the_card(pack: Path, tmp_path: Path) -> None:
+def test_other_props_make_the_images_anew_and_are_named_on_the_card(
+    pack: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And the new ones are made with bfloat16, as on processors that have it."""
     other, props = shutil.copytree(pack, tmp_path / "fin"), tmp_path / "things"
     props.mkdir()
     for number in range(12):
         trimesh.creation.box((1, 1, 1 + number)).export(props / f"box-{number}.ply")
     training = ClassTraining(other, 15.0, workers=1, say=print, props=str(props))
     assert not (other / "training" / "images").exists() and training.record.data["settings"]["props"]
+    monkeypatch.setattr("vig_train.network.network.has_bfloat16", lambda: True)
     class_network.draw_chunks(training.object_class, tmp_path / "new", range(1), 0, 1, props=str(props))
     new, old = (
         class_network.read_images(path, range(1)) for path in (tmp_path / "new", pack / "training/images")
