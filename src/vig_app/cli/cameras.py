@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -37,31 +37,27 @@ def cameras_of(options: CameraOptions, photos: Sequence[Path]) -> list[Any]:
             return [content] * len(photos)
         if not isinstance(content, dict) or not content:
             raise ValueError("it holds no camera")
-    if all(name.isdecimal() and len(name) < MOST_DIGITS for name in content):
-        return _numbered(photos, content, options.cameras)
-    of_photo = by_photo(content, photos, "cameras", options.cameras)
+    numbered = all(map(_is_number, content))  # as in BOP's scene_camera.json
+    if numbered:
+        by_number = {int(name): camera for name, camera in content.items()}
+        found = {photo: int(photo.stem) for photo in photos if _is_number(photo.stem)}
+        of_photo = {photo: by_number[number] for photo, number in found.items() if number in by_number}
+    else:
+        of_photo = by_photo(content, photos, "cameras", options.cameras)
     for photo in photos:
         if photo not in of_photo:
             raise UserError(f"expected a camera of '{photo}' in '{options.cameras}'; it has none. {REMEDY}")
+    scenes = {folder.resolve().parent for folder in {photo.parent for photo in photos}} if numbered else ()
+    if len(scenes) > 1:
+        raise UserError(
+            f"expected photos of one scene with '{options.cameras}', whose cameras are numbered; got"
+            f" {len(scenes)} scenes. Fit them one by one."
+        )
     return [of_photo[photo] for photo in photos]
 
 
-def _numbered(photos: Sequence[Path], cameras: Mapping[str, Any], path: Path) -> list[Any]:
-    """Return each photo's camera by its number, as in BOP's scene_camera.json."""
-    scenes = {folder.resolve().parent for folder in {photo.parent for photo in photos}}
-    by_number = {int(name): camera for name, camera in cameras.items()}
-    of_photos = []
-    for photo in photos:
-        number = int(photo.stem) if photo.stem.isdecimal() and len(photo.stem) < MOST_DIGITS else None
-        if number not in by_number:
-            raise UserError(f"expected a camera of '{photo}' in '{path}'; it has none. {REMEDY}")
-        of_photos.append(by_number[number])
-    if len(scenes) > 1:
-        raise UserError(
-            f"expected photos of one scene with '{path}', whose cameras are numbered; got"
-            f" {len(scenes)} scenes. Fit them one by one."
-        )
-    return of_photos
+def _is_number(name: str) -> bool:
+    return name.isdecimal() and len(name) < MOST_DIGITS
 
 
 def _parsed(text: str) -> tuple[float, ...]:

@@ -99,13 +99,8 @@ def main(arguments: list[str] | None = None) -> None:
             code, line = ExitCode.FAULT, f"a fault of vig, please report it with `vig doctor`: {reason}"
     print(f"vig: {line}", file=sys.stderr)
     if "--json" in arguments:
-        _print_error(line)
+        print(json.dumps({"error": line}))
     sys.exit(code)
-
-
-def _print_error(line: str) -> None:
-    """Print the JSON object of a command that came to no result."""
-    print(json.dumps({"error": line}))
 
 
 def _check_verb(names: set[str], arguments: list[str]) -> None:

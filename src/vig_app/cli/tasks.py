@@ -49,7 +49,8 @@ def plan_of(command: FitCommand) -> Plan:
     for name in (object_class, *others):
         if is_quick(Path(name)):
             say(f"'{name}' has a quick recognizer; `vig class train {name}` makes a better one")
-        if place.mesh is None and is_untrained(Path(name)):
+        is_pack = (Path(name) / "class.json").is_file()
+        if place.mesh is None and is_pack and not (Path(name) / WEIGHTS_FILE).exists():
             say(
                 f"no network was trained for '{name}': each photo needs --box or --mask, and views are tried"
                 f" all round; `vig class train {name}` trains one"
@@ -105,8 +106,3 @@ def is_quick(pack: Path) -> bool:
             return (weights.metadata() or {}).get("quick") == "yes"
     except (OSError, SafetensorError):  # missing or damaged, which is reported where they are read
         return False
-
-
-def is_untrained(pack: Path) -> bool:
-    """Return whether a folder is a class pack for which no network was trained."""
-    return (pack / "class.json").is_file() and not (pack / WEIGHTS_FILE).exists()
