@@ -11,7 +11,8 @@ from PIL import Image
 from vig.explanation import Explanation
 from vig.photo.images import coded
 from vig.photo.outline import FINER, REACH, line_width
-from vig_app.pictures import LABEL, PANEL, panels, part_albedo
+from vig.scene.light import srgb8_from_linear
+from vig_app.pictures import LABEL, PANEL, others_in_window, panels, part_albedo
 from vig_app.report import words
 from vig_app.report.drawing import Pose, clip_matrix, mesh_data, pose_data, steps_of, views_of
 from vig_app.report.html import filled, png_url
@@ -37,6 +38,7 @@ def page_of(explanation: Explanation, photo: str, described: dict[str, Any], red
         reduced: Its `page_photo`.
     """
     part_names = explanation.object_class.shape_model.part_names
+    levels = srgb8_from_linear(part_albedo(explanation))
     views, steps = views_of(explanation), list(steps_of(explanation))
     data = drawing_data(explanation, views, steps, reduced.shape[1], reduced.shape[0])
     return filled(
@@ -50,8 +52,8 @@ def page_of(explanation: Explanation, photo: str, described: dict[str, Any], red
         panels=panels(explanation),
         rows=words.table_rows(described),
         colours=[
-            (name, words.css_colour(rgb))
-            for name, rgb in zip(part_names, part_albedo(explanation), strict=True)
+            (name, f"rgb({red}, {green}, {blue})")
+            for name, (red, green, blue) in zip(part_names, levels.tolist(), strict=True)
         ],
         views=[view.words for view in views],
         views_note=words.views_note(described),
@@ -97,9 +99,7 @@ def _outline_maps(explanation: Explanation) -> np.ndarray:
     size = len(explanation.outlines[0]) // COARSER
     maps = np.stack([(each[::2, ::2] + each[1::2, 1::2]) / 2 for each in explanation.outlines])
     if explanation.others is not None:  # seen there is something else
-        white = explanation.others.view(np.uint8) * np.uint8(255)
-        others = explanation.window.crop(np.broadcast_to(white[..., None], (*white.shape, 3)), size)[0]
-        maps[1] = np.where(others[..., 0] > 0.5, np.maximum(maps[1], 1.0), maps[1])
+        maps[1] = np.where(others_in_window(explanation, size) > 0.5, np.maximum(maps[1], 1.0), maps[1])
     levels: np.ndarray = (128 + maps * (127 / REACH)).round().astype(np.uint8)
     return levels.reshape(2 * size, size)
 

@@ -5,7 +5,6 @@ The page asks for `state` and `photo`, and posts actions to `act`, which answers
 
 from __future__ import annotations
 
-import io
 import json
 import sys
 import threading
@@ -21,8 +20,6 @@ from pathlib import Path
 from typing import Any, Literal
 from urllib.parse import urlsplit
 
-from PIL import Image
-
 from vig.inference import PixelLabel
 from vig.io.checks import decode, parse_json
 from vig.io.errors import UserError
@@ -32,7 +29,7 @@ from vig_app.report import words
 from vig_app.report.contents import drawing_data
 from vig_app.report.drawing import views_of
 from vig_app.report.folder_page import reduced
-from vig_app.report.html import QUALITY, filled, jpeg_url
+from vig_app.report.html import filled, jpeg_bytes, jpeg_url
 from vig_app.viewer.session import Change, changed, cleared, marked, placed
 from vig_app.viewer.walk import Walk
 
@@ -73,8 +70,6 @@ class Request:
 
 
 class _Server(ThreadingHTTPServer):
-    daemon_threads = True
-
     def handle_error(self, request: Any, client_address: Any) -> None:
         if not isinstance(sys.exception(), ConnectionError):  # a page that was left
             super().handle_error(request, client_address)
@@ -143,9 +138,7 @@ class Viewer:
             raise ValueError(f"expected an item below {len(self.walk.items)}; got {number}")
         path, session = self.walk.items[number].read()[0], self.walk.session
         photo = session.photo if session.path == path else coded_photo(path)
-        file = io.BytesIO()
-        Image.fromarray(reduced(coded(photo), SENT_SIDE)).save(file, "JPEG", quality=QUALITY)
-        return file.getvalue()
+        return jpeg_bytes(reduced(coded(photo), SENT_SIDE))
 
     def _size_sent(self) -> list[int]:
         """Return the width and height of the photo that is sent."""
