@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import shlex
 import sys
 import time
@@ -23,6 +22,7 @@ from vig.explanation import Explanation
 from vig.io.printing import end
 from vig.scene import angle_difference
 from vig_app.cli.common import Demo
+from vig_app.cli.results import has_screen
 from vig_app.demo import DemoPhoto, demo_photos
 from vig_app.report.folder import save_explanation
 from vig_app.report.gallery import card_of, gallery_html
@@ -92,14 +92,6 @@ def demo(settings: Demo) -> int:
         webbrowser.open(page.resolve().as_uri())
     end(out, f"explained {len(rows)} photos: open {page}; then one of yours, as above")
     return 0
-
-
-def has_screen() -> bool:
-    """Return whether the session is interactive: a terminal, and a display where the system has such."""
-    displays = sys.platform in ("win32", "darwin") or any(
-        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
-    )
-    return sys.stdout.isatty() and displays
 
 
 def _table(rows: Sequence[Mapping[str, Any]]) -> Table:

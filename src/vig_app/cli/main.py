@@ -37,12 +37,12 @@ from vig_app.cli.speed import extra_of
 VERBS = (
     Verb("demo", Demo, "vig_app.cli.demo:demo"),
     Verb("fit", FitCommand, "vig_app.cli.fit:fit"),
-    Verb("export", ExportCommand, "vig_app.cli.export:export"),
+    Verb("export", ExportCommand, "vig_app.cli.results:export"),
     Verb("view", ViewCommand, "vig_app.cli.view:view"),
-    Verb("gallery", Gallery, "vig_app.cli.gallery:gallery"),
+    Verb("gallery", Gallery, "vig_app.cli.results:gallery"),
     Verb("bop", BopCommand, "vig_app.cli.bop:bop"),
     Verb("doctor", Doctor, "vig_app.cli.doctor:run_doctor"),
-    Verb("schema", SchemaCommand, "vig_app.cli.schema:print_schema"),
+    Verb("schema", SchemaCommand, "vig_app.cli.results:print_schema"),
 )
 GROUPS = {
     "class": "Make a class from a folder of meshes, and train its network.",

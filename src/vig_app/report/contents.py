@@ -68,14 +68,22 @@ def drawing_data(
     of width x height.
     """
     poses = pose_data(explanation, [*views, *steps])
-    scale = width / explanation.picture.shape[1], height / explanation.picture.shape[0]
+    window, size = explanation.window, len(explanation.outlines[0]) // COARSER
+    across, down = width / explanation.picture.shape[1], height / explanation.picture.shape[0]
+    to_map = np.array([[size / window.side, 0, size / 2], [0, size / window.side, size / 2], [0, 0, 1]])
+    matrix = to_map @ np.linalg.inv(window.photo_from_window) @ np.diag([1 / across, 1 / down, 1])
     return {
         "mesh": mesh_data(explanation),
         "views": poses[: len(views)],
         "steps": poses[len(views) :],
         "clip": clip_matrix(explanation.camera, explanation.camera_from_object, explanation.vertices),
         "window": [0, LABEL, PANEL, PANEL],
-        "outline": _outline_data(explanation, scale, line_width(height, width)),
+        "outline": {
+            "map": (matrix / matrix[2, 2]).tolist(),
+            "size": size,
+            "step": REACH / 127 * window.side * FINER / len(explanation.outlines[0]) * across,
+            "line": line_width(height, width),
+        },
         "outlines": png_url(_outline_maps(explanation)),
     }
 
@@ -102,18 +110,3 @@ def _outline_maps(explanation: Explanation) -> np.ndarray:
         maps[1] = np.where(others_in_window(explanation, size) > 0.5, np.maximum(maps[1], 1.0), maps[1])
     levels: np.ndarray = (128 + maps * (127 / REACH)).round().astype(np.uint8)
     return levels.reshape(2 * size, size)
-
-
-def _outline_data(explanation: Explanation, scale: tuple[float, float], line: float) -> dict[str, Any]:
-    """Return the data for drawing outlines as in overlay.png, on a photo reduced by a scale across
-    and down.
-    """
-    window, size = explanation.window, len(explanation.outlines[0]) // COARSER
-    to_map = np.array([[size / window.side, 0, size / 2], [0, size / window.side, size / 2], [0, 0, 1]])
-    matrix = to_map @ np.linalg.inv(window.photo_from_window) @ np.diag([1 / scale[0], 1 / scale[1], 1])
-    return {
-        "map": (matrix / matrix[2, 2]).tolist(),
-        "size": size,
-        "step": REACH / 127 * window.side * FINER / len(explanation.outlines[0]) * scale[0],
-        "line": line,
-    }

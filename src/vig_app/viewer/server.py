@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from ipaddress import ip_address
+from itertools import groupby
 from pathlib import Path
 from typing import Any, Literal
 from urllib.parse import urlsplit
@@ -196,18 +197,15 @@ class Viewer:
         return self.state()
 
     def _do_all(self, actions: tuple[Action, ...]) -> None:
-        changes: list[Change | None] = []
-        for action in actions:
-            if action.do not in COMMANDS:
-                changes.append(self._change(action))
+        for are_commands, group in groupby(actions, lambda action: action.do in COMMANDS):
+            if not are_commands:
+                self._correct(list(map(self._change, group)))
                 continue
-            self._correct(changes)
-            changes = []
-            try:
-                self._do(action)
-            except UserError as error:
-                self._say(str(error), refused=True)
-        self._correct(changes)
+            for action in group:
+                try:
+                    self._do(action)
+                except UserError as error:
+                    self._say(str(error), refused=True)
 
     def _say(self, message: str, refused: bool = False) -> None:
         self._message, self._refused = message, refused
@@ -260,8 +258,6 @@ class Viewer:
 
     def _correct(self, changes: list[Change | None]) -> None:
         """Make corrections; where some of several cannot be made, these alone are reported and left out."""
-        if not changes:
-            return
         try:
             self.walk.session.correct(*changes)
         except UserError as error:
