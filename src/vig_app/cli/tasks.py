@@ -16,8 +16,7 @@ from vig.likelihood import LIKELIHOODS
 from vig.photo.video import is_video
 from vig.recognition import WEIGHTS_FILE
 from vig_app.cli.boxes import boxes_of, check_place, classes_of
-from vig_app.cli.cameras import cameras_of
-from vig_app.cli.hints import hints_of, mask_of
+from vig_app.cli.hints import cameras_of, hints_of, mask_of
 from vig_app.cli.naming import listed
 from vig_app.cli.options import FitCommand, ModelOptions, RunOptions, VideoOptions, given
 from vig_app.cli.photos import photos_of, result_folders

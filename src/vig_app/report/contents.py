@@ -45,18 +45,15 @@ def page_of(explanation: Explanation, photo: str, described: dict[str, Any], red
         "page.html",
         name=photo,
         described=described,
-        badge=words.badge(described),
-        summary=words.summary(described),
+        words=words,
         photo=reduced,
         outlines=data.pop("outlines"),
         panels=panels(explanation),
-        rows=words.table_rows(described),
         colours=[
             (name, f"rgb({red}, {green}, {blue})")
             for name, (red, green, blue) in zip(part_names, levels.tolist(), strict=True)
         ],
         views=[view.words for view in views],
-        views_note=words.views_note(described),
         data=data,
     )
 
