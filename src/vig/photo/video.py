@@ -154,7 +154,10 @@ def _decoded(path: Path, done: list[Path], folder: Path) -> Iterator[np.ndarray]
                 for frame in packet.decode():
                     seconds = frame.time or seconds
                     yield video.picture(frame)
-            stated = _stated_seconds(video.stream)
+            # What Matroska and WebM state, which ffmpeg reads to any end.
+            length = re.fullmatch(r"(\d+):(\d+):(\d+\.?\d*)", video.stream.metadata.get("DURATION", ""))
+            hours, minutes, rest = map(float, length.groups()) if length else (0.0, 0.0, 0.0)
+            stated = 3600 * hours + 60 * minutes + rest
         if done and seconds < 0.9 * stated - 1:
             note(f"'{path}' ends after {seconds:.1f} s of the {stated:.1f} s that it states; is it whole?")
     except UserError:
@@ -170,13 +173,6 @@ def _decoded(path: Path, done: list[Path], folder: Path) -> Iterator[np.ndarray]
         ) from error
     if not done:
         raise UserError(f"expected a video; got '{path}', which has no frames. Name another.")
-
-
-def _stated_seconds(stream: Any) -> float:
-    """Return the length that Matroska and WebM state, which ffmpeg reads to any end; 0 without."""
-    parts = re.fullmatch(r"(\d+):(\d+):(\d+\.?\d*)", stream.metadata.get("DURATION", ""))
-    hours, minutes, seconds = map(float, parts.groups()) if parts else (0.0, 0.0, 0.0)
-    return 3600 * hours + 60 * minutes + seconds
 
 
 def _encoding(video: str | Path, codec: Any, frame: Any) -> Encoding | None:
