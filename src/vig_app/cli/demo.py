@@ -32,15 +32,12 @@ from vig_app.results import row_of_record
 
 NUMBERS = ("hidden", "azimuth", "elevation", "albedo", "shape error", "mask IoU")
 """Columns of the table."""
-HARD_PHOTO = 3
-"""That the commands to try name: something stands before it."""
 COMMANDS_TO_TRY = (
     "vig fit photo.jpg                  # a teapot of yours (or --class mug); see vig-fit/photo/report.html",
     "vig fit {photo} --elevation {elevation:.0f}     # tell what you know; docs/hints.md",
     "vig class build MESHES --out PACK  # another kind of object, from a folder of meshes",
 )
 """Commands to try after the demo."""
-DEMO_NOTE = "Path-traced photos as people take them, explained without a box."
 
 
 def demo(settings: Demo) -> int:
@@ -65,7 +62,10 @@ def demo(settings: Demo) -> int:
     write_sheets(out, described, 396, "overlay.png")
     seconds = time.monotonic() - started
     page = out / "report.html"
-    note = f"{DEMO_NOTE} A photo's name leads to its own page."
+    note = (
+        "Path-traced photos as people take them, explained without a box. A photo's name leads to its own"
+        " page."
+    )
     write_page(page, gallery_html(cards, "vig's demo", note))
     if as_json:
         print(json.dumps({"photos": rows, "seconds": round(seconds, 1), "folder": str(out)}, indent=2))
@@ -81,7 +81,7 @@ def demo(settings: Demo) -> int:
         highlight=False,
         soft_wrap=True,
     )
-    hard = photos[HARD_PHOTO]
+    hard = photos[3]  # something stands before it
     commands = [line.format(photo=hard.photo, elevation=hard.elevation_deg) for line in COMMANDS_TO_TRY]
     if which("vig") is None:  # in an environment that is not active
         vig = shlex.join([sys.executable, "-m", "vig"])

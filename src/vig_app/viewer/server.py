@@ -41,7 +41,6 @@ MOST_BYTES = 1 << 22
 """Bytes of a page's post, at most."""
 COMMANDS = ("save", "find", "step", "open")
 """Actions that are no corrections."""
-FAULT = "That went wrong; the terminal says more."
 
 
 @dataclass(frozen=True)
@@ -331,7 +330,8 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(400, _json({"error": str(error)}), "application/json")
         except Exception:  # a fault of ours must not leave the page without its server
             traceback.print_exc()
-            self._send(500, _json({"error": FAULT}), "application/json")
+            words = "That went wrong; the terminal says more."
+            self._send(500, _json({"error": words}), "application/json")
 
     def _send(self, status: int, content: bytes, kind: str) -> None:
         self.send_response(status)
