@@ -134,12 +134,15 @@ class State(PlainHints):
         """
         pack = object_class.folder
         packaged = pack is None or pack.resolve() == (PACKAGED / object_class.name).resolve()
+        if object_box is None:
+            with suppress(OSError, ValueError, KeyError, TypeError):
+                object_box = read_json(folder / CORRECTIONS)["object_box"]
         content = {
             "format": FORMAT,
             "photo": os.path.relpath(photo.resolve(), folder.resolve()),
             "class": object_class.name if packaged else str(pack and pack.resolve()),
             "corrected": corrected,
-            "object_box": object_box or _object_box(folder),
+            "object_box": object_box,
             "state": self.to_json(),
         }
         write_json(folder / CORRECTIONS, content)
@@ -201,13 +204,6 @@ def corrected_in(folder: Path, object_class: str | Path | None = None) -> tuple[
         except UserError as error:
             corrections.append(Correction(name, None, problem=str(error)))
     return tuple(corrections)
-
-
-def _object_box(folder: Path) -> Any:
-    """Return the box of the object that a file of corrections is of, where it has one."""
-    with suppress(OSError, ValueError, KeyError, TypeError):
-        return read_json(folder / CORRECTIONS)["object_box"]
-    return None
 
 
 def place_of(explanation: Explanation) -> Box:

@@ -150,8 +150,12 @@ def close_up(explanation: Explanation) -> CloseUp:
     pose = camera.camera_from_object(latents)
     model, triangle = object_class.shape_model, drawn.triangle_id
     everything = slice(0, PANEL), slice(0, PANEL)
+    window, picture = explanation.window, explanation.picture
+    if (coarser := int(window.side / (2 * PANEL))) > 1:  # as much of a large photo's detail as shows
+        window = window.scaled(1 / coarser)
+        picture = np.asarray(Image.fromarray(coded(picture)).reduce(coarser))
     return CloseUp(
-        photo=_photo_of_window(explanation, PANEL),
+        photo=window.crop(picture, PANEL)[0],
         rendering=drawn.rgb,
         coverage=drawn.coverage,
         normals=drawn.normals @ pose[:3, :3].T.astype(np.float32),
@@ -162,15 +166,11 @@ def close_up(explanation: Explanation) -> CloseUp:
     )
 
 
-def _photo_of_window(explanation: Explanation, size: int) -> np.ndarray:
-    """Return the window in S x S pixels, linear RGB, from as much of a large photo's detail as shows."""
-    window, picture = explanation.window, explanation.picture
-    coarser = int(window.side / (2 * size))
-    if coarser < 2:
-        return window.crop(picture, size)[0]
-    return window.scaled(1 / coarser).crop(np.asarray(Image.fromarray(coded(picture)).reduce(coarser)), size)[
-        0
-    ]
+def others_in_window(explanation: Explanation, size: int) -> np.ndarray:
+    """Return the share (size, size) of each pixel of the window in which other objects are visible."""
+    assert explanation.others is not None
+    white = explanation.others.view(np.uint8) * np.uint8(255)
+    return explanation.window.crop(np.broadcast_to(white[..., None], (*white.shape, 3)), size)[0][..., 0]
 
 
 @once

@@ -104,18 +104,13 @@ def kind_of(column: str | type) -> type:
     kind: Any = Explanation
     for step in column.split("."):
         if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
-            kind = _fields(kind)[step]
+            kind = {each.encode_name: each.type for each in msgspec.structs.fields(kind)}[step]
         else:
             kind = get_args(kind)[0] if step.isdecimal() else bool
         while get_origin(kind) in (Annotated, UnionType, Union):  # its type without bounds, or null
             kind = next(each for each in get_args(kind) if each is not NoneType)
     found: type = str if get_origin(kind) is Literal else kind
     return found
-
-
-@cache
-def _fields(struct: type[msgspec.Struct]) -> dict[str, Any]:
-    return {each.encode_name: each.type for each in msgspec.structs.fields(struct)}
 
 
 def name_of(row: Mapping[str, Any]) -> str:

@@ -21,7 +21,7 @@ from vig.photo.images import read_photo
 from vig.photo.masks import read_mask
 from vig.photo.window import Window
 from vig_app.cli.boxes import boxes_of, parse_box
-from vig_app.cli.cameras import cameras_of
+from vig_app.cli.hints import cameras_of
 from vig_app.cli.options import CameraOptions, HintOptions, PlaceOptions
 from vig_world.assets.hdr import read_panorama
 

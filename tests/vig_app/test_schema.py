@@ -17,7 +17,7 @@ from vig.hints import Hints as GivenHints
 from vig.inference.settings import Verdict
 from vig.io.checks import decode
 from vig.record import Explanation
-from vig_app.cli.schema import schema_of
+from vig_app.cli.results import schema_of
 from vig_app.results import COLUMNS, POSE, kind_of
 
 

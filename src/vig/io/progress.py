@@ -94,15 +94,12 @@ class Meter:
         if rate == 0:
             return ""
         speed = f"{rate:.1f}/s" if rate >= 1 else f"{1 / rate:.1f} s each"
-        return f"{speed}, {_clock((self.total - self.done) / rate)} left"
+        minutes, seconds = divmod(round((self.total - self.done) / rate), 60)
+        hours, minutes = divmod(minutes, 60)
+        clock = f"{hours}:{minutes:02d}:{seconds:02d}" if hours else f"{minutes}:{seconds:02d}"
+        return f"{speed}, {clock} left"
 
     def _report(self) -> None:
         self.reported, self.reported_at = self.done, time.monotonic()
         words = [f"{self.done} of {self.total} {self.unit}", self.pace()]
         print(", ".join(filter(None, words)), file=sys.stderr, flush=True)
-
-
-def _clock(seconds: float) -> str:
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"

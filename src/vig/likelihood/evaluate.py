@@ -18,10 +18,6 @@ CURVATURE_LINES = 75
 """Lines of pixels that enter the normal matrix, unless a stride is given."""
 
 
-def _is_floating(array: np.ndarray) -> bool:
-    return isinstance(array, np.ndarray) and np.issubdtype(array.dtype, np.floating)
-
-
 @dataclass(frozen=True)
 class Photos:
     """N photos of one size and the prior of their pixels.
@@ -42,7 +38,8 @@ class Photos:
                 f"log_prior must be {tuple(self.linear.shape)} like the photos;"
                 f" got {tuple(self.log_prior.shape)}"
             )
-        if not _is_floating(self.linear) or not _is_floating(self.log_prior):
+        both = self.linear, self.log_prior
+        if not all(isinstance(each, np.ndarray) and np.issubdtype(each.dtype, np.floating) for each in both):
             raise ValueError(
                 f"photos must be arrays of floating-point linear RGB; got {self.linear.dtype} and a log_prior"
                 f" of {self.log_prior.dtype}. Divide 8-bit values by 255 and decode them."

@@ -23,6 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vig.photo.masks import box_of
 from vig.scene import srgb_from_linear
 from vig.scene.functions import sigmoid
 from vig_native import engine
@@ -178,9 +179,11 @@ def spatial_posterior(
     that is visible with a colour of its own.
     """
     result = np.zeros_like(rendered[..., 0])
-    window = _window(covered)
-    if window is not None:
-        photo, fit, prior, inside = (x[:, *window] for x in (observed, rendered, log_prior, covered))
+    if (box := box_of(np.any(covered, axis=0, keepdims=True)[0])) is not None:
+        x, y, width, height = box
+        # Rows and columns with anything covered in any image, and one pixel more all round.
+        window = slice(max(y - 1, 0), y + height + 1), slice(max(x - 1, 0), x + width + 1)
+        photo, fit, prior, inside = (each[:, *window] for each in (observed, rendered, log_prior, covered))
         log_odds = visible_log_odds(photo, fit, prior)
         if decorated is not None:
             # The share d of the prior's second component is visible: odds (p + d q) / ((1 - d) q).
@@ -216,14 +219,3 @@ def _ends(step: tuple[int, int], height: int, width: int) -> tuple[tuple[slice, 
         pairs.append((low, high) if move >= 0 else (high, low))
     (rows, rows_there), (columns, columns_there) = pairs
     return (rows, columns), (rows_there, columns_there)
-
-
-def _window(covered: np.ndarray) -> tuple[slice, slice] | None:
-    """Return rows and columns with anything covered in any image, and one pixel more all round."""
-    bounds = []
-    for axis, size in ((2, covered.shape[1]), (1, covered.shape[2])):
-        used = np.flatnonzero(covered.any((0, axis)))
-        if not len(used):
-            return None
-        bounds.append(slice(max(int(used[0]) - 1, 0), min(int(used[-1]) + 2, size)))
-    return bounds[0], bounds[1]

@@ -81,8 +81,12 @@ class Encoding:
             light = light * ((light @ weights) ** (self.system_gamma - 1))[..., None]
         if light.shape[-1] == 3 and self.chromaticities != REC709:
             light = light @ rec709_from(self.chromaticities).T.astype(np.float32)
-        peak = (peak or peak_of(light)) if self.hdr else 1.0
-        return (tone_mapped(light, peak) if self.hdr else np.clip(light, 0, 1)), peak
+        if not self.hdr:
+            return np.clip(light, 0, 1), 1.0
+        # Nearly the brightest, at least 1; 0.999: quantile of pixels above which they are clipped: few
+        # highlights must not darken the rest
+        peak = peak or max(1.0, float(np.quantile(light.max(-1), 0.999)))
+        return tone_mapped(light, peak), peak
 
 
 SRGB = Encoding(linear_from_srgb)
@@ -106,9 +110,8 @@ def _adapted_xyz(chromaticities: Sequence[float]) -> np.ndarray:
     values = np.asarray(chromaticities, np.float64)
     xyz = np.stack([values[0::2], values[1::2], 1 - values[0::2] - values[1::2]])  # a column a colour
     primaries, white = xyz[:, :3], xyz[:, 3]
-    if values.shape != (8,) or not np.isfinite(xyz).all() or white[1] <= 0:
-        raise ValueError("no colour space")
-    if abs(np.linalg.det(primaries)) < 1e-4:
+    well_formed = values.shape == (8,) and np.isfinite(xyz).all() and white[1] > 0
+    if not well_formed or abs(np.linalg.det(primaries)) < 1e-4:
         raise ValueError("no colour space")
     white = white / white[1]
     matrix = primaries * np.linalg.solve(primaries, white)
@@ -160,12 +163,6 @@ def coded_encoding(primaries: int, transfer: int) -> Encoding | None:
     if curve is linear_from_srgb and chromaticities is REC709:
         return None
     return Encoding(curve, chromaticities, transfer in (PQ, HLG), 1.2 if transfer == HLG else 1.0)
-
-
-def peak_of(light: np.ndarray) -> float:
-    """Return the light (..., C) that is mapped to white: nearly the brightest, at least 1."""
-    # 0.999: quantile of pixels above which they are clipped: few highlights must not darken the rest
-    return max(1.0, float(np.quantile(light.max(-1), 0.999)))
 
 
 def tone_mapped(light: np.ndarray, peak: float) -> np.ndarray:

@@ -168,16 +168,12 @@ def largest_page(path: Path) -> TiffPage | None:
     """Return a TIFF file's largest page, reduced ones and masks left aside; None if it is damaged."""
     with path.open("rb") as file:
         pages = [
-            (number, tags)
+            TiffPage(number, (tags[Tag.ImageWidth], tags[Tag.ImageLength]), tags)
             for number, tags in tiff_pages(file)
             if Tag.ImageWidth in tags and Tag.ImageLength in tags
         ]
-    whole = [(number, tags) for number, tags in pages if not tags.get(Tag.NewSubfileType, 0) & 5]
-    sizes = [
-        TiffPage(number, (tags[Tag.ImageWidth], tags[Tag.ImageLength]), tags)
-        for number, tags in whole or pages
-    ]
-    return max(sizes, key=lambda page: page.size[0] * page.size[1], default=None)
+    whole = [page for page in pages if not page.tags.get(Tag.NewSubfileType, 0) & 5]
+    return max(whole or pages, key=lambda page: page.size[0] * page.size[1], default=None)
 
 
 def unread_samples(path: Path) -> str | None:

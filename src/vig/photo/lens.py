@@ -165,11 +165,10 @@ def camera_as_shown(photo: object, camera: Any) -> Any:
         lens.cy if orientation in (5, 8) else height - lens.cy,
         lens.cx if orientation in (5, 6) else width - lens.cx,
     )
-    words = (
+    note(
         f"the camera of {str(name)!r} is that of the stored {width} x {height}, which EXIF turns; turned with"
         f" it to fx {turned.fx:g}, fy {turned.fy:g}, cx {turned.cx:g}, cy {turned.cy:g}"
     )
-    note(words)
     return turned
 
 
@@ -305,8 +304,14 @@ def focal_of(photo: object) -> float | None:
         of_film = float(tags.get(ExifTags.Base.FocalLengthIn35mmFilm) or 0)
         # math.hypot(36, 24): millimetres of 35 mm film, to which cameras state their focal length
         equivalent = of_film / math.hypot(36, 24) * math.hypot(*size) if 1 <= of_film <= 2000 else None
-        exact = _focal_plane(tags)
-        if exact is None or exact < WIDEST * size[1]:
+        millimetres = float(tags.get(ExifTags.Base.FocalLength) or 0)
+        resolution = float(tags.get(ExifTags.Base.FocalPlaneXResolution) or 0)  # pixels a unit
+        unit = int(tags.get(ExifTags.Base.FocalPlaneResolutionUnit) or 2)
+        # Millimetres of the units: inch, centimetre, millimetre, micrometre
+        of_unit = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}.get(unit, 0.0)
+        known = millimetres > 0 and resolution > 0 and of_unit > 0
+        exact = millimetres * resolution / of_unit if known else 0.0
+        if exact < WIDEST * size[1]:
             return equivalent
         # 0.1: relative difference up to which two of EXIF's focal lengths agree; above, the 35 mm equivalent
         # counts, as FocalPlane tags of pictures that a camera stored smaller are often those of its whole
@@ -315,12 +320,3 @@ def focal_of(photo: object) -> float | None:
         return exact if agrees else equivalent
     except Exception:  # no EXIF data, or damaged ones
         return None
-
-
-def _focal_plane(tags: Mapping[int, Any]) -> float | None:
-    """Return focal length in pixels by EXIF's FocalLength (mm) and FocalPlaneXResolution (pixels a unit)."""
-    millimetres = float(tags.get(ExifTags.Base.FocalLength) or 0)
-    resolution = float(tags.get(ExifTags.Base.FocalPlaneXResolution) or 0)
-    # Millimetres of the units: inch, centimetre, millimetre, micrometre
-    unit = {2: 25.4, 3: 10.0, 4: 1.0, 5: 1e-3}.get(int(tags.get(ExifTags.Base.FocalPlaneResolutionUnit) or 2))
-    return millimetres * resolution / unit if millimetres > 0 and resolution > 0 and unit else None

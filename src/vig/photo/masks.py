@@ -57,7 +57,13 @@ def mask_of_picture(path: Path, image: Image.Image) -> np.ndarray:
         image = image.convert("RGB")
     values = np.asarray(image)
     if values.ndim == 3:
-        _check_colours(path, values)
+        red, green, blue = np.moveaxis(values[..., :3], -1, 0)
+        if not ((red == green).all() and (green == blue).all()):  # each of several objects in its colour?
+            packed = red.astype(np.uint32) << 16 | green.astype(np.uint16) << 8 | blue
+            colours = np.unique(packed[packed > 0])
+            # 64: colours besides black up to which they are those of objects, not the shades of an edge
+            if 1 < len(colours) <= 64:
+                refuse(path, "a mask of one object", f"{len(colours)} colours", REMEDY)
         values = values.max(2)
     by_value = _by_value(path, values) if alpha is None or (alpha == 255).all() else None
     if by_value is not None:
@@ -91,18 +97,6 @@ def _by_value(path: Path, values: np.ndarray) -> np.ndarray:
     return np.asarray(values > most / 2)
 
 
-def _check_colours(path: Path, values: np.ndarray) -> None:
-    """Raise UserError for a picture of several objects, each in a colour of its own."""
-    red, green, blue = np.moveaxis(values[..., :3], -1, 0)
-    if (red == green).all() and (green == blue).all():
-        return
-    packed = red.astype(np.uint32) << 16 | green.astype(np.uint16) << 8 | blue
-    colours = np.unique(packed[packed > 0])
-    # 64: colours besides black up to which they are those of objects, not the shades of an edge
-    if 1 < len(colours) <= 64:
-        refuse(path, "a mask of one object", f"{len(colours)} colours", REMEDY)
-
-
 def mask_files(folder: Path, photos: Iterable[Path]) -> list[Path]:
     """Return the file of each photo's mask in a folder, of which a listing is made once.
 
@@ -113,7 +107,14 @@ def mask_files(folder: Path, photos: Iterable[Path]) -> list[Path]:
     Raises:
         UserError: BOP has several objects in a photo.
     """
-    listing, of_objects = cache(_listing), defaultdict[str, list[Path]](list)
+    of_objects = defaultdict[str, list[Path]](list)
+
+    @cache
+    def listing(parent: Path) -> dict[str, Path]:
+        """Return the paths in a folder by `_key` of their names."""
+        with reading(parent, "a folder of masks", "Name another."):
+            return {_key(path.name): path for path in parent.iterdir()}
+
     for name, path in listing(folder).items():
         if numbered := OF_OBJECT.fullmatch(name):
             of_objects[numbered[1]].append(path)
@@ -139,12 +140,6 @@ def mask_files(folder: Path, photos: Iterable[Path]) -> list[Path]:
         return numbered[0] if numbered else folder / f"{photo.stem}.png"
 
     return [mask_file(photo) for photo in photos]
-
-
-def _listing(folder: Path) -> dict[str, Path]:
-    """Return the paths in a folder by `_key` of their names."""
-    with reading(folder, "a folder of masks", "Name another."):
-        return {_key(path.name): path for path in folder.iterdir()}
 
 
 def _key(name: str) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
-from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -57,27 +56,23 @@ def frames_of(video: Path, folder: Path) -> list[Path]:
             return paths
     except (OSError, ValueError, KeyError, TypeError):
         pass
-    _check_own(folder)
+    frame, there = re.compile(re.escape(folder.name) + r"-\d{6}\.png"), []
+    for path in folder.iterdir() if folder.is_dir() else ():
+        if path.name != WHOLE and not frame.fullmatch(path.name):  # it is the user's
+            raise UserError(
+                f"expected '{folder}' to hold frames alone; got '{path.name}' in it. Choose another --out."
+            )
+        there.append(path)
     paths = []
     for picture in _decoded(video, paths, folder):
         if not paths:  # from another video of that name
-            for path in folder.iterdir() if folder.is_dir() else ():
+            for path in there:
                 path.unlink()
         paths.append(folder / _name(folder, len(paths)))
         write_png(paths[-1], picture)
     with atomic_write(folder / WHOLE) as temporary:
         temporary.write_text(json.dumps({"source": source, "frames": len(paths)}) + "\n")
     return paths
-
-
-def _check_own(folder: Path) -> None:
-    """Raise UserError where a folder holds anything but frames: it is the user's."""
-    frame = re.compile(re.escape(folder.name) + r"-\d{6}\.png")
-    for path in folder.iterdir() if folder.is_dir() else ():
-        if path.name != WHOLE and not frame.fullmatch(path.name):
-            raise UserError(
-                f"expected '{folder}' to hold frames alone; got '{path.name}' in it. Choose another --out."
-            )
 
 
 class Video:
@@ -129,7 +124,12 @@ class Video:
             picture = coded(coded_photo(Image.fromarray(frame.to_ndarray(format="rgba"))))
         else:
             picture = frame.to_ndarray(format="rgb24")
-        picture = _squared(picture, self.stream.sample_aspect_ratio)
+        height, width = picture.shape[:2]
+        square = max(
+            1, round(width * (self.stream.sample_aspect_ratio or 1))
+        )  # pixels of a row of square ones
+        if square != width:
+            picture = np.asarray(Image.fromarray(picture).resize((square, height), Image.Resampling.BICUBIC))
         return np.ascontiguousarray(_turned(picture, frame.side_data.get("DISPLAYMATRIX")))
 
 
@@ -154,7 +154,10 @@ def _decoded(path: Path, done: list[Path], folder: Path) -> Iterator[np.ndarray]
                 for frame in packet.decode():
                     seconds = frame.time or seconds
                     yield video.picture(frame)
-            stated = _stated_seconds(video.stream)
+            # What Matroska and WebM state, which ffmpeg reads to any end.
+            length = re.fullmatch(r"(\d+):(\d+):(\d+\.?\d*)", video.stream.metadata.get("DURATION", ""))
+            hours, minutes, rest = map(float, length.groups()) if length else (0.0, 0.0, 0.0)
+            stated = 3600 * hours + 60 * minutes + rest
         if done and seconds < 0.9 * stated - 1:
             note(f"'{path}' ends after {seconds:.1f} s of the {stated:.1f} s that it states; is it whole?")
     except UserError:
@@ -170,13 +173,6 @@ def _decoded(path: Path, done: list[Path], folder: Path) -> Iterator[np.ndarray]
         ) from error
     if not done:
         raise UserError(f"expected a video; got '{path}', which has no frames. Name another.")
-
-
-def _stated_seconds(stream: Any) -> float:
-    """Return the length that Matroska and WebM state, which ffmpeg reads to any end; 0 without."""
-    parts = re.fullmatch(r"(\d+):(\d+):(\d+\.?\d*)", stream.metadata.get("DURATION", ""))
-    hours, minutes, seconds = map(float, parts.groups()) if parts else (0.0, 0.0, 0.0)
-    return 3600 * hours + 60 * minutes + seconds
 
 
 def _encoding(video: str | Path, codec: Any, frame: Any) -> Encoding | None:
@@ -197,17 +193,6 @@ def _encoding(video: str | Path, codec: Any, frame: Any) -> Encoding | None:
         raise UserError(
             f"expected a known colour encoding; got '{video}' with {error}. Convert it to BT.709."
         ) from error
-
-
-def _squared(picture: np.ndarray, aspect: Fraction | None) -> np.ndarray:
-    """Return a picture (H, W, 3) uint8 of pixels `aspect` times as wide as high, with the width of square
-    ones.
-    """
-    height, width = picture.shape[:2]
-    square = max(1, round(width * (aspect or 1)))
-    if square == width:
-        return picture
-    return np.asarray(Image.fromarray(picture).resize((square, height), Image.Resampling.BICUBIC))
 
 
 def _turned(picture: np.ndarray, matrix: Any) -> np.ndarray:

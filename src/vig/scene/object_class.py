@@ -18,7 +18,7 @@ from vig.io.checks import check_arrays, check_indices, check_number, decode, rea
 from vig.io.errors import UserError
 from vig.io.files import atomic_write, write_arrays
 from vig.scene.camera import DISTANCE, IMAGE_SIZE, Camera
-from vig.scene.shape_model import ShapeModel
+from vig.scene.shape_model import ARRAYS, ShapeModel
 from vig.scene.symmetry import Symmetry
 from vig_renderer.defaults import with_default_settings
 
@@ -28,13 +28,6 @@ BUILD_COMMAND = Path("build", "unfinished.txt")
 PACKAGED = Path(__file__).parents[1] / "classes"
 FORMAT = 1
 _DAMAGED = "Build or copy it again."
-_SHAPE = {
-    "mean": ("float32", ("V", 3)),
-    "basis": ("float32", ("K", "V", 3)),
-    "faces": ("int32", ("F", 3)),
-    "parts": ("int32", ("V",)),
-    "explained_variance_ratio": ("float32", ("K",)),
-}
 
 
 @dataclass(frozen=True)
@@ -138,9 +131,10 @@ class ObjectClass:
     up_known: bool = True
 
     def __post_init__(self) -> None:
-        for what, text in [("name", self.name), *[("name of a point", name) for name in self.points]]:
-            _check_text(what, text)
-        _check_text("front", self.front or "-")
+        points = [("name of a point", name) for name in self.points]
+        for what, text in [("name", self.name), *points, ("front", self.front or "-")]:
+            if not text or len(text) > 100 or not text.isprintable():
+                raise ValueError(f"{what} must be 1 to 100 printable characters; it is {text[:100]!r}")
         check_number("target_height", self.target_height, -10.0, 10.0)
         check_number("viewing_distance", self.viewing_distance, 0.01, 100.0)
         check_indices("points", np.array([*self.points.values()], np.int64), len(self.shape_model.mean))
@@ -221,7 +215,7 @@ class ObjectClass:
     def save(self, folder: Path) -> None:
         """Write class.json and shape.safetensors into `folder`; other files there stay."""
         model = self.shape_model
-        write_arrays(Path(folder) / "shape.safetensors", {name: getattr(model, name) for name in _SHAPE})
+        write_arrays(Path(folder) / "shape.safetensors", {name: getattr(model, name) for name in ARRAYS})
         mean, covariance = (np.round(p, 6) for p in (self.light_prior_mean, self.light_prior_covariance))
         description = _Description(
             format=FORMAT,
@@ -272,8 +266,8 @@ class ObjectClass:
                 raise ValueError(f"it is of format {described.format}, where this vig reads {FORMAT}")
         with reading(folder / "shape.safetensors", "a class's shapes", _DAMAGED):
             arrays, _ = read_tensors(folder / "shape.safetensors")
-            check_arrays(arrays, _SHAPE)
-            model = ShapeModel(part_names=described.part_names, **{name: arrays[name] for name in _SHAPE})
+            check_arrays(arrays, {name: (kinds.split()[0], shape) for name, (kinds, shape) in ARRAYS.items()})
+            model = ShapeModel(part_names=described.part_names, **{name: arrays[name] for name in ARRAYS})
         transfer = None
         if described.self_shadow and not (folder / TRANSFER_FILE).exists():
             raise UserError(
@@ -306,11 +300,6 @@ _SHARED = tuple(
     if field.name in _Description.__struct_fields__ and field.name != "object_from_mesh"
 )
 """Fields that `ObjectClass` and class.json have in common."""
-
-
-def _check_text(what: str, text: str) -> None:
-    if not text or len(text) > 100 or not text.isprintable():
-        raise ValueError(f"{what} must be 1 to 100 printable characters; it is {text[:100]!r}")
 
 
 def axis_name(axis: np.ndarray) -> str:

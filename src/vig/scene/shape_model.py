@@ -15,6 +15,14 @@ MOST_VERTICES = 200_000
 MOST_FACES = 400_000
 LARGEST = 100.0
 """Greatest distance of a vertex from the origin, and its greatest move along one component, metres."""
+ARRAYS = {
+    "mean": ("float32 float64", ("V", 3)),
+    "basis": ("float32 float64", ("K", "V", 3)),
+    "faces": ("int32 int64", ("F", 3)),
+    "parts": ("int32 int64", ("V",)),
+    "explained_variance_ratio": ("float32 float64", ("K",)),
+}
+"""Types and shapes of the arrays of a model, see `check_arrays`; files have the first type."""
 
 
 @dataclass(frozen=True)
@@ -33,19 +41,8 @@ class ShapeModel:
     explained_variance_ratio: np.ndarray
 
     def __post_init__(self) -> None:
-        arrays = {name: getattr(self, name) for name in ("mean", "basis", "faces", "parts")}
-        arrays["explained_variance_ratio"] = self.explained_variance_ratio
-        real, whole = "float32 float64", "int32 int64"
-        sizes = check_arrays(
-            arrays,
-            {
-                "mean": (real, ("V", 3)),
-                "basis": (real, ("K", "V", 3)),
-                "faces": (whole, ("F", 3)),
-                "parts": (whole, ("V",)),
-                "explained_variance_ratio": (real, ("K",)),
-            },
-        )
+        arrays = {name: getattr(self, name) for name in ARRAYS}
+        sizes = check_arrays(arrays, ARRAYS)
         most = {"V": MOST_VERTICES, "F": MOST_FACES, "K": MOST_MODES}
         if sizes["V"] < 3 or any(sizes[letter] > bound for letter, bound in most.items()):
             raise ValueError(

@@ -79,15 +79,11 @@ def order(alone: Sequence[Explanation], predictions: Sequence[Prediction]) -> np
                 continue
             both = (mine > 0.5) & (other > 0.5)
             gain = float((odds[i] - there.warp_to(odds[j], here))[both].sum()) / math.sqrt(max(1, both.sum()))
-            gains[i, j] = gain + GROUND_ORDER_WEIGHT * _lower(alone[i], alone[j])
+            gains[i, j] = gain
+            if (one := alone[i].box) is not None and (two := alone[j].box) is not None:
+                lower = (one[1] + one[3] - two[1] - two[3]) / min(one[3], two[3])
+                gains[i, j] += GROUND_ORDER_WEIGHT * lower
     return _without_cycles(gains, count)
-
-
-def _lower(one: Explanation, other: Explanation) -> float:
-    """Return the distance by which one object ends lower than another, over the less tall one's height."""
-    if one.box is None or other.box is None:
-        return 0.0
-    return (one.box[1] + one.box[3] - other.box[1] - other.box[3]) / min(one.box[3], other.box[3])
 
 
 def _without_cycles(gains: Mapping[tuple[int, int], float], count: int) -> np.ndarray:

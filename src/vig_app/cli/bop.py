@@ -9,9 +9,8 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -100,15 +99,15 @@ def images_of(settings: BopCommand) -> Iterator[BopImage]:
         if not sought:
             raise ValueError("an empty list")
     found = None if settings.detections is None else detections_of(settings.detections)
-    scene_file = cache(partial(_scene_file, settings.dataset / settings.split))
+    scene_file = cache(lambda folder, name: read_json(folder / name, MOST_TABLE))
     for (scene, number), counts in sorted(sought.items()):
         folder = settings.dataset / settings.split / f"{scene:06}"
         with reading(folder, f"image {number} of a scene of BOP", "Check --split and the targets."):
-            camera = tuple(map(float, scene_file(scene, "scene_camera.json")[str(number)]["cam_K"]))
+            camera = tuple(map(float, scene_file(folder, "scene_camera.json")[str(number)]["cam_K"]))
             paths = [folder / kind / f"{number:06}{suffix}" for kind, suffix in IMAGES]
             photo = next(path for path in paths if path.exists())
             if found is None:
-                truth = scene_file(scene, "scene_gt.json")[str(number)]
+                truth = scene_file(folder, "scene_gt.json")[str(number)]
                 masks = [folder / "mask_visib" / f"{number:06}_{n:06}.png" for n in range(len(truth))]
                 instances = [Instance(int(e["obj_id"]), mask) for e, mask in zip(truth, masks, strict=True)]
             else:
@@ -119,10 +118,6 @@ def images_of(settings: BopCommand) -> Iterator[BopImage]:
             for instance in [each for each in instances if each.number == object_number][:count]
         ]
         yield BopImage(scene, number, photo, camera, tuple(chosen))
-
-
-def _scene_file(split: Path, scene: int, name: str) -> Any:
-    return read_json(split / f"{scene:06}" / name, MOST_TABLE)
 
 
 def detections_of(path: Path) -> dict[tuple[int, int], list[Instance]]:

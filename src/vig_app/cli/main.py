@@ -37,12 +37,12 @@ from vig_app.cli.speed import extra_of
 VERBS = (
     Verb("demo", Demo, "vig_app.cli.demo:demo"),
     Verb("fit", FitCommand, "vig_app.cli.fit:fit"),
-    Verb("export", ExportCommand, "vig_app.cli.export:export"),
+    Verb("export", ExportCommand, "vig_app.cli.results:export"),
     Verb("view", ViewCommand, "vig_app.cli.view:view"),
-    Verb("gallery", Gallery, "vig_app.cli.gallery:gallery"),
+    Verb("gallery", Gallery, "vig_app.cli.results:gallery"),
     Verb("bop", BopCommand, "vig_app.cli.bop:bop"),
     Verb("doctor", Doctor, "vig_app.cli.doctor:run_doctor"),
-    Verb("schema", SchemaCommand, "vig_app.cli.schema:print_schema"),
+    Verb("schema", SchemaCommand, "vig_app.cli.results:print_schema"),
 )
 GROUPS = {
     "class": "Make a class from a folder of meshes, and train its network.",
@@ -99,13 +99,8 @@ def main(arguments: list[str] | None = None) -> None:
             code, line = ExitCode.FAULT, f"a fault of vig, please report it with `vig doctor`: {reason}"
     print(f"vig: {line}", file=sys.stderr)
     if "--json" in arguments:
-        _print_error(line)
+        print(json.dumps({"error": line}))
     sys.exit(code)
-
-
-def _print_error(line: str) -> None:
-    """Print the JSON object of a command that came to no result."""
-    print(json.dumps({"error": line}))
 
 
 def _check_verb(names: set[str], arguments: list[str]) -> None:
@@ -129,10 +124,24 @@ def _check_verb(names: set[str], arguments: list[str]) -> None:
 
 def _parsed(verbs: list[Verb], arguments: list[str]) -> Any:
     """Return the settings of the verb that the arguments name; UserError where it does not take them."""
+    app = tyro.extras.SubcommandApp()
+    groups: dict[str, tyro.extras.SubcommandApp] = {}
+    for verb in verbs:
+        group, _, name = verb.name.rpartition(" ")
+        if group and group not in groups:
+            groups[group] = tyro.extras.SubcommandApp()
+        (groups[group] if group else app).command(name=name)(verb.settings)
+    for group, inner in groups.items():
+        app.command(inner, name=group, help=GROUPS[group])
     complaint = io.StringIO()
     try:
-        with redirect_stderr(complaint):
-            return _settings(verbs, arguments)
+        with redirect_stderr(complaint):  # it prints and exits where it cannot parse them
+            return app.cli(
+                prog="vig",
+                description="Explain objects in photos, even where they are hidden.",
+                args=arguments,
+                config=(tyro.conf.FlagCreatePairsOff, tyro.conf.OmitArgPrefixes),
+            )
     except SystemExit as ended:
         if not ended.code:
             raise
@@ -143,24 +152,5 @@ def _parsed(verbs: list[Verb], arguments: list[str]) -> Any:
         words = f"expected {option} {kind.replace('{None}|', '')}; got {given}."
     words = re.sub(r" Perhaps you meant: (\S+).*", r". Did you mean \1?", words)
     words = re.sub(r" (For full helptext|Argument helptext|Available subcommands).*", "", words)
-    verb = " ".join(takewhile(lambda word: not word.startswith("-"), arguments[:1]))
-    raise UserError(" ".join(f"{words} See vig {verb} --help.".split()))
-
-
-def _settings(verbs: list[Verb], arguments: list[str]) -> Any:
-    """Parse the arguments by tyro, which prints and exits where it cannot."""
-    app = tyro.extras.SubcommandApp()
-    groups: dict[str, tyro.extras.SubcommandApp] = {}
-    for verb in verbs:
-        group, _, name = verb.name.rpartition(" ")
-        if group and group not in groups:
-            groups[group] = tyro.extras.SubcommandApp()
-        (groups[group] if group else app).command(name=name)(verb.settings)
-    for group, inner in groups.items():
-        app.command(inner, name=group, help=GROUPS[group])
-    return app.cli(
-        prog="vig",
-        description="Explain objects in photos, even where they are hidden.",
-        args=arguments,
-        config=(tyro.conf.FlagCreatePairsOff, tyro.conf.OmitArgPrefixes),
-    )
+    named = " ".join(takewhile(lambda word: not word.startswith("-"), arguments[:1]))
+    raise UserError(" ".join(f"{words} See vig {named} --help.".split()))

@@ -58,11 +58,6 @@ EXTRAS = {
 """Those for users, the most wanted first."""
 
 
-def findings(cpus: int) -> list[Finding]:
-    """Return the findings on vig's speed at present, with the number of processors that it may use."""
-    return [threads(cpus), load(cpus), memory(cpus)]
-
-
 def threads(cpus: int) -> Finding:
     """Return the finding on the number of processors that a fit uses."""
     from vig.parallel import thread_count

@@ -16,8 +16,7 @@ from vig.likelihood import LIKELIHOODS
 from vig.photo.video import is_video
 from vig.recognition import WEIGHTS_FILE
 from vig_app.cli.boxes import boxes_of, check_place, classes_of
-from vig_app.cli.cameras import cameras_of
-from vig_app.cli.hints import hints_of, mask_of
+from vig_app.cli.hints import cameras_of, hints_of, mask_of
 from vig_app.cli.naming import listed
 from vig_app.cli.options import FitCommand, ModelOptions, RunOptions, VideoOptions, given
 from vig_app.cli.photos import photos_of, result_folders
@@ -49,7 +48,8 @@ def plan_of(command: FitCommand) -> Plan:
     for name in (object_class, *others):
         if is_quick(Path(name)):
             say(f"'{name}' has a quick recognizer; `vig class train {name}` makes a better one")
-        if place.mesh is None and is_untrained(Path(name)):
+        is_pack = (Path(name) / "class.json").is_file()
+        if place.mesh is None and is_pack and not (Path(name) / WEIGHTS_FILE).exists():
             say(
                 f"no network was trained for '{name}': each photo needs --box or --mask, and views are tried"
                 f" all round; `vig class train {name}` trains one"
@@ -105,8 +105,3 @@ def is_quick(pack: Path) -> bool:
             return (weights.metadata() or {}).get("quick") == "yes"
     except (OSError, SafetensorError):  # missing or damaged, which is reported where they are read
         return False
-
-
-def is_untrained(pack: Path) -> bool:
-    """Return whether a folder is a class pack for which no network was trained."""
-    return (pack / "class.json").is_file() and not (pack / WEIGHTS_FILE).exists()

@@ -14,8 +14,8 @@ from vig.io.printing import end, note
 from vig.photo.video import is_video
 from vig.video import Track, Tracker
 from vig_app.cli.boxes import boxes_of, check_place, classes_of
-from vig_app.cli.cameras import cameras_of
 from vig_app.cli.fit import Take, where_to_look, write_results
+from vig_app.cli.hints import cameras_of
 from vig_app.cli.naming import listed, note_order
 from vig_app.cli.options import FitCommand, given
 from vig_app.cli.tasks import explain_settings, files_of, plan_of

@@ -55,10 +55,9 @@ def view(settings: ViewCommand) -> int:
         finally:
             if walk.session.unsaved:
                 note(f"corrections of {walk.items[walk.place].name} were not saved")
-    if not settings.json and walk.run is not None and walk.saved:
-        end(folder, f"saved: open {folder / 'report.html'}; the same `vig fit` again takes it up")
-    elif not settings.json and walk.saved:
-        end(folder, f"saved: open {folder / 'report.html'}")
+    if not settings.json and walk.saved:
+        again = "" if walk.run is None else "; the same `vig fit` again takes it up"
+        end(folder, f"saved: open {folder / 'report.html'}{again}")
     elif not settings.json and not walk.session.unsaved:
         note("nothing was saved, as nothing was corrected")
     return 0

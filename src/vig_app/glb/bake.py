@@ -19,7 +19,7 @@ from vig.renderer.drawing import draw_latents
 from vig.scene import Camera, ObjectClass
 from vig.scene.light import srgb8_from_linear
 from vig_app.glb.atlas import SIDE, Atlas, atlas_of
-from vig_app.pictures import PANEL, close_up, part_albedo
+from vig_app.pictures import PANEL, close_up, others_in_window, part_albedo
 from vig_renderer.edges import smooth_normals
 
 SEEN, MIRRORED, INVENTED = 255, 128, 0
@@ -129,7 +129,10 @@ class _Shown:
         light, depth = _light(explanation)[part], shown.depth[part]
         layers = np.empty((5, height, width), np.float32)
         layers[:3] = np.moveaxis(shown.photo[part] / np.maximum(light, LEAST_IRRADIANCE[0])[..., None], 2, 0)
-        layers[3] = _inside(_visible(explanation, part), depth, JUMP * length)
+        visible = shown.visible[part]
+        if explanation.others is not None:
+            visible = visible & (others_in_window(explanation, PANEL)[part] < 0.5)
+        layers[3] = _inside(visible, depth, JUMP * length)
         layers[3] *= _ramp(_facing(shown.normals[part], camera, part), LEAST_FACING)
         layers[3] *= _ramp(light, LEAST_IRRADIANCE)
         layers[4] = 1 / depth
@@ -208,15 +211,6 @@ def _facing(normals: np.ndarray, camera: Camera, part: tuple[slice, slice]) -> n
     along = normals[..., 0] * x + normals[..., 1] * y + normals[..., 2]
     cosine: np.ndarray = -along / np.sqrt(x * x + y * y + 1)
     return cosine
-
-
-def _visible(explanation: Explanation, part: tuple[slice, slice]) -> np.ndarray:
-    """Return the pixels where nothing hides the object, (h, w) bool of a part of the window."""
-    visible = close_up(explanation).visible[part]
-    if explanation.others is not None:
-        others = np.repeat(explanation.others[..., None].astype(np.float32), 3, axis=2)
-        visible = visible & (explanation.window.crop(others, PANEL)[0][*part, 0] < 0.5)
-    return visible
 
 
 def _inside(visible: np.ndarray, depth: np.ndarray, jump: float) -> np.ndarray:

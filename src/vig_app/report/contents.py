@@ -11,7 +11,8 @@ from PIL import Image
 from vig.explanation import Explanation
 from vig.photo.images import coded
 from vig.photo.outline import FINER, REACH, line_width
-from vig_app.pictures import LABEL, PANEL, panels, part_albedo
+from vig.scene.light import srgb8_from_linear
+from vig_app.pictures import LABEL, PANEL, others_in_window, panels, part_albedo
 from vig_app.report import words
 from vig_app.report.drawing import Pose, clip_matrix, mesh_data, pose_data, steps_of, views_of
 from vig_app.report.html import filled, png_url
@@ -37,24 +38,22 @@ def page_of(explanation: Explanation, photo: str, described: dict[str, Any], red
         reduced: Its `page_photo`.
     """
     part_names = explanation.object_class.shape_model.part_names
+    levels = srgb8_from_linear(part_albedo(explanation))
     views, steps = views_of(explanation), list(steps_of(explanation))
     data = drawing_data(explanation, views, steps, reduced.shape[1], reduced.shape[0])
     return filled(
         "page.html",
         name=photo,
         described=described,
-        badge=words.badge(described),
-        summary=words.summary(described),
+        words=words,
         photo=reduced,
         outlines=data.pop("outlines"),
         panels=panels(explanation),
-        rows=words.table_rows(described),
         colours=[
-            (name, words.css_colour(rgb))
-            for name, rgb in zip(part_names, part_albedo(explanation), strict=True)
+            (name, f"rgb({red}, {green}, {blue})")
+            for name, (red, green, blue) in zip(part_names, levels.tolist(), strict=True)
         ],
         views=[view.words for view in views],
-        views_note=words.views_note(described),
         data=data,
     )
 
@@ -66,14 +65,22 @@ def drawing_data(
     of width x height.
     """
     poses = pose_data(explanation, [*views, *steps])
-    scale = width / explanation.picture.shape[1], height / explanation.picture.shape[0]
+    window, size = explanation.window, len(explanation.outlines[0]) // COARSER
+    across, down = width / explanation.picture.shape[1], height / explanation.picture.shape[0]
+    to_map = np.array([[size / window.side, 0, size / 2], [0, size / window.side, size / 2], [0, 0, 1]])
+    matrix = to_map @ np.linalg.inv(window.photo_from_window) @ np.diag([1 / across, 1 / down, 1])
     return {
         "mesh": mesh_data(explanation),
         "views": poses[: len(views)],
         "steps": poses[len(views) :],
         "clip": clip_matrix(explanation.camera, explanation.camera_from_object, explanation.vertices),
         "window": [0, LABEL, PANEL, PANEL],
-        "outline": _outline_data(explanation, scale, line_width(height, width)),
+        "outline": {
+            "map": (matrix / matrix[2, 2]).tolist(),
+            "size": size,
+            "step": REACH / 127 * window.side * FINER / len(explanation.outlines[0]) * across,
+            "line": line_width(height, width),
+        },
         "outlines": png_url(_outline_maps(explanation)),
     }
 
@@ -97,23 +104,6 @@ def _outline_maps(explanation: Explanation) -> np.ndarray:
     size = len(explanation.outlines[0]) // COARSER
     maps = np.stack([(each[::2, ::2] + each[1::2, 1::2]) / 2 for each in explanation.outlines])
     if explanation.others is not None:  # seen there is something else
-        white = explanation.others.view(np.uint8) * np.uint8(255)
-        others = explanation.window.crop(np.broadcast_to(white[..., None], (*white.shape, 3)), size)[0]
-        maps[1] = np.where(others[..., 0] > 0.5, np.maximum(maps[1], 1.0), maps[1])
+        maps[1] = np.where(others_in_window(explanation, size) > 0.5, np.maximum(maps[1], 1.0), maps[1])
     levels: np.ndarray = (128 + maps * (127 / REACH)).round().astype(np.uint8)
     return levels.reshape(2 * size, size)
-
-
-def _outline_data(explanation: Explanation, scale: tuple[float, float], line: float) -> dict[str, Any]:
-    """Return the data for drawing outlines as in overlay.png, on a photo reduced by a scale across
-    and down.
-    """
-    window, size = explanation.window, len(explanation.outlines[0]) // COARSER
-    to_map = np.array([[size / window.side, 0, size / 2], [0, size / window.side, size / 2], [0, 0, 1]])
-    matrix = to_map @ np.linalg.inv(window.photo_from_window) @ np.diag([1 / scale[0], 1 / scale[1], 1])
-    return {
-        "map": (matrix / matrix[2, 2]).tolist(),
-        "size": size,
-        "step": REACH / 127 * window.side * FINER / len(explanation.outlines[0]) * scale[0],
-        "line": line,
-    }

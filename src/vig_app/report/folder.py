@@ -7,7 +7,6 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -65,17 +64,28 @@ def save_entry(
     files = FILES if files is None else files
     check_files(files)
     described = explanation.to_dict()
-    _remove_stale_files(folder, described, files)
+    with suppress(OSError, ValueError):  # exports and files of another result that are not written anew
+        if json.loads((folder / FILE).read_text()) != json.loads(json.dumps(described)):
+            remove_exports(folder)
+            for stale in {*FILES, *OPTIONAL_FILES} - {*files, FILE}:
+                (folder / stale).unlink(missing_ok=True)
     picture = coded(explanation.picture)
     picture = picture if full_size else reduced(picture, PICTURE_SIDE)
     shown = page_photo(picture)
     small = overlay(explanation, reduced(shown))
     entry = Entry(name, folder.name, described, small, "report.html" in files)
     texture = bake(explanation) if TEXTURED & set(files) else None
+
+    def write_masks(path: Path) -> None:
+        """Write 255 where the object is visible, 128 where hidden, else 0."""
+        levels = explanation.amodal.view(np.uint8) * np.uint8(128)
+        levels[explanation.mask] = 255
+        write_png(path, levels)
+
     writers: dict[str, Callable[[Path], None]] = {
         "overlay.png": lambda path: write_png(path, overlay(explanation, picture)),
         "thumbnail.jpg": lambda path: write_thumbnail(path.parent, small),
-        "mask.png": lambda path: write_png(path, mask_picture(explanation.amodal, explanation.mask)),
+        "mask.png": write_masks,
         "render.png": lambda path: write_png(path, panels(explanation)),
         "object.glb": lambda path: write_object(path, explanation, texture),
         "report.html": lambda path: write_page(path, page_of(explanation, photo, described, shown)),
@@ -104,13 +114,6 @@ def check_files(files: Sequence[str]) -> None:
             raise UserError(f"{wanted}; got {name!r}. Leave it out (photos come before --files).")
 
 
-def mask_picture(amodal: np.ndarray, visible: np.ndarray) -> np.ndarray:
-    """Draw two masks (H, W) bool, uint8: 255 where the object is visible, 128 where hidden, else 0."""
-    picture: np.ndarray = amodal.view(np.uint8) * np.uint8(128)
-    picture[visible] = 255
-    return picture
-
-
 def save_scene(
     scene: SceneExplanation,
     folder: str | Path,
@@ -127,7 +130,11 @@ def save_scene(
     for number, mask in enumerate(scene.masks, 1):
         numbers[mask] = number
     write_png(folder / "overlay.png", picture if full_size else reduced(picture, PICTURE_SIDE))
-    _write_numbers(folder / "mask.png", numbers)
+    image = Image.fromarray(numbers, "P")  # shown in the objects' colours
+    palette = [(0, 0, 0)] + [tuple(COLOURS[index % len(COLOURS)].astype(int)) for index in range(255)]
+    image.putpalette([int(channel) for colour in palette for channel in colour])
+    with atomic_write(folder / "mask.png") as temporary:
+        image.save(temporary, "PNG")
     write_thumbnail(folder, reduced(picture))
     entries, textures = [], []
     for name, explanation in zip(scene.names, scene.objects, strict=True):
@@ -143,21 +150,3 @@ def save_scene(
         (folder / "scene.glb").unlink(missing_ok=True)
     write_json(folder / "scene.json", scene.to_dict())
     return folder
-
-
-def _write_numbers(path: Path, numbers: np.ndarray) -> None:
-    """Write numbers (H, W) uint8 as a PNG whose palette shows them in the objects' colours."""
-    image = Image.fromarray(numbers, "P")
-    palette = [(0, 0, 0)] + [tuple(COLOURS[index % len(COLOURS)].astype(int)) for index in range(255)]
-    image.putpalette([int(channel) for colour in palette for channel in colour])
-    with atomic_write(path) as temporary:
-        image.save(temporary, "PNG")
-
-
-def _remove_stale_files(folder: Path, described: dict[str, Any], files: Sequence[str]) -> None:
-    """Remove exports and files that are not written anew where explanation.json differs from `described`."""
-    with suppress(OSError, ValueError):
-        if json.loads((folder / FILE).read_text()) != json.loads(json.dumps(described)):
-            remove_exports(folder)
-            for name in {*FILES, *OPTIONAL_FILES} - {*files, FILE}:
-                (folder / name).unlink(missing_ok=True)

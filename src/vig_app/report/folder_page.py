@@ -17,7 +17,7 @@ from PIL import Image
 
 from vig.io.files import atomic_write
 from vig.photo.outline import SMALLEST_PICTURE
-from vig_app.report.html import QUALITY, filled, write_page
+from vig_app.report.html import filled, jpeg_bytes, write_page
 from vig_app.results import VERDICTS, name_of
 
 MOST_ENTRIES = 200
@@ -137,4 +137,4 @@ def reduced(picture: np.ndarray, side: int = SMALLEST_PICTURE) -> np.ndarray:
 def write_thumbnail(folder: Path, thumbnail: np.ndarray) -> None:
     """Write a picture (h, w, 3) uint8 of `SMALLEST_PICTURE` pixels that pages and sheets show."""
     with atomic_write(folder / THUMBNAIL_FILE) as temporary:
-        Image.fromarray(thumbnail).save(temporary, "JPEG", quality=QUALITY)
+        temporary.write_bytes(jpeg_bytes(thumbnail))

@@ -96,11 +96,5 @@ def _link(folder: Path, out: Path) -> str:
 
 def gallery_html(cards: Sequence[Card], title: str, note: str = "") -> str:
     """Return the page; photos without the object are shown alone."""
-    shown = [card for card in cards if card.described["verdict"] != "absent"]
-    return filled(
-        "gallery.html",
-        title=title,
-        note=note,
-        cards=cards,
-        data=[card.data for card in shown],
-    )
+    data = [card.data for card in cards if card.described["verdict"] != "absent"]
+    return filled("gallery.html", title=title, note=note, cards=cards, data=data)

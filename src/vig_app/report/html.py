@@ -31,11 +31,16 @@ def write_page(path: Path, html: str) -> None:
         temporary.write_text(html, encoding="utf-8", errors="replace")
 
 
-def jpeg_url(picture: np.ndarray) -> str:
-    """Return a picture (H, W, 3) uint8 as the address of an image within a page."""
+def jpeg_bytes(picture: np.ndarray) -> bytes:
+    """Return a picture (H, W, 3) uint8 as a JPEG file."""
     file = io.BytesIO()
     Image.fromarray(picture).save(file, "JPEG", quality=QUALITY)
-    return "data:image/jpeg;base64," + base64.b64encode(file.getvalue()).decode()
+    return file.getvalue()
+
+
+def jpeg_url(picture: np.ndarray) -> str:
+    """Return a picture (H, W, 3) uint8 as the address of an image within a page."""
+    return "data:image/jpeg;base64," + base64.b64encode(jpeg_bytes(picture)).decode()
 
 
 def png_url(picture: np.ndarray) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import heapq
 import math
 import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -71,23 +71,18 @@ def write_sheets(
         path, part = out / sheet_name(number), ordered[number * PER_SHEET : (number + 1) * PER_SHEET]
         if part:
             with atomic_write(path) as temporary:
-                _sheet(out, part, tile, picture).save(temporary, "JPEG", quality=QUALITY)
+                columns = min(MOST_COLUMNS, math.ceil(math.sqrt(1.5 * len(part))))
+                lines, width = math.ceil(len(part) / columns), tile + 2 * BORDER + GAP
+                height = width + LABEL
+                sheet = Image.new("RGB", (columns * width + GAP, lines * height + GAP), BACKGROUND)
+                for place, row in enumerate(part):
+                    shown = _tile(row, out / row["folder"] / picture, tile)
+                    sheet.paste(shown, (GAP + place % columns * width, GAP + place // columns * height))
+                sheet.save(temporary, "JPEG", quality=QUALITY)
             written.append(path)
         elif path.is_file():
             path.unlink()
     return written
-
-
-def _sheet(out: Path, rows: Sequence[Mapping[str, Any]], tile: int, picture: str) -> Image.Image:
-    columns = min(MOST_COLUMNS, math.ceil(math.sqrt(1.5 * len(rows))))
-    width = tile + 2 * BORDER + GAP
-    height = width + LABEL
-    lines = math.ceil(len(rows) / columns)
-    sheet = Image.new("RGB", (columns * width + GAP, lines * height + GAP), BACKGROUND)
-    for number, row in enumerate(rows):
-        shown = _tile(row, out / row["folder"] / picture, tile)
-        sheet.paste(shown, (GAP + number % columns * width, GAP + number // columns * height))
-    return sheet
 
 
 def _tile(row: Mapping[str, Any], path: Path, pixels: int) -> Image.Image:

@@ -9,7 +9,6 @@ import numpy as np
 
 from vig.inference.presence import LEAST_PRESENT
 from vig.scene import Latents
-from vig.scene.light import srgb8_from_linear
 
 
 def view_words(latents: Latents, probability: float) -> str:
@@ -104,12 +103,6 @@ def views_note(described: dict[str, Any]) -> str:
             " vig view."
         )
     return "The search found no other view worth telling."
-
-
-def css_colour(colour: np.ndarray) -> str:
-    """Return linear RGB (3,) as a style sheet has it."""
-    red, green, blue = srgb8_from_linear(np.asarray(colour, np.float32)).tolist()
-    return f"rgb({red}, {green}, {blue})"
 
 
 def _light(light: list[float]) -> str:

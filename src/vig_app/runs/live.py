@@ -250,7 +250,10 @@ def run_live(
                 pose = tracker.start(picture, box=box) if box is not None and not poses else tracker(picture)
                 if pose is not None:
                     poses.append(pose)
-                    table.writerow(_row(pose, seconds))
+                    deviations = np.sqrt(np.diag(pose.covariance)).tolist()
+                    row = dict(zip(LIVE_COLUMNS[-7:-1], deviations, strict=True))
+                    row |= {"seconds": round(seconds, 3), "step_seconds": round(pose.seconds, 4)}
+                    table.writerow(row_of_pose(pose, LIVE_COLUMNS) | row)
                     file.flush()
                     picture = drawn(picture, pose, tracker)
                 video.add(picture, seconds)
@@ -325,12 +328,6 @@ def curves(poses: list[TrackedPose]) -> Image.Image:
         draw.line([margin, top + height - margin, width - margin, top + height - margin], (0, 0, 0))
     draw.text((width - 3 * margin, 2 * height - margin // 2), f"frame {poses[-1].number}", (0, 0, 0))
     return image
-
-
-def _row(pose: TrackedPose, seconds: float) -> dict[str, Any]:
-    deviations = np.sqrt(np.diag(pose.covariance)).tolist()
-    times = {"seconds": round(seconds, 3), "step_seconds": round(pose.seconds, 4)}
-    return row_of_pose(pose, LIVE_COLUMNS) | dict(zip(LIVE_COLUMNS[-7:-1], deviations, strict=True)) | times
 
 
 def _line(pose: TrackedPose | None) -> str:

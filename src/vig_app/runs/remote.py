@@ -87,7 +87,7 @@ def prepare_remote(settings: RunSettings) -> Callable[[Sent], Any]:
 
 
 def _put(path: Path, data: bytes) -> Path:
-    path.parent.mkdir()
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(data)
     return path
 
@@ -96,9 +96,7 @@ def _store(task: Task, files: dict[str, bytes]) -> None:
     """Write a node's files; the photo that corrections.json names is on this machine, not on the node."""
     with beside_folder(task) as beside:
         for name, data in files.items():
-            path = beside / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(data)
+            _put(beside / name, data)
         for corrections in beside.rglob(CORRECTIONS):
             content = json.loads(corrections.read_text())
             content["photo"] = os.path.relpath(task.photo.resolve(), corrections.parent.resolve())

@@ -122,20 +122,19 @@ class Work:
 
     def one(self, task: Task) -> dict[str, Any]:
         """Return the row of a photo of one object."""
+        state, hints = None, task.hints
         if task.corrected:
             correction = task.corrected[0]
-            if correction.name or correction.state is None:
+            if correction.name or (state := correction.state) is None:
                 raise _of_no_object(task, correction)
-            explanation = correction.state.explained(self.explainer, task.photo, coded_photo(task.photo))
-            self.write(task, explanation, correction.state)
-            return row_of(task, explanation)
-        hints = task.hints
-        if task.mask is not None:
-            hints = replace(hints or Hints(), mask=read_mask(task.mask))
-        explanation = self.explainer.explain(
-            task.photo, task.box, focal=task.focal, hints=hints, camera=task.camera
-        )
-        self.write(task, explanation)
+            explanation = state.explained(self.explainer, task.photo, coded_photo(task.photo))
+        else:
+            if task.mask is not None:
+                hints = replace(hints or Hints(), mask=read_mask(task.mask))
+            explanation = self.explainer.explain(
+                task.photo, task.box, focal=task.focal, hints=hints, camera=task.camera
+            )
+        self.write(task, explanation, state)
         return row_of(task, explanation)
 
     def of_class(self, name: str) -> Explainer:

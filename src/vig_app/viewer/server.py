@@ -5,7 +5,6 @@ The page asks for `state` and `photo`, and posts actions to `act`, which answers
 
 from __future__ import annotations
 
-import io
 import json
 import sys
 import threading
@@ -17,11 +16,10 @@ from dataclasses import dataclass
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from ipaddress import ip_address
+from itertools import groupby
 from pathlib import Path
 from typing import Any, Literal
 from urllib.parse import urlsplit
-
-from PIL import Image
 
 from vig.inference import PixelLabel
 from vig.io.checks import decode, parse_json
@@ -32,7 +30,7 @@ from vig_app.report import words
 from vig_app.report.contents import drawing_data
 from vig_app.report.drawing import views_of
 from vig_app.report.folder_page import reduced
-from vig_app.report.html import QUALITY, filled, jpeg_url
+from vig_app.report.html import filled, jpeg_bytes, jpeg_url
 from vig_app.viewer.session import Change, changed, cleared, marked, placed
 from vig_app.viewer.walk import Walk
 
@@ -43,7 +41,6 @@ MOST_BYTES = 1 << 22
 """Bytes of a page's post, at most."""
 COMMANDS = ("save", "find", "step", "open")
 """Actions that are no corrections."""
-FAULT = "That went wrong; the terminal says more."
 
 
 @dataclass(frozen=True)
@@ -73,8 +70,6 @@ class Request:
 
 
 class _Server(ThreadingHTTPServer):
-    daemon_threads = True
-
     def handle_error(self, request: Any, client_address: Any) -> None:
         if not isinstance(sys.exception(), ConnectionError):  # a page that was left
             super().handle_error(request, client_address)
@@ -143,9 +138,7 @@ class Viewer:
             raise ValueError(f"expected an item below {len(self.walk.items)}; got {number}")
         path, session = self.walk.items[number].read()[0], self.walk.session
         photo = session.photo if session.path == path else coded_photo(path)
-        file = io.BytesIO()
-        Image.fromarray(reduced(coded(photo), SENT_SIDE)).save(file, "JPEG", quality=QUALITY)
-        return file.getvalue()
+        return jpeg_bytes(reduced(coded(photo), SENT_SIDE))
 
     def _size_sent(self) -> list[int]:
         """Return the width and height of the photo that is sent."""
@@ -203,18 +196,15 @@ class Viewer:
         return self.state()
 
     def _do_all(self, actions: tuple[Action, ...]) -> None:
-        changes: list[Change | None] = []
-        for action in actions:
-            if action.do not in COMMANDS:
-                changes.append(self._change(action))
+        for are_commands, group in groupby(actions, lambda action: action.do in COMMANDS):
+            if not are_commands:
+                self._correct(list(map(self._change, group)))
                 continue
-            self._correct(changes)
-            changes = []
-            try:
-                self._do(action)
-            except UserError as error:
-                self._say(str(error), refused=True)
-        self._correct(changes)
+            for action in group:
+                try:
+                    self._do(action)
+                except UserError as error:
+                    self._say(str(error), refused=True)
 
     def _say(self, message: str, refused: bool = False) -> None:
         self._message, self._refused = message, refused
@@ -267,8 +257,6 @@ class Viewer:
 
     def _correct(self, changes: list[Change | None]) -> None:
         """Make corrections; where some of several cannot be made, these alone are reported and left out."""
-        if not changes:
-            return
         try:
             self.walk.session.correct(*changes)
         except UserError as error:
@@ -342,7 +330,8 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(400, _json({"error": str(error)}), "application/json")
         except Exception:  # a fault of ours must not leave the page without its server
             traceback.print_exc()
-            self._send(500, _json({"error": FAULT}), "application/json")
+            words = "That went wrong; the terminal says more."
+            self._send(500, _json({"error": words}), "application/json")
 
     def _send(self, status: int, content: bytes, kind: str) -> None:
         self.send_response(status)

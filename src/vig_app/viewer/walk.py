@@ -171,7 +171,8 @@ class Walk:
                 self.session.save(item.folder, files or None)
                 row = row_of(Task(self.session.path, item.folder), explanation)
                 item.found.update({name: value for name, value in row.items() if name not in OWN})
-                write_table(self.run, _with_row(rows, item.found))
+                by_folder = {row["folder"]: row for row in rows} | {item.found["folder"]: item.found}
+                write_table(self.run, by_folder.values())
         item.photo = item.box = None  # which are in its corrections.json now
         item.corrected = self.saved = True
         export_explanation(explanation, item.folder, formats, self.session.path.name)
@@ -199,13 +200,6 @@ class Walk:
             if item.folder != here and item.folder.parent == here.parent
             if None not in (box := [item.found.get(name) for name in BOX])
         ]
-
-
-def _with_row(rows: list[dict[str, Any]], row: dict[str, Any]) -> list[dict[str, Any]]:
-    """Return the rows with that of a folder in place of the one they have, or at their end."""
-    folders = [each["folder"] for each in rows]
-    place = folders.index(row["folder"]) if row["folder"] in folders else len(rows)
-    return [*rows[:place], row, *rows[place + 1 :]]
 
 
 def _of_row(run: Path, row: dict[str, Any]) -> Item:

@@ -12,8 +12,8 @@ from shutil import which
 import pytest
 from PIL import Image
 
-from vig_app.cli.demo import has_screen
 from vig_app.cli.main import main
+from vig_app.cli.results import has_screen
 from vig_app.demo import demo_photos
 
 pytestmark = pytest.mark.slow

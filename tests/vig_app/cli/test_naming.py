@@ -12,8 +12,7 @@ from PIL import Image
 
 from vig.io.errors import UserError
 from vig.photo import read_photo
-from vig_app.cli.cameras import cameras_of
-from vig_app.cli.hints import mask_of
+from vig_app.cli.hints import cameras_of, mask_of
 from vig_app.cli.naming import by_photo, in_order, note_order
 from vig_app.cli.options import CameraOptions
 from vig_app.cli.photos import photos_of, result_folders

@@ -18,7 +18,7 @@ from PIL import Image
 import vig
 from vig.likelihood import LIKELIHOODS
 from vig_app.cli.boxes import check_place
-from vig_app.cli.cameras import cameras_of
+from vig_app.cli.hints import cameras_of
 from vig_app.cli.main import main
 from vig_app.cli.options import CameraOptions, HintOptions, ModelOptions, PlaceOptions
 from vig_app.corrections import State

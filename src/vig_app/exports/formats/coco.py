@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterable, Mapping
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -33,13 +34,8 @@ def write(folder: Path, explanation: Explanation, photo: str) -> None:
     digits = re.search(r"([0-9]{1,18})\.\w+$", photo)
     image = (int(digits[1]) if digits else 0) or 1
     annotation = annotation_of(1, image, OBJECT_ID, explanation.amodal, explanation.mask, score(explanation))
-    described = {
-        "info": {"description": f"vig {__version__}"},
-        "images": [{"id": image, "file_name": photo, "width": width, "height": height}],
-        "categories": [{"id": OBJECT_ID, "name": explanation.object_class.name}],
-        "annotations": [annotation],
-    }
-    write_json(folder / FILES[0], described)
+    head = head_of([(image, photo, width, height)], {explanation.object_class.name: OBJECT_ID})
+    write_json(folder / FILES[0], head | {"annotations": [annotation]})
 
 
 def write_run(path: Path, run: ExportedRun) -> None:
@@ -47,14 +43,10 @@ def write_run(path: Path, run: ExportedRun) -> None:
     numbers = run.image_numbers(FILE_NUMBERS)
     names = [PurePath(photo).name for photo in run.sizes]
     names = names if len(set(names)) == len(names) else [PurePath(photo).as_posix() for photo in run.sizes]
-    head = {
-        "info": {"description": f"vig {__version__}"},
-        "images": [
-            {"id": numbers[photo][1], "file_name": name, "width": width, "height": height}
-            for name, (photo, (width, height)) in zip(names, run.sizes.items(), strict=True)
-        ],
-        "categories": [{"id": number, "name": name} for name, number in run.class_ids.items()],
-    }
+    images = [
+        (numbers[photo][1], name, *size) for name, (photo, size) in zip(names, run.sizes.items(), strict=True)
+    ]
+    head = head_of(images, run.class_ids)
     with atomic_write(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
         print(json.dumps(head)[:-1], end=', "annotations": [', file=file)
         count = 0
@@ -68,6 +60,15 @@ def write_run(path: Path, run: ExportedRun) -> None:
                 annotation = annotation_of(count, image, category, levels > 0, levels == 255, row["score"])
                 print("," * (count > 1), json.dumps(annotation), sep="\n", end="", file=file)
         print("]}", file=file)
+
+
+def head_of(images: Iterable[tuple[int, str, int, int]], class_ids: Mapping[str, int]) -> dict[str, Any]:
+    """Return all but the annotations: number, name, width and height of images; numbers of classes."""
+    return {
+        "info": {"description": f"vig {__version__}"},
+        "images": [dict(zip(("id", "file_name", "width", "height"), each, strict=True)) for each in images],
+        "categories": [{"id": number, "name": name} for name, number in class_ids.items()],
+    }
 
 
 def annotation_of(

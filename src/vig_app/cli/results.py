@@ -1,0 +1,68 @@
+"""`vig export`, `vig gallery` and `vig schema`: results in other forms, and the form of their files."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import webbrowser
+from typing import Any
+
+import msgspec
+
+from vig.io.printing import end
+from vig.record import Explanation
+from vig_app.cli.common import ExportCommand, Gallery, SchemaCommand
+from vig_app.cli.naming import listed
+from vig_app.exports import export_run
+from vig_app.report.gallery import cards_of, gallery_html
+from vig_app.report.html import write_page
+
+
+def export(settings: ExportCommand) -> int:
+    """Write and name the files; returns the exit code."""
+    written = export_run(settings.results, settings.to, settings.out)
+    folder = settings.out or settings.results
+    if settings.json:
+        print(json.dumps({"files": [str(path) for path in written], "folder": str(folder)}, indent=2))
+        return 0
+    print(*written, sep="\n")
+    names = listed(path.name for path in written)
+    end(folder, f"exported {names}: vig export --help says what reads it")
+    return 0
+
+
+def gallery(settings: Gallery) -> int:
+    """Write the page and name it; returns the exit code."""
+    cards, found = cards_of(settings.results, settings.out)
+    photos, page = len(cards), settings.out / "index.html"
+    title = f"{photos} photos explained" if photos == found else f"{photos} of {found} photos explained"
+    write_page(page, gallery_html(cards, title))
+    if settings.json:
+        result = {"page": str(page), "photos": photos, "folder": str(settings.out)}
+        print(json.dumps(result, indent=2))
+    else:
+        end(settings.out, f"made a page: open {page}")
+    if not settings.no_open and not settings.json and has_screen():
+        webbrowser.open(page.resolve().as_uri())
+    return 0
+
+
+def has_screen() -> bool:
+    """Return whether the session is interactive: a terminal, and a display where the system has such."""
+    displays = sys.platform in ("win32", "darwin") or any(
+        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
+    )
+    return sys.stdout.isatty() and displays
+
+
+def print_schema(settings: SchemaCommand) -> int:
+    """Print a schema; returns the exit code."""
+    print(json.dumps(schema_of(settings.file), indent=2))
+    return 0
+
+
+def schema_of(name: str) -> dict[str, Any]:
+    """Return the JSON schema of a file that vig writes."""
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": f"{name}.json of vig"}
+    return head | msgspec.json.schema({"explanation": Explanation}[name])
