@@ -8,7 +8,8 @@ import shlex
 import sys
 import time
 import webbrowser
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from shutil import which
 from typing import Any
 
@@ -25,7 +26,7 @@ from vig_app.cli.common import Demo
 from vig_app.cli.results import has_screen
 from vig_app.demo import DemoPhoto, demo_photos
 from vig_app.report.folder import save_explanation
-from vig_app.report.gallery import card_of, gallery_html
+from vig_app.report.gallery import Card, card_of, gallery_html
 from vig_app.report.html import write_page
 from vig_app.report.sheet import write_sheets
 from vig_app.results import row_of_record
@@ -38,6 +39,7 @@ COMMANDS_TO_TRY = (
     "vig class build MESHES --out PACK  # another kind of object, from a folder of meshes",
 )
 """Commands to try after the demo."""
+DEMO_NOTE = "Path-traced photos as people take them, explained without a box."
 
 
 def demo(settings: Demo) -> int:
@@ -45,27 +47,15 @@ def demo(settings: Demo) -> int:
     out, as_json = settings.out, settings.json
     console = Console(width=None if sys.stdout.isatty() else 140)
     started = time.monotonic()
-    photos, rows, described = demo_photos(), list[dict[str, Any]](), list[dict[str, Any]]()
-    cards = []
-    explainers = {name: Explainer(name) for name in dict.fromkeys(photo.class_name for photo in photos)}
-    for photo in photos:
-        explanation = explainers[photo.class_name].explain(photo.photo)
-        folder = save_explanation(explanation, out / photo.name, photo.photo.name)
-        described.append(row_of_record(explanation.to_dict(), photo=photo.photo.name, folder=photo.name))
-        rows.append(_compared(photo, explanation, described[-1]["verdict"]))
-        truth = f"truth: azimuth {photo.azimuth_deg:.0f}°, {photo.occlusion:.0%} hidden"
-        truth = truth if photo.present else f"truth: a {photo.shows}, no {photo.class_name}"
-        cards.append(card_of(folder, photo.title, truth, f"{photo.name}/report.html"))
+
+    def say(row: Mapping[str, Any]) -> None:
         if not as_json:
-            console.print(f"explained {photo.name}: {rows[-1]['verdict']}", highlight=False)
-    # Pixels of a photo's side: docs/demo.jpg is this sheet.
-    write_sheets(out, described, 396, "overlay.png")
+            console.print(f"explained {row['photo']}: {row['verdict']}", highlight=False)
+
+    rows, cards = explain_demo(out, say)
     seconds = time.monotonic() - started
     page = out / "report.html"
-    note = (
-        "Path-traced photos as people take them, explained without a box. A photo's name leads to its own"
-        " page."
-    )
+    note = f"{DEMO_NOTE} A photo's name leads to its own page."
     write_page(page, gallery_html(cards, "vig's demo", note))
     if as_json:
         print(json.dumps({"photos": rows, "seconds": round(seconds, 1), "folder": str(out)}, indent=2))
@@ -81,7 +71,7 @@ def demo(settings: Demo) -> int:
         highlight=False,
         soft_wrap=True,
     )
-    hard = photos[3]  # something stands before it
+    hard = demo_photos()[3]  # something stands before it
     commands = [line.format(photo=hard.photo, elevation=hard.elevation_deg) for line in COMMANDS_TO_TRY]
     if which("vig") is None:  # in an environment that is not active
         vig = shlex.join([sys.executable, "-m", "vig"])
@@ -92,6 +82,32 @@ def demo(settings: Demo) -> int:
         webbrowser.open(page.resolve().as_uri())
     end(out, f"explained {len(rows)} photos: open {page}; then one of yours, as above")
     return 0
+
+
+def explain_demo(
+    out: Path, say: Callable[[Mapping[str, Any]], None] = lambda row: None
+) -> tuple[list[dict[str, Any]], list[Card]]:
+    """Explain the packaged photos into a folder, without boxes, with a sheet of all.
+
+    say: Called with each row as it is done.
+
+    Returns:
+        Truth and estimate of each photo, and its card of a gallery.
+    """
+    photos, rows, cards, described = demo_photos(), [], [], []
+    explainers = {name: Explainer(name) for name in dict.fromkeys(photo.class_name for photo in photos)}
+    for photo in photos:
+        explanation = explainers[photo.class_name].explain(photo.photo)
+        folder = save_explanation(explanation, out / photo.name, photo.photo.name)
+        described.append(row_of_record(explanation.to_dict(), photo=photo.photo.name, folder=photo.name))
+        rows.append(_compared(photo, explanation, described[-1]["verdict"]))
+        truth = f"truth: azimuth {photo.azimuth_deg:.0f}°, {photo.occlusion:.0%} hidden"
+        truth = truth if photo.present else f"truth: a {photo.shows}, no {photo.class_name}"
+        cards.append(card_of(folder, photo.title, truth, f"{photo.name}/report.html"))
+        say(rows[-1])
+    # Pixels of a photo's side: docs/demo.jpg is this sheet.
+    write_sheets(out, described, 396, "overlay.png")
+    return rows, cards
 
 
 def _table(rows: Sequence[Mapping[str, Any]]) -> Table:
