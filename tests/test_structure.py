@@ -51,7 +51,7 @@ PLACES = [f"{package}.{name}" for package, names in ORDER.items() for name in na
 
 # The budget. A commit may lower a number; one that raises it says in CHANGELOG what was taken out for it.
 LINES = {
-    "vig_native": 7_944, "vig_renderer": 1_716, "vig": 14_232, "vig_app": 7_053, "vig_world": 18_534,
+    "vig_native": 7_945, "vig_renderer": 1_716, "vig": 14_232, "vig_app": 7_065, "vig_world": 18_534,
     "vig_train": 12_130, "vig_paper": 2_719,
 }  # fmt: skip
 CONSTANTS = 1_224

@@ -72,7 +72,8 @@ bool draw_pose(const TexturedMesh& mesh, const PosePhoto& photo, const RigidPose
 
 // The score of a pose: mean log-likelihood of seen pixels that it covers, under a gain of each channel and a light from one
 // side (`light`, 6 numbers in log colour), robust to others; outline's overlap; distance from the box. Where the surroundings
-// are known, in place of the mean: the sum of the log-likelihood beyond theirs. `inlier` (H * W) receives the probability that a pixel shows the surface.
+// are known, in place of the mean: the sum of the log-likelihood beyond theirs. `inlier` (H * W) receives the probability
+// that a pixel shows the surface.
 double score_pose(const TexturedMesh& mesh, const PosePhoto& photo, const RigidPose& pose, PoseScratch& scratch,
                   double* light = nullptr, float* inlier = nullptr);
 

@@ -63,7 +63,7 @@ class Place:
         Raises:
             UserError: Nothing tells the place.
         """
-        boxed = box is not None or told.visible
+        boxed = box is not None or told.visible or told.mask is None
         if box is None:
             clues = told.clues()
             if clues is None:

@@ -68,7 +68,14 @@ def bop(settings: BopCommand) -> int:
     images = list(images_of(settings))
     numbers = sorted({instance.number for image in images for instance in image.instances})
     meshes = settings.meshes or settings.dataset / "models"
-    packs = {number: pack_of_mesh(*mesh_of(meshes, number), note) for number in numbers}
+    packs: dict[int, Path] = {}
+    for number in numbers:
+        try:
+            packs[number] = pack_of_mesh(*mesh_of(meshes, number), note)
+        except UserError as error:  # the other objects are found
+            if len(numbers) == 1:
+                raise
+            note(f"object {number}: {error}")
     name = f"vig_{settings.dataset.resolve().name}-{settings.split}.csv"
     missed, poses = 0, 0
     with atomic_write(settings.out / name) as temporary, open(temporary, "w", encoding="utf-8") as file:
@@ -105,7 +112,7 @@ def images_of(settings: BopCommand) -> Iterator[BopImage]:
         with reading(folder, f"image {number} of a scene of BOP", "Check --split and the targets."):
             camera = tuple(map(float, scene_file(folder, "scene_camera.json")[str(number)]["cam_K"]))
             paths = [folder / kind / f"{number:06}{suffix}" for kind, suffix in IMAGES]
-            photo = next(path for path in paths if path.exists())
+            photo = next((path for path in paths if path.exists()), paths[0])
             if found is None:
                 truth = scene_file(folder, "scene_gt.json")[str(number)]
                 masks = [folder / "mask_visib" / f"{number:06}_{n:06}.png" for n in range(len(truth))]
@@ -147,7 +154,12 @@ def mesh_of(folder: Path, number: int) -> tuple[Path, float]:
 
 def prepare(packs: dict[int, Path]) -> Callable[[BopImage], tuple[list[str], list[str]]]:
     """Return the work of a process: the lines of an image, and what went wrong in it."""
-    explainer_of = cache(lambda number: Explainer(packs[number]))
+
+    @cache
+    def explainer_of(number: int) -> Explainer:
+        if number not in packs:
+            raise UserError("its mesh cannot be used")
+        return Explainer(packs[number])
 
     def work(image: BopImage) -> tuple[list[str], list[str]]:
         began, poses, problems = time.perf_counter(), [], []
@@ -162,7 +174,7 @@ def prepare(packs: dict[int, Path]) -> Callable[[BopImage], tuple[list[str], lis
                 )
                 continue
             # 8.0: a usual score, without its sign
-            likely = 1 / (1 + math.exp(-explanation.fit.evidence / WEIGHTS.pixels - 8.0))
+            likely = 0.5 + 0.5 * math.tanh((explanation.fit.evidence / WEIGHTS.pixels + 8.0) / 2)
             pose = explanation.camera_from_mesh
             assert pose is not None
             poses.append((instance.number, instance.score * likely, pose))

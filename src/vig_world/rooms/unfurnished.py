@@ -15,8 +15,8 @@ from vig_world.rooms.layout import Layout
 from vig_world.rooms.shell import shell
 
 RADIUS, BEND, WALL, HEIGHT = 3.2, 0.7, 1.9, 3.0
-"""Of a seamless ground, metres: radius of the floor, and of the bend between it and the wall; heights of the
-wall and of the nominal ceiling."""
+"""Metres on a seamless ground: radius of the floor and of its bend into the wall; heights of the wall and
+of the nominal ceiling."""
 STANDS = 0.6 * (RADIUS - BEND)
 """Metres along either axis within which things stand on a seamless ground."""
 SEGMENTS, STEPS = 48, 8

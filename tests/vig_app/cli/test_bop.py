@@ -95,3 +95,25 @@ def test_files_that_are_missing_are_named(dataset: Path, tmp_path: Path) -> None
     ):
         with pytest.raises(UserError, match=words):
             bop(settings)
+
+
+def test_what_cannot_be_fitted_is_named_and_the_others_go_on(
+    dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An object without a size in models_info.json, an image without a file, a mask of nothing."""
+    _, mask = photo_of(pose_at(2))
+    size = list(mask.shape)
+    runs = np.diff([0, *np.flatnonzero(np.diff([0, *mask.T.ravel().astype(int)])), mask.size]).tolist()
+    place = {"scene_id": 3, "image_id": 7, "score": 0.5}
+    empty = {"size": size, "counts": [mask.size]}
+    entries = [(5, {"size": size, "counts": runs}), (5, empty), (6, {"size": size, "counts": runs})]
+    dump(tmp_path / "d.json", [place | {"category_id": n, "segmentation": each} for n, each in entries])
+    targets = [{"scene_id": 3, "im_id": 7, "obj_id": n, "inst_count": 2} for n in (5, 6)]
+    dump(tmp_path / "t.json", targets)
+    out = tmp_path / "new"
+    command = BopCommand(dataset, detections=tmp_path / "d.json", targets=tmp_path / "t.json", out=out)
+    assert bop(command) == 0
+    _, pose = pose_in(out / f"vig_{dataset.name}-test.csv")
+    assert off(pose, pose_at(2))[0] < 4
+    errors = capsys.readouterr().err
+    assert "object 6" in errors and "its mesh cannot be used" in errors and "object 5: " in errors
