@@ -1,7 +1,10 @@
 """One known object: its textured mesh, and its pose in a photo, in any rotation."""
 
-from vig.known_object.fit import KnownObject, Place
+from vig.known_object.find import Found, find
+from vig.known_object.fit import KnownObject
 from vig.known_object.follow import PoseFollower
+from vig.known_object.keypoints import Keypoints
+from vig.known_object.picture import Place
 from vig.known_object.surface import FILE, Surface
 
-__all__ = ["FILE", "KnownObject", "Place", "PoseFollower", "Surface"]
+__all__ = ["FILE", "Found", "Keypoints", "KnownObject", "Place", "PoseFollower", "Surface", "find"]

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from vig.hints import Hints
-from vig.inference.hints import PixelLabel
 from vig.inference.settings import UNIFORM_TURN, Fit, OtherView, Verdict
-from vig.io.errors import UserError
-from vig.known_object.search import VIEW_PIXELS, WEIGHTS, Picture, Poses, Stage, Views, locate
+from vig.known_object.keypoints import ViewKeypoints
+from vig.known_object.picture import WEIGHTS, Picture, Place
+from vig.known_object.search import VIEW_PIXELS, Poses, Stage, Views, locate
 from vig.known_object.surface import FILE, Surface
 from vig.likelihood import SPATIAL, spatial_posterior
 from vig.photo import ImagePyramid, Intrinsics, Window
@@ -36,44 +36,6 @@ STEPS = np.array([0.05, 0.05, 0.05, 0.01, 0.01, 0.02])
 TRUSTED_SCORE, TRUSTED_LEAD = -8.5, 0.7
 """Score, and lead over every other pose, from which a pose is trusted: chosen on photos of HOPE under one of
 its lights, 95 % of such rotations were within 15 degrees, 96 and 93 % under two others."""
-
-
-@dataclass(frozen=True)
-class Place:
-    """The place of an object in a photo.
-
-    Attributes:
-        box: x, y, w, h in pixels round the whole object, as far as it is known.
-        seen: (H, W) bool, its visible pixels; None where they are not known.
-        hidden: (H, W) bool, pixels in which something else is seen; None where none are known.
-        whole: Whether nothing hides any of the object.
-        boxed: Whether the box is round the whole object, hidden parts included; else round what is seen.
-    """
-
-    box: Box
-    seen: np.ndarray | None = None
-    hidden: np.ndarray | None = None
-    whole: bool = False
-    boxed: bool = True
-
-    @staticmethod
-    def of(box: Box | None, told: Hints) -> Place:
-        """Return the place that a box or hints tell: without a box, that of what is known to be seen.
-
-        Raises:
-            UserError: Nothing tells the place.
-        """
-        boxed = box is not None or told.visible or told.mask is None
-        if box is None:
-            clues = told.clues()
-            if clues is None:
-                raise UserError(
-                    "expected a box or a mask, as no network finds this object; got neither. Give --box"
-                    " x,y,w,h round the whole object, or --mask."
-                )
-            box = clues.box
-        hidden = None if told.marks is None else told.marks == PixelLabel.IN_FRONT
-        return Place(box, told.mask, hidden, told.visible, boxed)
 
 
 @dataclass(frozen=True)
@@ -106,6 +68,11 @@ class KnownObject:
     def views(self) -> Views:
         """Return the surface as seen from all round."""
         return Views(self.surface)
+
+    @cached_property
+    def keypoints(self) -> ViewKeypoints:
+        """Return the keypoints of the views, kept in the pack."""
+        return ViewKeypoints.of(self.views, self.object_class.folder)
 
     def explain(
         self,
@@ -140,11 +107,12 @@ class KnownObject:
         stages: Sequence[Stage],
         lens: Intrinsics,
         seek: bool = False,
+        hidden: np.ndarray | None = None,
     ) -> tuple[Window, Fit, float, np.ndarray]:
         """Return window, fit and ratio as `explain`, and the pose (4, 4), by a search near some poses.
 
         expected: (N, 4, 4) camera_from_object, the likeliest first. `seek`: the object may be elsewhere about
-        there, and turned.
+        there, and turned. `hidden`: (H, W) bool, pixels that show something else.
         """
         turns = expected[:, :3, :3]
         middles = turns @ self.surface.middle + expected[:, :3, 3]
@@ -158,11 +126,12 @@ class KnownObject:
         left, top = (low + high - side) / 2
         window = Window(float(left), float(top), side, lens=lens)
         (x, y), (w, h) = low.tolist(), (high - low).tolist()
+        place = Place((x, y, w, h), hidden=hidden)
         alone = np.ptp((points + middles[0]) @ lens.K.T / middles[0, 2], axis=0)[:2]
 
         def picture_of(pixels: int) -> Picture:
             size = round(pixels * side / alone.max())
-            picture = self._picture(pyramid, window, Place((x, y, w, h)), size)
+            picture = self._picture(pyramid, window, place, size)
             return replace(picture, size=tuple(alone * size / side))
 
         poses = Poses(*_contiguous(window.turn @ turns, middles @ window.turn.T), np.zeros(len(expected)))
@@ -181,7 +150,7 @@ class KnownObject:
         pose = np.eye(4)
         pose[:3, :3] = back @ poses.rotations[0]
         pose[:3, 3] = back @ poses.translations[0] - pose[:3, :3] @ self.surface.middle
-        return *self._fit(pyramid, window, Place((x, y, w, h)), poses, lens), pose
+        return *self._fit(pyramid, window, place, poses, lens), pose
 
     def _search(self, pyramid: ImagePyramid, window: Window, place: Place, told: Hints) -> Poses:
         """Return poses before the window's camera, the best first."""

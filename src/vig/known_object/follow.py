@@ -8,7 +8,8 @@ import numpy as np
 
 from vig.inference.settings import Fit
 from vig.known_object.fit import KnownObject
-from vig.known_object.search import WEIGHTS, Stage
+from vig.known_object.picture import WEIGHTS
+from vig.known_object.search import Stage
 from vig.photo import ImagePyramid, Intrinsics, Window
 
 STEPS = (

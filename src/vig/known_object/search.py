@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import astuple, dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
+from vig.known_object.picture import WEIGHTS, Picture, weights_of
 from vig.known_object.surface import Surface, sphere
 from vig_native import engine
 
@@ -26,10 +26,6 @@ APART = math.radians(16.0)
 """Least angle between views that are refined."""
 LOOSE_OUTLINE = 1.0
 """In place of `ScoreWeights.outline` for views where a box alone tells what is the object's."""
-LEAST_COLOUR: float = engine.LEAST_COLOUR
-"""Added to colours before their logarithm: noise and haze of dark pixels."""
-LOG_OTHER = -0.75 - 1.5 * math.log(2 * math.pi)
-"""Log density of log colours that neither the object's surface nor the surroundings explain."""
 
 
 @dataclass(frozen=True)
@@ -58,138 +54,6 @@ STAGES = (
     Stage(2, 80, 120, (0.025, 0.003, 0.005), 1.5),
 )
 """Chosen on every third object of the photos of HOPE under one light."""
-
-
-@dataclass(frozen=True)
-class ScoreWeights:
-    """Weights of the parts of a pose's score, `score_pose` in vig_native/pose.h; chosen on HOPE's photos.
-
-    Attributes:
-        sigma: Standard deviation of log colours where the surface is seen.
-        share: Share of such pixels; the others have a deviation of 1.
-        gain_deviation: Of the log gains of the channels about their mean.
-        slope_deviation: Of the log colours' slope along the normals, by which light comes from one side.
-        pixels: Independent pixels that the mean log-likelihood is worth against these priors.
-        outline: Weight of the log overlap of pose and visible pixels.
-        surroundings: Where these are not known, weight of the log-likelihood beyond that of the surroundings'
-            colours, over the area of the box.
-        unseen: Weight in it of pixels that a pose covers and that do not show the object.
-        box_deviation: Of the sides of the object's box, over its longer one.
-    """
-
-    sigma: float = 0.2
-    share: float = 0.8
-    gain_deviation: float = 0.2
-    slope_deviation: float = 0.5
-    pixels: float = 20.0
-    outline: float = 8.0
-    surroundings: float = 2.0
-    unseen: float = 0.5
-    box_deviation: float = 0.02
-
-    def of_box(self, width: float, height: float) -> list[float]:
-        """Return all for the native library, with the box's sides in pixels."""
-        scaled = replace(
-            self,
-            surroundings=self.surroundings / (width * height),
-            box_deviation=self.box_deviation * max(width, height),
-        )
-        return list(astuple(scaled))
-
-
-WEIGHTS = ScoreWeights()
-PLAIN_WEIGHTS = ScoreWeights(sigma=0.5, gain_deviation=1.0, outline=12.0)
-"""For a mesh of one colour, as the object itself may have print of any: its outline tells more. Chosen on
-every third object of HOPE under one light."""
-
-
-def _weights(surface: Surface) -> ScoreWeights:
-    return PLAIN_WEIGHTS if surface.one_colour else WEIGHTS
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A part of a photo, as a camera that looks at its middle sees it.
-
-    Attributes:
-        colour: (n, n, 3) float32 linear RGB.
-        seen: (n, n) float32, how far a pixel shows the object; where that is not known, 1 in the photo.
-        outlined: Whether it is known.
-        focal: Pixels.
-        box: Left, right, top, bottom of the object in pixels; None where unknown, or the window is rolled.
-        size: About the object's width and height in pixels where it does not fill the box but is in it.
-    """
-
-    colour: np.ndarray
-    seen: np.ndarray
-    outlined: bool
-    focal: float
-    box: tuple[float, float, float, float] | None
-    size: tuple[float, float] | None = None
-
-    @property
-    def within(self) -> tuple[slice, slice]:
-        """Return the rows and columns of pixels in the box."""
-        height, width = self.seen.shape
-        left, right, top, bottom = self.box or (0, width, 0, height)
-        rows, columns = (slice(max(0, int(a)), max(0, int(b)) + 1) for a, b in ((top, bottom), (left, right)))
-        return rows, columns
-
-    @cached_property
-    def exposure(self) -> float:
-        """Return the factor by which what is seen in the box becomes as bright as surfaces usually are.
-
-        Else `LEAST_COLOUR` would hide the contrast of dark photos.
-        """
-        seen, colour = self.seen[self.within], self.colour[self.within]
-        mean = float((colour.mean(2) * seen).sum() / max(float(seen.sum()), 1.0))
-        return 0.2 / max(mean, 1e-4)
-
-    @cached_property
-    def surroundings(self) -> np.ndarray | None:
-        """Return the log density (n, n) float32 of each log colour among those beside the box.
-
-        None where it is known what is seen of the object, or there is no box.
-        """
-        if self.outlined or self.box is None:
-            return None
-        beside = self.seen.copy()
-        beside[self.within] = 0
-        darkest, span = math.log(LEAST_COLOUR), math.log(1 + 1 / LEAST_COLOUR)
-        logs = np.log(self.colour.clip(0, None) * np.float32(self.exposure) + LEAST_COLOUR)
-        shares = (beside / max(float(beside.sum()), 1e-9))[None].astype(np.float64)
-        density = engine.colour_density(((logs - darkest) / span).clip(0, 1).astype(np.float64), shares)[0]
-        logs = np.log(0.8 * density / span**3 + 0.2 * math.exp(LOG_OTHER))
-        return np.asarray(logs, np.float32)
-
-    @property
-    def owned(self) -> np.ndarray:
-        """Return how far each pixel (n, n) may show the object: `seen`, or what the surroundings do not."""
-        if self.surroundings is None:
-            return self.seen
-        owned = np.zeros_like(self.seen)
-        share = 1 / (0.8 + np.exp(self.surroundings[self.within] - LOG_OTHER))
-        owned[self.within] = self.seen[self.within] * share.clip(0, 1)
-        return owned
-
-    def native(self, surface: Surface) -> Any:
-        """Return it for the native library."""
-        # Without a box the object is most of the picture.
-        left, right, top, bottom = self.box or (0.0, 0.75 * len(self.colour)) * 2
-        width, height = self.size or (right - left, bottom - top)
-        middle = self.colour.shape[1] / 2
-        camera = self.focal, middle, middle
-        per_pixel = surface.diameter / max(width, height) / 1.5
-        return engine.pose_photo(
-            self.colour * np.float32(self.exposure),
-            self.seen,
-            camera,
-            list(self.box) if self.box and self.size is None else None,
-            self.surroundings,
-            self.outlined,
-            per_pixel,
-            _weights(surface).of_box(width, height),
-        )
 
 
 @dataclass(frozen=True)
@@ -261,42 +125,56 @@ class Views:
 
     surface: Surface
 
-    @cached_property
-    def rotations(self) -> np.ndarray:
-        """Return (VIEWS, 3, 3) float64, from the surface to cameras on a Fibonacci sphere."""
-        forward = -sphere(VIEWS)
+    @staticmethod
+    def directions(count: int) -> np.ndarray:
+        """Return (count, 3, 3) float64, from a surface to cameras on a Fibonacci sphere."""
+        forward = -sphere(count)
         up = np.where(np.abs(forward[:, 2:]) < 0.99, [[0.0, 0.0, 1.0]], [[0.0, 1.0, 0.0]])
         right = np.cross(forward, up)
         right /= np.linalg.norm(right, axis=1, keepdims=True)
         return np.stack([right, np.cross(forward, right), forward], 1)
 
     @cached_property
+    def rotations(self) -> np.ndarray:
+        """Return the rotations (VIEWS, 3, 3) of the views."""
+        return Views.directions(VIEWS)
+
+    @cached_property
     def radius(self) -> float:
         """Return the radius of the surface about its middle, metres."""
         return float(np.linalg.norm(self.surface.vertices - self.surface.middle, axis=1).max())
 
+    @staticmethod
+    def focal_of(pixels: int) -> float:
+        """Return the focal length at which a sphere of the surface's radius fills a view."""
+        return 0.98 * pixels / 2 * math.sqrt(VIEW_DISTANCE**2 - 1)
+
     @cached_property
     def focal(self) -> float:
-        """Return the focal length at which a sphere of that radius fills a view."""
-        return 0.98 * VIEW_PIXELS / 2 * math.sqrt(VIEW_DISTANCE**2 - 1)
+        """Return the focal length of the views."""
+        return Views.focal_of(VIEW_PIXELS)
+
+    def drawn(self, rotations: np.ndarray, pixels: int) -> Iterator[tuple[np.ndarray, ...]]:
+        """Yield for each rotation (N, 3, 3) covered shares (n, n), linear RGB and normals (n, n, 3)."""
+        nothing = np.zeros((pixels, pixels, 3), np.float32)
+        focal = Views.focal_of(pixels)
+        per_pixel = VIEW_DISTANCE * self.radius / focal
+        camera, unused = (focal, pixels / 2, pixels / 2), WEIGHTS.of_box(1.0, 1.0)
+        photo = engine.pose_photo(nothing, nothing[..., 0], camera, None, None, False, per_pixel, unused)
+        middle = np.array([0, 0, VIEW_DISTANCE * self.radius], np.float32)
+        for rotation in rotations.astype(np.float32):
+            yield engine.draw_pose(self.surface.mesh, photo, rotation, middle)[:3]
 
     @cached_property
     def planes(self) -> np.ndarray:
         """Return (VIEWS, 7, n, n) float32: covered share, linear RGB, normal in the camera's frame."""
-        size = VIEW_PIXELS * VIEW_SAMPLES // 2  # each pixel has two samples a side
-        nothing = np.zeros((size, size, 3), np.float32)
-        per_pixel = VIEW_DISTANCE * self.radius / self.focal
-        camera = self.focal * size / VIEW_PIXELS, size / 2, size / 2
-        unused = WEIGHTS.of_box(1.0, 1.0)
-        photo = engine.pose_photo(nothing, nothing[..., 0], camera, None, None, False, per_pixel, unused)
-        middle = np.array([0, 0, VIEW_DISTANCE * self.radius], np.float32)
+        share = VIEW_SAMPLES // 2  # each pixel that is drawn has two samples a side
         planes = np.empty((VIEWS, 7, VIEW_PIXELS, VIEW_PIXELS), np.float32)
-        for number, rotation in enumerate(self.rotations.astype(np.float32)):
-            coverage, colour, normal, *_ = engine.draw_pose(self.surface.mesh, photo, rotation, middle)
+        for number, drawn in enumerate(self.drawn(self.rotations, VIEW_PIXELS * share)):
+            coverage, colour, normal = drawn
             sums = np.concatenate(
                 [coverage[..., None], coverage[..., None] * np.concatenate([colour, normal], 2)], 2
             )
-            share = VIEW_SAMPLES // 2
             pooled = sums.reshape(VIEW_PIXELS, share, VIEW_PIXELS, share, 7).mean((1, 3))
             pooled[..., 1:] /= np.maximum(pooled[..., :1], 1e-6)
             planes[number] = pooled.transpose(2, 0, 1)
@@ -361,10 +239,10 @@ class Views:
         planes = np.concatenate([colour.transpose(2, 0, 1), picture.owned[None]])
         middle = picture.colour.shape[1] / 2
         ray = np.column_stack([(at - middle) / picture.focal, np.ones(len(at))])
-        rotations = _towards(ray) @ _turns()[turn] @ self.rotations[view]
+        rotations = towards(ray) @ _turns()[turn] @ self.rotations[view]
         # A view's pixel is focal / distance of its camera; the picture's is `scale` as large.
         depth = picture.focal * VIEW_DISTANCE * self.radius / (self.focal * scale)
-        weights = _weights(self.surface)
+        weights = weights_of(self.surface)
         scores = engine.score_views(
             self.planes, np.ascontiguousarray(planes), view.astype(np.int32), placed.astype(np.float32),
             weights.outline if picture.outlined else LOOSE_OUTLINE, weights.unseen, 1,
@@ -391,7 +269,7 @@ def _turns() -> np.ndarray:
     return turns
 
 
-def _towards(ray: np.ndarray) -> np.ndarray:
+def towards(ray: np.ndarray) -> np.ndarray:
     """Return the least rotations (N, 3, 3) from the optical axis to rays (N, 3)."""
     x, y, z = (ray / np.linalg.norm(ray, axis=1, keepdims=True)).T
     share = 1 / (1 + z)

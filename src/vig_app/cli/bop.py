@@ -21,7 +21,7 @@ from vig.io.files import atomic_write
 from vig.io.printing import end, note
 from vig.io.progress import Meter
 from vig.known_object.packs import pack_of_mesh
-from vig.known_object.search import WEIGHTS
+from vig.known_object.picture import WEIGHTS
 from vig.parallel import map_in_processes
 from vig.photo.masks import read_mask
 from vig_app.cli.common import BopCommand

@@ -14,7 +14,8 @@ from vig import Explainer, Hints, Tracker
 from vig.inference import PixelLabel, Verdict
 from vig.io.errors import UserError
 from vig.known_object import FILE, KnownObject, Surface
-from vig.known_object.search import WEIGHTS, Picture, Poses, Stage
+from vig.known_object.picture import WEIGHTS, Picture
+from vig.known_object.search import Poses, Stage
 from vig.scene.light import linear_from_srgb, srgb8_from_linear
 from vig_native import engine
 

@@ -1,0 +1,76 @@
+"""A known object found in a whole photo: by keypoints, of whose poses the surface's likelihood chooses."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from vig.inference.settings import Fit
+from vig.io.errors import UserError
+from vig.known_object.fit import KnownObject
+from vig.known_object.keypoints import Keypoints, Sighting
+from vig.known_object.picture import WEIGHTS
+from vig.known_object.search import Stage
+from vig.photo import ImagePyramid, Intrinsics, Window
+
+RANKING = (Stage(1, 80, 0, (0.0, 0.0, 0.0), math.inf),)
+"""Compares poses as they are: without an outline a search makes those of keypoints no better."""
+LEAST_WEIGHT = 0.5
+"""Of keypoints that agree on a pose, at least."""
+ODDS = (-1.3, 1.6, 1.3)
+"""Log odds that what is found is the object: constant, per log weight of its keypoints, per score."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """An object found in a photo: window, fit and ratio as of `KnownObject.explain`.
+
+    Attributes:
+        present: Probability that it is there.
+        pose: (4, 4) camera_from_object, metres.
+    """
+
+    window: Window
+    fit: Fit
+    ratio: float
+    present: float
+    pose: np.ndarray
+
+
+def find(
+    known: KnownObject, pyramid: ImagePyramid, photo: Keypoints, lens: Intrinsics, most: int
+) -> list[Found]:
+    """Return up to `most` places of an object in a photo, the likeliest first."""
+    back = np.eye(4)
+    back[:3, 3] = -known.surface.middle
+    found = []
+    for group in _places(known.keypoints.sightings(photo, lens), known.keypoints.radius)[: most + 1]:
+        expected = np.stack([each.pose @ back for each in group[:6]])
+        try:
+            window, fit, ratio, pose = known.follow(pyramid, expected, RANKING, lens)
+        except UserError:  # it would be beside the photo
+            continue
+        score = fit.evidence / WEIGHTS.pixels
+        odds = ODDS[0] + ODDS[1] * math.log(group[0].weight) + ODDS[2] * score
+        found.append(Found(window, fit, ratio, 1 / (1 + math.exp(-odds)), pose))
+    return sorted(found, key=lambda each: -each.present)[:most]
+
+
+def _places(sightings: list[Sighting], radius: float) -> list[list[Sighting]]:
+    """Return sightings of one place each, those of the likeliest first."""
+    places: list[list[Sighting]] = []
+    for each in sightings:
+        if each.weight < LEAST_WEIGHT:
+            continue
+        for place in places:
+            apart = np.linalg.norm(
+                place[0].pose[:2, 3] / place[0].pose[2, 3] - each.pose[:2, 3] / each.pose[2, 3]
+            )
+            if apart < 0.8 * radius / each.pose[2, 3]:
+                place.append(each)
+                break
+        else:
+            places.append([each])
+    return places

@@ -1,0 +1,298 @@
+"""Keypoints of the views of a known object, and places of a whole photo that show the same."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from vig.io.checks import check_arrays, read_tensors, reading
+from vig.io.errors import UserError
+from vig.io.files import write_arrays
+from vig.known_object.search import VIEW_DISTANCE, Views, towards
+from vig.photo import Intrinsics
+from vig.scene.light import srgb8_from_linear
+from vig_native import engine
+
+FILE = "keypoints.safetensors"
+_TABLE = {
+    "place": ("float32", ("N", 2)),
+    "angle": ("float32", ("N",)),
+    "size": ("float32", ("N",)),
+    "descriptor": ("float16", ("N", 128)),
+    "view": ("int32", ("N",)),
+    "point": ("float32", ("N", 3)),
+}
+DIRECTIONS, PIXELS = 100, 200
+"""Views whose keypoints are kept, some 20 degrees apart, and pixels of the object's diameter in them."""
+MOST_LENGTH = 2000
+"""Pixels of a photo's longer side in which keypoints are sought."""
+SIMILAR, MOST_ALIKE = 0.9, 6
+"""Least cosine of the descriptors of a match, and matches of each of a photo's keypoints at most."""
+LEAST_MATCHES = 5
+"""Keypoints that one pose explains."""
+
+
+@dataclass(frozen=True)
+class Keypoints:
+    """Scale-invariant keypoints of a picture (SIFT, Lowe 2004) whose descriptors are square roots of shares
+    (Arandjelovic and Zisserman 2012).
+
+    Attributes:
+        place: (N, 2) float32 pixels x, y.
+        angle: (N,) float32 radians, clockwise.
+        size: (N,) float32 pixels.
+        descriptor: (N, 128) float32 of length 1.
+    """
+
+    place: np.ndarray
+    angle: np.ndarray
+    size: np.ndarray
+    descriptor: np.ndarray
+
+    @staticmethod
+    def of(picture: np.ndarray) -> Keypoints:
+        """Return those of a picture (H, W, 3), uint8 sRGB or linear RGB; UserError without OpenCV."""
+        try:
+            import cv2
+        except ModuleNotFoundError:
+            raise UserError(
+                "expected a box or a mask, or the package opencv-python-headless, with which the object of a"
+                " mesh is found in a photo; got none. Give --box x,y,w,h round the whole object, or --mask,"
+                ' or pip install "vig[match]".'
+            ) from None
+        if picture.dtype != np.uint8:
+            picture = srgb8_from_linear(picture)
+        shrunk = min(1.0, MOST_LENGTH / max(picture.shape[:2]))
+        grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
+        if shrunk < 1:
+            grey = cv2.resize(grey, None, fx=shrunk, fy=shrunk, interpolation=cv2.INTER_AREA)
+        # 0.02: of OpenCV's .04, as print in shadow has little contrast
+        found, shares = cv2.SIFT_create(contrastThreshold=0.02).detectAndCompute(grey, None)  # type: ignore[attr-defined]
+        shares = np.zeros((0, 128), np.float32) if shares is None else shares
+        numbers = np.array([(*each.pt, each.size, each.angle) for each in found], np.float32).reshape(-1, 4)
+        return Keypoints(
+            (numbers[:, :2] + np.float32(0.5)) / np.float32(shrunk),
+            np.radians(numbers[:, 3]),
+            numbers[:, 2] / np.float32(shrunk),
+            np.sqrt(shares / np.maximum(shares.sum(1, keepdims=True), 1e-9)),
+        )
+
+    def __getitem__(self, rows: np.ndarray) -> Keypoints:
+        """Return some of them."""
+        return Keypoints(*(each[rows] for each in vars(self).values()))
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """A pose at which keypoints of a photo are those of an object.
+
+    Attributes:
+        weight: Sum over them of how far descriptors are more alike than `SIMILAR`.
+        pose: (4, 4) from the surface, its middle at the origin, to the camera, metres.
+        keypoints: Their numbers.
+    """
+
+    weight: float
+    pose: np.ndarray
+    keypoints: frozenset[int]
+
+    def is_like(self, other: Sighting) -> bool:
+        """Return whether the other explains mostly the same, turned alike."""
+        cosine = (np.trace(self.pose[:3, :3].T @ other.pose[:3, :3]) - 1) / 2
+        shared = len(self.keypoints & other.keypoints)
+        return bool(cosine > math.cos(math.radians(20)) and shared > len(other.keypoints) / 2)
+
+
+@dataclass(frozen=True)
+class _Matches:
+    """Pairs of keypoints of a photo and of the views.
+
+    Attributes:
+        photo: (M,) numbers of the photo's.
+        views: (M,) numbers of the views'.
+        weight: (M,) how far their descriptors are more alike than `SIMILAR`, and .02.
+    """
+
+    photo: np.ndarray
+    views: np.ndarray
+    weight: np.ndarray
+
+
+@dataclass(frozen=True)
+class ViewKeypoints:
+    """Keypoints of a surface seen from all round.
+
+    Attributes:
+        keypoints: Their places count from the middles of the views.
+        view: (N,) int32 numbers of their views.
+        point: (N, 3) float32 where they are on the surface, metres from its middle.
+        rotations: (DIRECTIONS, 3, 3) float64 from the surface to the views' cameras.
+        radius: Of the surface, metres.
+    """
+
+    keypoints: Keypoints
+    view: np.ndarray
+    point: np.ndarray
+    rotations: np.ndarray
+    radius: float
+
+    @staticmethod
+    def of(views: Views, folder: Path | None = None) -> ViewKeypoints:
+        """Return those of a surface's views: read from the folder of its pack, else made and kept there
+        where it can be written.
+        """
+        rotations = Views.directions(DIRECTIONS)
+        if folder is not None and (folder / FILE).exists():
+            with reading(folder / FILE, "keypoints of an object", "Remove it, it is made again."):
+                arrays, _ = read_tensors(folder / FILE)
+                check_arrays(arrays, _TABLE)
+        else:
+            arrays = _made(views, rotations)
+            if folder is not None:
+                try:
+                    write_arrays(folder / FILE, arrays)
+                except OSError:
+                    pass  # a pack that others own
+        descriptor = arrays["descriptor"].astype(np.float32)
+        keypoints = Keypoints(arrays["place"], arrays["angle"], arrays["size"], descriptor)
+        return ViewKeypoints(keypoints, arrays["view"], arrays["point"], rotations, views.radius)
+
+    def sightings(self, photo: Keypoints, lens: Intrinsics) -> list[Sighting]:
+        """Return poses at which a photo shows the surface's keypoints, the likeliest first."""
+        matches, found = self._matches(photo), list[Sighting]()
+        for _, pose in sorted(self._seen(photo, matches, lens), key=lambda each: -each[0])[:40]:
+            sighting = self._fitted(pose, photo, matches, lens)
+            if sighting is not None and not any(each.is_like(sighting) for each in found):
+                found.append(sighting)
+        return sorted(found, key=lambda each: -each.weight)
+
+    def _matches(self, photo: Keypoints) -> _Matches:
+        """Return the pairs of keypoints that look alike."""
+        parts = [np.zeros((3, 0))]
+        for start in range(0, len(photo.angle), 512):
+            alike = photo.descriptor[start : start + 512] @ self.keypoints.descriptor.T
+            row, column = np.nonzero(alike > SIMILAR)
+            cosine = alike[row, column]
+            order = np.lexsort((-cosine, row))
+            row, column, cosine = row[order], column[order], cosine[order]
+            kept = np.arange(len(row)) - np.searchsorted(row, row) < MOST_ALIKE
+            parts.append(np.stack([row + start, column, cosine - SIMILAR + 0.02])[:, kept])
+        photos, views, weight = np.concatenate(parts, axis=1)
+        return _Matches(photos.astype(int), views.astype(int), weight)
+
+    def _seen(self, photo: Keypoints, matches: _Matches, lens: Intrinsics) -> list[tuple[float, np.ndarray]]:
+        """Return (votes, pose) of views whose keypoints a photo shows about as they are in the view: turned,
+        magnified and moved.
+        """
+        number, found = self.view[matches.views], []
+        # Turn and magnification as one complex number, places as complex numbers.
+        turn = photo.angle[matches.photo] - self.keypoints.angle[matches.views]
+        factor = photo.size[matches.photo] / self.keypoints.size[matches.views] * np.exp(1j * turn)
+        at = photo.place[matches.photo] @ [1, 1j]
+        on = self.keypoints.place[matches.views] @ [1, 1j]
+        middle = at - factor * on
+        for view in np.unique(number):
+            rows = np.nonzero(number == view)[0]
+            rows = np.sort(rows[np.argsort(-matches.weight[rows], kind="stable")[:120]])
+            for _ in range(2):  # objects of one kind
+                if len(rows) < LEAST_MATCHES:
+                    break
+                each = factor[rows, None]
+                error = np.abs(middle[rows, None] + each * on[rows] - at[rows])
+                ratio = factor[rows] / each
+                agree = (np.abs(np.log(np.abs(ratio))) < 0.5) & (np.cos(np.angle(ratio)) > 0.85)
+                agree &= error < np.minimum(0.06 * PIXELS * np.abs(each), 25)
+                first = np.unique(matches.photo[rows], return_index=True)[1]
+                votes = np.maximum.reduceat(agree * matches.weight[rows], first, axis=1)
+                sums = votes.sum(1) * ((votes > 0).sum(1) >= LEAST_MATCHES - 1)
+                best = int(sums.argmax())
+                if sums[best] <= 0:
+                    break
+                inside = rows[agree[best]]
+                its, mine = on[inside] - on[inside].mean(), at[inside] - at[inside].mean()
+                fitted = (its.conj() * mine).sum() / max(float((np.abs(its) ** 2).sum()), 1e-9)
+                if 0.1 < np.abs(fitted) < 20:
+                    place = at[inside].mean() - fitted * on[inside].mean()
+                    found.append((float(sums[best]), self._pose(self.rotations[view], fitted, place, lens)))
+                rows = rows[~np.isin(matches.photo[rows], matches.photo[inside])]
+        return found
+
+    def _pose(self, rotation: np.ndarray, factor: complex, place: complex, lens: Intrinsics) -> np.ndarray:
+        """Return the pose (4, 4) of a view that is turned and magnified, its middle at a place."""
+        ray = np.array([(place.real - lens.cx) / lens.fx, (place.imag - lens.cy) / lens.fy, 1.0])
+        c, s = factor.real / abs(factor), factor.imag / abs(factor)
+        pose = np.eye(4)
+        pose[:3, :3] = towards(ray[None])[0] @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ rotation
+        pose[:3, 3] = ray * lens.fx * VIEW_DISTANCE * self.radius / (Views.focal_of(PIXELS) * abs(factor))
+        return pose
+
+    def _fitted(
+        self, pose: np.ndarray, photo: Keypoints, matches: _Matches, lens: Intrinsics
+    ) -> Sighting | None:
+        """Return a pose after fits to the matches of all views that agree with it, which are fewer each
+        time; None where too few do.
+        """
+        import cv2
+
+        at, on = (a.astype(np.float64) for a in (photo.place[matches.photo], self.point[matches.views]))
+        view, inside = self.view[matches.views], np.zeros(0, int)
+        for tolerance in (
+            0.1,
+            0.05,
+            0.03,
+        ):  # of its diameter in the photo
+            seen = on @ pose[:3, :3].T + pose[:3, 3]
+            flat = seen @ lens.K.T
+            error = np.linalg.norm(flat[:, :2] / np.maximum(flat[:, 2:], 1e-6) - at, axis=1)
+            sight = pose[:3, :3].T @ (pose[:3, 3] / np.linalg.norm(pose[:3, 3]))
+            facing = self.rotations[:, 2] @ sight > 0.6
+            # 400: pixels that the diameter counts for at most
+            size = min(2 * self.radius * lens.fx / pose[2, 3], 400.0)
+            inside = np.nonzero((error < tolerance * size) & facing[view] & (seen[:, 2] > 0))[0]
+            inside = inside[np.argsort(error[inside], kind="stable")]
+            inside = inside[np.unique(matches.photo[inside], return_index=True)[1]]
+            if len(inside) < LEAST_MATCHES:
+                return None
+            start = cv2.Rodrigues(pose[:3, :3])[0], pose[:3, 3:].copy()
+            done, turn, shift = cv2.solvePnP(on[inside], at[inside], lens.K, None, *start, True)
+            if not done or not 2 * self.radius < shift[2, 0] < 1e3 * self.radius:
+                return None
+            pose = np.eye(4)
+            pose[:3, :3], pose[:3, 3] = cv2.Rodrigues(turn)[0], shift[:, 0]
+        return Sighting(float(matches.weight[inside].sum()), pose, frozenset(matches.photo[inside].tolist()))
+
+
+def _made(views: Views, rotations: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the arrays of `_TABLE` of a surface's views."""
+    surface, focal, distance = views.surface, Views.focal_of(PIXELS), VIEW_DISTANCE * views.radius
+    camera = focal, PIXELS / 2, PIXELS / 2, PIXELS, PIXELS
+    away, parts = np.array([0.0, 0.0, distance]), []
+    for number, (coverage, colour, _) in enumerate(views.drawn(rotations, PIXELS)):
+        covered = coverage[..., None]
+        found = Keypoints.of(srgb8_from_linear(colour * covered + 0.2 * (1 - covered)))
+        column, row = found.place.astype(int).T
+        inside = _inner(coverage > 0.9)[row, column]
+        found, column, row = found[inside], column[inside], row[inside]
+        seen = (surface.vertices - surface.middle) @ rotations[number].T + away
+        depth = engine.rasterize(seen.astype(np.float32), surface.faces, camera, 1e-3, False)[2]
+        place = found.place - np.float32(PIXELS / 2)
+        ray = np.column_stack([place / focal, np.ones(len(row))]) * depth[row, column][:, None]
+        point = (ray - away) @ rotations[number]
+        on = np.isfinite(point).all(1)
+        drawn = vars(found) | {"place": place, "view": np.full(len(row), number), "point": point}
+        parts.append({name: values[on] for name, values in drawn.items()})
+    return {
+        name: np.concatenate([part[name] for part in parts]).astype(kind)
+        for name, (kind, _) in _TABLE.items()
+    }
+
+
+def _inner(covered: np.ndarray) -> np.ndarray:
+    """Return the pixels (H, W) bool whose neighbours within two pixels are covered."""
+    height, width = covered.shape
+    padded = np.pad(covered, 2)
+    shifted = [padded[i : i + height, j : j + width] for i in range(5) for j in range(5)]
+    return np.asarray(np.all(shifted, axis=0))
