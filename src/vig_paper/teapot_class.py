@@ -13,7 +13,7 @@ from pathlib import Path
 from vig.io.files import atomic_write
 from vig_train.packs.shapes import CodedClass, main
 from vig_train.packs.teapot import teapot, teapot_fields
-from vig_world.assets.designs import HELD_OUT_DESIGNS, TRAINING_DESIGNS, VALIDATION_DESIGNS
+from vig_world.assets.designs.design import HELD_OUT_DESIGNS, TRAINING_DESIGNS, VALIDATION_DESIGNS
 from vig_world.assets.held_out import NAMED
 
 PACK = Path(__file__).parent / "teapot"

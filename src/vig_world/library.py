@@ -19,10 +19,12 @@ from vig_world.asset_cache import Arrays, asset_cache, packed_text, unpacked_tex
 from vig_world.assets.fixtures import HOLDERS
 from vig_world.assets.footprint import extreme_points
 from vig_world.assets.models import packaged_furniture, packaged_props, vary, vary_furniture
-from vig_world.assets.own import OwnPanorama, read_envmaps, read_furniture, read_props
 from vig_world.assets.own.catalogue import Source, mesh_folder, read_sources
-from vig_world.assets.panoramas import light_parts, local_light, panorama
-from vig_world.assets.panoramas.light import grey, project_panorama
+from vig_world.assets.own.envmaps import OwnPanorama, read_envmaps
+from vig_world.assets.own.furniture import read_furniture
+from vig_world.assets.own.props import read_props
+from vig_world.assets.panoramas.light import grey, light_parts, local_light, project_panorama
+from vig_world.assets.panoramas.painting import panorama
 from vig_world.assets.shapes import scaled
 from vig_world.assets.textures import FINISHES, KINDS, texture
 from vig_world.assets.things import (
@@ -35,9 +37,11 @@ from vig_world.assets.things import (
     is_of_class,
 )
 from vig_world.dataset.spec import Room, Split, Surface
-from vig_world.raster import PackedAsset, TextureLevels
-from vig_world.raster.packed import pack
-from vig_world.rooms import Layout, draw_hall, draw_layout, draw_sweep, material_under
+from vig_world.raster.packed import PackedAsset, pack
+from vig_world.raster.pyramid import TextureLevels
+from vig_world.rooms.draw import draw_layout
+from vig_world.rooms.layout import Layout, material_under
+from vig_world.rooms.unfurnished import draw_hall, draw_sweep
 from vig_world.streams import asset_rng
 
 VARIANTS = {"train": 16, "test": 8, "validation": 8}

@@ -19,9 +19,9 @@ from vig_paper.ablation import ablation_blocks
 from vig_paper.reproduction.folder import DATASETS, RENDERERS, RunFolder, duration, read_json
 from vig_paper.reproduction.reached import reached, reached_block, reached_line, training_line
 from vig_paper.reproduction.work import OCCLUSION_LIMITS
-from vig_train.evaluation import METRICS
 from vig_train.evaluation.paper import compare, comparison_block
 from vig_train.evaluation.presentation import TableBlock, blocks
+from vig_train.evaluation.table import METRICS
 from vig_train.record import read_record
 from vig_world.dataset.format import read_info
 

@@ -28,8 +28,7 @@ from vig.recognition import WEIGHTS_FILE, Recognizer
 from vig.recognition.weights import shared_trunk
 from vig.scene import ObjectClass
 from vig.scene.object_class import BUILD_COMMAND
-from vig_train.calibration import StudioPhotos, calibrate_fits, fit_count
-from vig_train.calibration.samples import studio_errors
+from vig_train.calibration.samples import StudioPhotos, calibrate_fits, fit_count, studio_errors
 from vig_train.class_training import card
 from vig_train.class_training.plan import (
     QUICK,

@@ -14,14 +14,15 @@ import numpy as np
 from vig.io.checks import decode, read_json
 from vig.io.files import atomic_write
 from vig_world.asset_cache import asset_cache
-from vig_world.assets.designs import (
+from vig_world.assets.designs.design import (
     HELD_OUT_DESIGNS,
     TRAINING_DESIGNS,
     VALIDATION_DESIGNS,
     TeapotDesign,
-    teapot_vertices,
 )
-from vig_world.assets.mugs import HELD_OUT_MUGS, TRAINING_MUGS, VALIDATION_MUGS, MugDesign, mug_vertices
+from vig_world.assets.designs.teapot import teapot_vertices
+from vig_world.assets.mugs.design import HELD_OUT_MUGS, TRAINING_MUGS, VALIDATION_MUGS, MugDesign
+from vig_world.assets.mugs.mug import mug_vertices
 
 PARAMETERS_FILE = "designs.json"
 Design = TeapotDesign | MugDesign

@@ -19,7 +19,7 @@ from vig_world.composition.sampling import CompositionError, sample, turned
 from vig_world.composition.stage import LAYOUT_SIZE, MARGIN, Actor, StagedRoom, items_of
 from vig_world.dataset.spec import SceneSpec, Split
 from vig_world.library import Library
-from vig_world.raster import depth
+from vig_world.raster.draw import depth
 from vig_world.raster.view import View
 from vig_world.rotations import about_z
 from vig_world.streams import stream

@@ -16,7 +16,9 @@ from vig_world.assets.things import ZONE_NAMES
 from vig_world.composition.stage import Actor, StagedRoom
 from vig_world.dataset.spec import Room, Surface
 from vig_world.library import Library
-from vig_world.rooms import EMPTY, Layout, unfurnished
+from vig_world.rooms import unfurnished
+from vig_world.rooms.layout import Layout
+from vig_world.rooms.unfurnished import EMPTY
 from vig_world.rotations import about_z
 
 ZONE_WEIGHTS = {

@@ -18,9 +18,9 @@ from vig_world.composition.place import find_place, fits_seamless_ground
 from vig_world.composition.stage import LAYOUT_SIZE, Actor, items_of
 from vig_world.dataset.spec import Lens, Placed, Room, SampleError, SceneSpec, Split
 from vig_world.library import SLOTS, Library
-from vig_world.raster import depth
+from vig_world.raster.draw import depth
 from vig_world.raster.view import View
-from vig_world.rooms import SPACE
+from vig_world.rooms.unfurnished import SPACE
 from vig_world.rotations import about_z, vector_of
 from vig_world.streams import stream
 

@@ -16,7 +16,9 @@ from vig_world.assets.footprint import Footprint, extreme_points
 from vig_world.assets.things import Support
 from vig_world.dataset.spec import Placed, Room
 from vig_world.library import Library
-from vig_world.raster import Item, ObjectPixels, Target, depth, settle
+from vig_world.raster.draw import depth
+from vig_world.raster.items import Item, Target
+from vig_world.raster.settle import ObjectPixels, settle
 from vig_world.raster.view import View
 from vig_world.rotations import about_z
 

@@ -7,17 +7,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from vig_world.assets.designs import (
+from vig_world.assets.designs.design import (
     HELD_OUT_DESIGNS,
-    MIRROR,
-    PART_NAMES,
-    TEAPOT_FACES,
-    TEAPOT_PARTS,
     TRAINING_DESIGNS,
     VALIDATION_DESIGNS,
     TeapotDesign,
-    teapot_vertices,
 )
+from vig_world.assets.designs.teapot import MIRROR, PART_NAMES, TEAPOT_FACES, TEAPOT_PARTS, teapot_vertices
 
 ORIGINAL = TRAINING_DESIGNS[:23]
 """The designs of version 0.1; bounds of size and of principal components below are theirs."""

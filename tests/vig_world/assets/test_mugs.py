@@ -10,23 +10,11 @@ import pytest
 import trimesh
 
 from vig_world.assets.designs.crossings import crossings
-from vig_world.assets.mugs import (
-    HELD_OUT_MUGS,
-    MUG_FACES,
-    MUG_MIRROR,
-    MUG_PARTS,
-    PART_NAMES,
-    TRAINING_MUGS,
-    VALIDATION_MUGS,
-    MugDesign,
-    draw_mug,
-    drawn_mugs,
-    flaws,
-    mug_vertices,
-)
 from vig_world.assets.mugs import drawn as drawn_module
-from vig_world.assets.mugs.drawn import MIXING
-from vig_world.assets.mugs.mug import POINTS
+from vig_world.assets.mugs.design import HELD_OUT_MUGS, TRAINING_MUGS, VALIDATION_MUGS, MugDesign
+from vig_world.assets.mugs.drawn import MIXING, draw_mug, drawn_mugs
+from vig_world.assets.mugs.flaws import flaws
+from vig_world.assets.mugs.mug import MUG_FACES, MUG_MIRROR, MUG_PARTS, PART_NAMES, POINTS, mug_vertices
 from vig_world.mesh import face_normals
 
 ALL_MUGS = TRAINING_MUGS + HELD_OUT_MUGS + VALIDATION_MUGS
