@@ -12,7 +12,7 @@ import numpy as np
 from PIL import Image
 
 from vig.io.errors import UserError
-from vig.io.files import atomic_write
+from vig.io.files import write_json
 from vig.io.printing import note
 from vig.photo.checks import existing_file
 from vig.photo.colour import Encoding, coded_encoding
@@ -70,8 +70,7 @@ def frames_of(video: Path, folder: Path) -> list[Path]:
                 path.unlink()
         paths.append(folder / _name(folder, len(paths)))
         write_png(paths[-1], picture)
-    with atomic_write(folder / WHOLE) as temporary:
-        temporary.write_text(json.dumps({"source": source, "frames": len(paths)}) + "\n")
+    write_json(folder / WHOLE, {"source": source, "frames": len(paths)}, None)
     return paths
 
 

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse
 
-from vig.io.files import atomic_write, write_arrays
+from vig.io.files import write_arrays, write_json
 from vig.io.progress import Meter
 from vig.parallel import map_on_threads
 from vig.scene import SHAPE_LIMIT, ObjectClass, ShapeModel
@@ -281,8 +281,7 @@ def write_transfer(
     write_arrays(folder / TRANSFER_FILE, {"transfer": table.astype(np.float16)})
     if (folder / "class.json").is_file():
         described = json.loads((folder / "class.json").read_text()) | {"self_shadow": True}
-        with atomic_write(folder / "class.json") as temporary:
-            temporary.write_text(json.dumps(described, indent=1) + "\n")
+        write_json(folder / "class.json", described, 1)
     return table
 
 
