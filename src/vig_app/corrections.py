@@ -149,9 +149,7 @@ class State(PlainHints):
 
     @staticmethod
     def read(folder: Path, remedy: str = "Name the photo itself.") -> tuple[Path, str, State]:
-        """Return the photo, class and state from a file of `write`; UserError with a remedy where they cannot
-        be read.
-        """
+        """Return the photo, class and state from a file of `write`; UserError with a remedy if unreadable."""
         path = folder / CORRECTIONS
         with reading(path, "corrections of a photo", remedy):
             content = decode(dict[str, Any], read_json(path))

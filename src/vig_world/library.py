@@ -217,9 +217,7 @@ class Library:
         return range(self.layouts, self.layouts + SWEEPS[self.split])
 
     def halls(self, size: int) -> range:
-        """Return numbers of the layouts that are empty halls, 2 to the `size` times as large as the
-        smallest.
-        """
+        """Return numbers of layouts that are empty halls, 2 to the `size` times as large as the smallest."""
         first = self.sweeps.stop + HALLS * size
         return range(first, first + HALLS)
 
@@ -287,9 +285,7 @@ class Library:
         )
 
     def _finish(self, kind: str, number: int) -> np.ndarray:
-        """Return the texture (TEXTURE_SIZE, TEXTURE_SIZE, 3), linear RGB, of a finish, with reduced
-        saturation.
-        """
+        """Return the texture (TEXTURE_SIZE, TEXTURE_SIZE, 3), linear RGB, of a finish, less saturated."""
         rng = asset_rng(self.split, f"surface/{kind}", number)
         image = texture(kind, rng, TEXTURE_SIZE)
         luminance = image.mean(axis=2, keepdims=True)
@@ -321,9 +317,7 @@ class Library:
         return len(self.own.panoramas) or PANORAMAS[self.split]
 
     def _radiance(self, number: int) -> np.ndarray:
-        """Return panorama `number`: (H, 2H, 3) linear radiance at the paper's exposure; custom ones: their
-        size.
-        """
+        """Return panorama `number`: (H, 2H, 3) radiance at the paper's exposure; custom ones: their size."""
         own = self.own.panoramas
         if own:
             return _exposed(own[number].radiance)

@@ -331,9 +331,7 @@ def unsure(confidence: float, threshold: float) -> str:
 
 
 def _deviation(objective: Objective, normal: np.ndarray) -> np.ndarray:
-    """Return the standard deviations (1, P') from the inverse normal matrix (P', P') of the numbers that
-    are free.
-    """
+    """Return the standard deviations (1, P') from the inverse normal matrix (P', P') of the free numbers."""
     # Held numbers have no deviation, and would make the matrix singular.
     free = objective.lower < objective.upper
     matrix = normal[free][:, free].astype(np.float64)

@@ -315,9 +315,7 @@ def framings(starts: Latents, prediction: Prediction, objective: Objective, seed
 def framing_of_box(
     starts: Latents, box: tuple[float, float, float, float], objective: Objective
 ) -> np.ndarray:
-    """Return framings (B, 4), level, in which each start has a box x, y, width, height, in sides of the
-    window.
-    """
+    """Return level framings (B, 4) where each start has a box x, y, width, height, in sides of the window."""
     camera, there = objective.likelihood.camera, np.array(box, np.float32)
     vertices = objective.object_class.shape_model.vertices(starts.shape)
     rotation, translation = camera.pose(starts.azimuth, starts.elevation)

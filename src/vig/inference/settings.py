@@ -289,9 +289,7 @@ class ExplainSettings:
             )
 
     def calibration_for(self, object_class: ObjectClass) -> FitCalibration | None:
-        """Return the calibration that judges fits of a class; None without one that was learned from such
-        fits.
-        """
+        """Return the calibration that judges fits of a class; None without one learned from such fits."""
         # Learned from fits with an outlier model: without one the evidence has another scale.
         if not self.calibrated or self.likelihood.alpha == 1:
             return None

@@ -138,9 +138,7 @@ def _bumps(silhouette: np.ndarray) -> np.ndarray:
 
 
 def _divided(objective: Objective, gain: np.ndarray) -> Objective:
-    """Return the objective of the photo divided by a gain (H, W); a colour's density changes by the gain's
-    cube.
-    """
+    """Return the objective of the photo divided by a gain (H, W); a colour's density changes by its cube."""
     likelihood, shape = objective.likelihood, (1, *gain.shape, 3)
     log_prior = likelihood.log_prior.reshape(shape).copy()
     log_prior[..., 0] -= 3 * np.log(gain)

@@ -210,9 +210,7 @@ def _gather(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
 
 
 def _ends(step: tuple[int, int], height: int, width: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
-    """Return windows of all pixels that have a neighbour a step away, and of these neighbours, in the same
-    order.
-    """
+    """Return windows of pixels that have a neighbour a step away, and of these neighbours, in one order."""
     pairs = []
     for move, size in zip(step, (height, width), strict=True):
         low, high = slice(0, max(size - abs(move), 0)), slice(abs(move), size)

@@ -290,9 +290,7 @@ def _no_start(got: str) -> UserError:
 
 
 def _sendable(error: Exception) -> Exception:
-    """Return the error as it can be sent, with where it was raised; that of a library becomes a
-    RuntimeError.
-    """
+    """Return the error as it can be sent, with where it was raised; a library's becomes a RuntimeError."""
     if isinstance(error, UserError):
         return error
     trace = "".join(traceback.format_exception(error))

@@ -175,9 +175,7 @@ def _decoded(path: Path, done: list[Path], folder: Path) -> Iterator[np.ndarray]
 
 
 def _encoding(video: str | Path, codec: Any, frame: Any) -> Encoding | None:
-    """Return the encoding of samples where a video is HDR or has other primaries than sRGB's like;
-    else None.
-    """
+    """Return the samples' encoding where a video is HDR or has other primaries than sRGB's like, or None."""
     primaries, transfer, matrix = int(codec.color_primaries), int(codec.color_trc), int(frame.colorspace)
     try:
         if matrix in UNREAD_MATRICES:

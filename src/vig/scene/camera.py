@@ -109,9 +109,7 @@ class Camera:
 
     @property
     def K(self) -> np.ndarray:  # noqa: N802
-        """Return intrinsic matrix (3, 3) in pixels: K @ a point in the camera frame is z times (column,
-        row, 1).
-        """
+        """Return intrinsic matrix (3, 3) in pixels: K @ a camera-frame point is z times (column, row, 1)."""
         vertical = self.focal_y or self.focal
         return np.array([[self.focal, 0.0, self.cx], [0.0, vertical, self.cy], [0.0, 0.0, 1.0]])
 

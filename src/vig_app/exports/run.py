@@ -37,9 +37,7 @@ class ExportedRun:
 
     @staticmethod
     def read(folder: Path, first_id: int) -> ExportedRun:
-        """Return the run in a folder, classes numbered by name from `first_id`; UserError as
-        `read_results`.
-        """
+        """Return a folder's run, classes numbered by name from `first_id`; UserError as `read_results`."""
         rows = read_results(folder)
         photos = tuple(dict.fromkeys(row["photo"] for row in rows))
         objects = tuple(

@@ -61,9 +61,7 @@ def page_of(explanation: Explanation, photo: str, described: dict[str, Any], red
 def drawing_data(
     explanation: Explanation, views: Sequence[Pose], steps: Sequence[Pose], width: int, height: int
 ) -> dict[str, Any]:
-    """Return the data that templates/drawing.js draws: the object in its poses, and outlines on a photo
-    of width x height.
-    """
+    """Return data for templates/drawing.js: an object's poses and outlines on a photo of width x height."""
     poses = pose_data(explanation, [*views, *steps])
     window, size = explanation.window, len(explanation.outlines[0]) // COARSER
     across, down = width / explanation.picture.shape[1], height / explanation.picture.shape[0]

@@ -131,9 +131,7 @@ def copies_by_name(scans: list[Scan]) -> dict[int, int]:
 
 
 def same_shapes(scans: list[Scan]) -> dict[int, int]:
-    """Return which scans show the surface of an earlier one, by its number: copies, other formats, other
-    units.
-    """
+    """Return which scans show the surface of an earlier one, by its number: copies, other formats, units."""
     invariants = [shape_invariants(scan.vertices, scan.faces) for scan in scans]
     copies: dict[int, int] = {}
     for number, invariant in enumerate(invariants):

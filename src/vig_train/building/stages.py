@@ -189,9 +189,7 @@ def register(
     say: Callable[[str], None],
     progress: bool = False,
 ) -> RegisteredMeshes:
-    """Carry the template onto each used mesh, and judge which meshes belong to a class of this
-    symmetry.
-    """
+    """Carry the template onto each used mesh, and judge which meshes belong to a class of this symmetry."""
     vertices = np.zeros((len(meshes), *template.vertices.shape))
     qualities: dict[int, Quality] = {}
     with Meter(len(used), 0, progress, "meshes") as meter:

@@ -42,9 +42,7 @@ class SurfaceSample:
         return float(np.ptp(self.points, axis=0).max())
 
     def features(self, weight: float) -> np.ndarray:
-        """Return places and directions (N, 6): a difference of normals of one counts as a distance of
-        `weight`.
-        """
+        """Return places and directions (N, 6): a difference of normals of one counts as distance `weight`."""
         return np.concatenate([self.points, weight * self.normals], axis=1)
 
     def some(self, count: int) -> SurfaceSample:

@@ -182,9 +182,7 @@ def photos_to_roll(dataset: Dataset | StudioPhotos) -> np.ndarray:
 
 
 def roll_angles(count: int) -> np.ndarray:
-    """Return degrees (count,) of `MIN_ROLL_DEG` or more either way, of which each subsequence is spread
-    evenly.
-    """
+    """Return degrees (count,) of `MIN_ROLL_DEG` or more either way, each subsequence spread evenly."""
     return MIN_ROLL_DEG + (np.arange(count) * GOLDEN_RATIO) % 1 * (360 - 2 * MIN_ROLL_DEG)
 
 

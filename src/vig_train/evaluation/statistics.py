@@ -58,9 +58,7 @@ def by_occlusion(
     rng: np.random.Generator,
     resamples: int = 300,
 ) -> list[Summary | None]:
-    """Return a summary of values (N,) for each range (least, most) of occlusion; None where there are no
-    images.
-    """
+    """Return a summary of values (N,) for each range (least, most) of occlusion; None without images."""
     summaries: list[Summary | None] = []
     for least, most in ranges:
         chosen = values[within_occlusion(occlusion, least, most)]

@@ -155,9 +155,7 @@ class Occlusion:
 def fill_from_neighbours(
     values: np.ndarray, missing: np.ndarray, neighbours: scipy.sparse.csr_matrix
 ) -> np.ndarray:
-    """Return values (V, C), the missing (V,) taken over from neighbours ring by ring; 0 where none are in
-    reach.
-    """
+    """Return values (V, C), the missing (V,) taken from neighbours ring by ring; 0 where none is in reach."""
     filled = ~missing
     values = np.where(filled[:, None], values, 0.0)
     while not filled.all():

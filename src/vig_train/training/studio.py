@@ -259,9 +259,7 @@ class Studio:
         return number, self.models[number]
 
     def _shape(self, rng: np.random.Generator, model: StudioModel | None) -> tuple[Latents, np.ndarray]:
-        """Return latents but for the albedo, and vertices, a little off the shape model, or off the
-        given model.
-        """
+        """Return latents but for the albedo, and vertices, a little off the shape model, or the given one."""
         settings = self.settings
         shape_model = self.object_class.shape_model
         draws = rng.standard_normal(shape_model.modes)
@@ -389,9 +387,7 @@ class Studio:
 
 @lru_cache(maxsize=8)
 def _models(object_class: ObjectClass, split: Split) -> tuple[StudioModel, ...]:
-    """Return the designs of a split, each with its mesh where that has materials, then meshes that were
-    refused.
-    """
+    """Return the designs of a split, each with its mesh where that has materials, then refused meshes."""
     designs, meshes = held_out_designs_of(object_class), source_meshes_of(object_class)
     of_design = {mesh.design: mesh for mesh in meshes}
     numbers = [] if designs is None else [n for n, of in enumerate(designs.splits) if of == split]

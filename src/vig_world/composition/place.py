@@ -108,9 +108,7 @@ def find_place(
 
 
 def _hiding(stage_at: Callable[[float], StagedRoom], hidden: tuple[float, float]) -> tuple[StagedRoom, float]:
-    """Return a stage moved out, by 0 to 1, from under things that hide too much of the object; and by how
-    much.
-    """
+    """Return a stage moved out, by 0 to 1, from under things hiding too much of the object; and how much."""
     stage = stage_at(0.0)
     if hidden[0] == 0 or stage.hidden() <= hidden[1]:
         return stage, 0.0
@@ -183,9 +181,7 @@ class _Proposals:
         return int(self._propose(slice(place, place + 1), slid)[0][0]) != engine.PLACE_EYE
 
     def pose(self, place: int, slid: float) -> tuple[tuple[float, float, float], float]:
-        """Return the layout's origin and turn in the world at one of the places, slid to the edge by 0
-        to 1.
-        """
+        """Return a layout's origin and turn in the world at one of the places, slid to the edge by 0 to 1."""
         turn, spot, slide = float(self._poses[place, 0]), self._poses[place, 1:4], self._poses[place, 4:]
         x, y, z = (-about_z(turn) @ (spot + slid * slide)).tolist()
         return (x, y, z), turn

@@ -166,9 +166,7 @@ def _halvings(actor: Actor, attempt: int, furnished: int) -> int:
 
 
 def hall_size(actor: Actor) -> int:
-    """Return the size of the smallest empty hall with space for the object and its camera, see
-    `Library.halls`.
-    """
+    """Return the size of the smallest empty hall with space for object and camera, see `Library.halls`."""
     reach = max(np.linalg.norm(actor.view.eye), np.abs(actor.body.outline).max(), actor.body.heights[1])
     return max(0, math.ceil(math.log2(float(reach) / SPACE)))
 

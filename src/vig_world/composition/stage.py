@@ -107,9 +107,7 @@ class Actor:
 
     @property
     def small(self) -> float:
-        """Return its `scale` if it is smaller than 7 cm or so, whose camera is near its support;
-        else 1.
-        """
+        """Return its `scale` if it is smaller than 7 cm or so, whose camera is near its support; else 1."""
         return self.scale if self.scale < SMALL else 1.0
 
     @property
@@ -192,9 +190,7 @@ class StagedRoom:
         return self.library.families(zone, self.actor.object_class.name)
 
     def hidden(self, extra: np.ndarray | None = None) -> float:
-        """Return the share of the object's pixels behind room and props, or behind one more depth image (75,
-        75).
-        """
+        """Return the share of the object's pixels behind room and props, or one more depth image (75, 75)."""
         hidden, actor = self._hidden_pixels(), self.actor
         if extra is not None:
             hidden = hidden | (extra.ravel()[actor.pixels] < actor.own)

@@ -45,9 +45,7 @@ PARTIAL = "partial"
 
 
 def image_paths(folder: Path, index: int, normals: bool = False) -> dict[str, Path]:
-    """Return the image files of sample `index` in the split folder: rgb, depth, mask, mask_visib; normal, if
-    any.
-    """
+    """Return the image files of sample `index` in the split: rgb, depth, mask, mask_visib; normal, if any."""
     scene = folder / SCENE
     paths = {
         "rgb": scene / "rgb" / f"{index:06d}.png",

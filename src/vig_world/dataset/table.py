@@ -66,9 +66,7 @@ def read_table(root: Path, split: str, texts: bool = True) -> pa.Table:
 
 
 def _column(name: str, column: pa.ChunkedArray) -> pa.ChunkedArray:
-    """Return a column of the table in its own type. ValueError when it has another, gaps, or very long
-    texts.
-    """
+    """Return a column of the table in its type. ValueError when it has another, gaps, or very long texts."""
     wanted = _TYPES.get(name, pa.float64())
     texts = column
     if pa.types.is_list(texts.type):

@@ -111,9 +111,7 @@ def _write(dataset: Dataset, path: Path, annotations: list[dict[str, Any]], cate
 
 
 def run_lengths(mask: np.ndarray) -> dict[str, list[int]]:
-    """Return COCO's uncompressed run lengths of a mask (H, W): size and counts, column by column, zeros
-    first.
-    """
+    """Return COCO's uncompressed run lengths of a mask (H, W): size and counts, by column, zeros first."""
     pixels = np.asarray(mask, bool).ravel(order="F")
     changes = np.flatnonzero(pixels[1:] != pixels[:-1]) + 1
     ends = np.concatenate([[0] if pixels.size and pixels[0] else [], changes, [pixels.size]])

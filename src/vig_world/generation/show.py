@@ -31,9 +31,7 @@ INK, FAINT, BLUE, ORANGE = "#22262e", "#d9dde3", "#3b6fb6", "#e08a2e"
 
 
 def chosen(occlusion: np.ndarray, count: int) -> np.ndarray:
-    """Return indices of `count` samples (all when there are fewer), evenly spread over the ranks of
-    occlusion.
-    """
+    """Return indices of `count` samples (all when there are fewer), evenly over the ranks of occlusion."""
     order = np.argsort(occlusion, kind="stable")
     return order[np.linspace(0, len(order) - 1, min(count, len(order))).round().astype(int)]
 

@@ -127,9 +127,7 @@ def sky_weights(light: np.ndarray) -> np.ndarray:
 
 @functools.cache
 def _basis() -> tuple[np.ndarray, np.ndarray]:
-    """Return SH (K + 1, 9) of the directions and of straight up; weights (K, 4) of a radiance of 1 from
-    each.
-    """
+    """Return SH (K + 1, 9) of the directions and of straight up; weights (K, 4) of radiance 1 from each."""
     towards = directions()
     basis = sh_basis(np.concatenate([towards, [[0.0, 0.0, 1.0]]]))
     # A_l Y_l(d) Y_l(n) of degrees 0 and 1: 1 / (4 pi) and d . n / (2 pi), of a solid angle of 2 pi / K.

@@ -27,9 +27,7 @@ RUN_FILE = "coco.json"
 
 
 def write(folder: Path, explanation: Explanation, photo: str) -> None:
-    """Write the photo; its id is the number at the end of the photo's name, 139 of
-    COCO_val2014_000000000139.jpg.
-    """
+    """Write the photo; its id is the number at the end of its name, 139 of COCO_val2014_000000000139.jpg."""
     height, width = explanation.mask.shape
     digits = re.search(r"([0-9]{1,18})\.\w+$", photo)
     image = (int(digits[1]) if digits else 0) or 1

@@ -38,9 +38,7 @@ def crossings(vertices: np.ndarray, faces: np.ndarray) -> int:
 def _near(
     middles: np.ndarray, halves: np.ndarray, centres: np.ndarray, reaches: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return numbers (N,), (N,) of edges and faces whose balls meet; those of large faces are looked for
-    apart.
-    """
+    """Return numbers (N,), (N,) of edges and faces whose balls meet; large faces are looked for apart."""
     candidates = []
     limit = np.quantile(reaches, 0.9)
     for chosen in (np.flatnonzero(reaches <= limit), np.flatnonzero(reaches > limit)):

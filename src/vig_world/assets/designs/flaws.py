@@ -62,9 +62,7 @@ def flaws(design: TeapotDesign) -> list[str]:
 
 
 def inside(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return whether points (N, 3) lie inside closed surfaces (N,): their winding number, by solid angles, is
-    1.
-    """
+    """Return whether points (N, 3) are in closed surfaces (N,): their winding number by solid angles is 1."""
     a, b, c = (vertices[faces[:, k]][None] - points[:, None] for k in range(3))
     la, lb, lc = (np.linalg.norm(x, axis=-1) for x in (a, b, c))
     triple = np.sum(a * np.cross(b, c), axis=-1)

@@ -51,9 +51,7 @@ class Mixing:
     def mixture(
         self, rng: np.random.Generator, choose: Callable[[tuple[str, ...]], Sequence[Any]]
     ) -> dict[str, Any]:
-        """Return a mixture of two of the designs `choose(group)` for each part: parameters, lengths as
-        ratios.
-        """
+        """Return a mixture of two designs of `choose(group)` for each part: parameters, lengths as ratios."""
         mixed: dict[str, Any] = {}
         for group in self.groups:
             designs = choose(group)

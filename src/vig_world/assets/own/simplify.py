@@ -69,9 +69,7 @@ def _clustered(piece: MeshPiece, low: np.ndarray, cell: float) -> MeshPiece:
 
 
 def signed_volume(pieces: list[MeshPiece]) -> float | None:
-    """Return the volume within the pieces' surface, negative when it is inside out; None when it is not
-    closed.
-    """
+    """Return the volume within the pieces' surface, negative when inside out; None when it is not closed."""
     points, faces = stacked(pieces)
     size = float(np.ptp(points, axis=0).max())
     _, place = np.unique(np.round(points / (1e-5 * size)).astype(np.int64), axis=0, return_inverse=True)
@@ -86,9 +84,7 @@ def signed_volume(pieces: list[MeshPiece]) -> float | None:
 
 
 def outward(pieces: list[MeshPiece], most: int) -> list[MeshPiece]:
-    """Return the pieces facing outwards, with at most `most` faces; open ones with a back side of their
-    own.
-    """
+    """Return the pieces facing outwards, with at most `most` faces; open ones with their own back side."""
     pieces = simplified(pieces, most)
     volume = signed_volume(pieces) if pieces else None
     if volume:

@@ -73,9 +73,7 @@ def title(rng: np.random.Generator, width: int, height: int) -> NDArray[np.float
 def paragraph(
     rng: np.random.Generator, width: int, height: int, letter: int, filled: float = 0.95
 ) -> NDArray[np.float32]:
-    """Return the coverage (height, width) of lines of small type, `letter` pixels high; ragged on the
-    right.
-    """
+    """Return the coverage (height, width) of lines of small type, `letter` pixels high; ragged at right."""
     glyphs = alphabet(letter, True, 0.16)
     step = letter + max(1, round(0.5 * letter))
     lines, columns = max(1, height // step), max(1, width // glyphs.shape[2])

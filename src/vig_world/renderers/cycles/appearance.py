@@ -155,9 +155,7 @@ def baked(
 
 
 def painted(albedo: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return the albedo (3,) with a painted decoration over it: (h, w, 3) linear, u round the axis, row 0 on
-    top.
-    """
+    """Return the albedo (3,) with a decoration over it: (h, w, 3) linear, u round the axis, row 0 on top."""
     layer = decoration(rng, DECORATION_SIZE)
     cover = layer[..., 3:]
     return ((1 - cover) * albedo + cover * layer[..., :3]).astype(np.float32)
@@ -179,8 +177,6 @@ def cylindrical_uv(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def painted_faces(model: ShapeModel) -> np.ndarray:
-    """Return faces (F,) bool that a decoration covers: of the part `body`, or of the first where there is
-    none.
-    """
+    """Return faces (F,) bool that a decoration covers: of the part `body`, or else of the first."""
     part = model.part_names.index("body") if "body" in model.part_names else 0
     return (model.parts == part)[model.faces].all(axis=1)

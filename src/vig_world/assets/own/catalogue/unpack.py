@@ -192,9 +192,7 @@ def _settings(model: CatalogueModel) -> str:
 
 
 def _inside(path: str) -> str:
-    """Return a model's path in the zip, without the slash that it begins with. UserError when it leads
-    elsewhere.
-    """
+    """Return a model's path in the zip, without its first slash. UserError when it leads elsewhere."""
     plain = path.removeprefix("/")
     if not _is_plain(plain):
         raise UserError(f"expected a path within the catalogue; got '{path[:100]}'.")
