@@ -18,13 +18,7 @@ from vig.io.checks import decode, parse_json, read_tensors, reading
 from vig.io.errors import UserError
 from vig.parallel.threads import map_on_threads, on_one_core
 from vig.recognition.graph import INPUT, map_model, weight_shapes, window_model, window_outputs
-from vig.recognition.network import (
-    LOG_VARIANCE,
-    Heads,
-    NetworkCalibration,
-    NetworkSettings,
-    mask_at_pixels,
-)
+from vig.recognition.network import LOG_VARIANCE, Heads, NetworkCalibration, NetworkSettings, mask_at_pixels
 from vig.recognition.object_map import NUMBERS
 from vig.recognition.prediction import Prediction
 from vig.recognition.weights import FORMAT, network_weights, whole_tensors

@@ -154,11 +154,6 @@ def vertex_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return np.asarray(np.bincount(faces.ravel(), np.repeat(area, 3), len(vertices)) / 6)
 
 
-def face_edges(faces: np.ndarray) -> np.ndarray:
-    """Return the edges (3 F, 2) of faces (F, 3); an edge occurs once per face that has it."""
-    return np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-
-
 def neighbour_mean(faces: np.ndarray, count: int) -> sp.csr_matrix:
     """Return the matrix (V, V) that gives each of `count` vertices the mean of itself and its neighbours."""
     graph = neighbours_of(faces, count) + sp.eye(count)

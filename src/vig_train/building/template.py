@@ -12,8 +12,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from skimage.measure import marching_cubes
 
-from vig_train.building.surface import SurfaceSample, face_edges, neighbour_mean, sample_points, vertex_areas
-from vig_world.mesh import vertex_normals
+from vig_train.building.surface import SurfaceSample, neighbour_mean, sample_points, vertex_areas
+from vig_world.mesh import face_edges, vertex_normals
 
 TEMPLATE_VERTICES = 2600
 """Vertices of a template, about."""

@@ -30,7 +30,7 @@ from vig.scene import SHAPE_LIMIT, ObjectClass, ShapeModel
 from vig.scene.light import COSINE_LOBE, sh_basis
 from vig.scene.object_class import TRANSFER_FILE
 from vig_native import engine
-from vig_world.mesh import vertex_normals
+from vig_world.mesh import face_edges, vertex_normals
 
 ALBEDO = 0.5
 """Albedo of the object for its interreflections: the middle of the sampled range."""
@@ -170,7 +170,7 @@ def fill_from_neighbours(
 
 def neighbours_of(faces: np.ndarray, total: int) -> scipy.sparse.csr_matrix:
     """Return which vertices share an edge: (V, V) of ones and zeros."""
-    pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    pairs = face_edges(faces)
     pairs = np.concatenate([pairs, pairs[:, ::-1]])
     table = scipy.sparse.csr_matrix((np.ones(len(pairs)), pairs.T), shape=(total, total))
     table.data[:] = 1.0

@@ -20,14 +20,7 @@ from vig.scene import Symmetry
 from vig_train.network.network import DenseHeads, RecognitionNetwork, bfloat16
 from vig_train.network.weights import packed, save_tensors
 from vig_train.training.checkpoint import Scale
-from vig_train.training.class_network import (
-    CHUNK,
-    LEARNING_RATE,
-    PASSES,
-    SIZES,
-    Features,
-    read_features,
-)
+from vig_train.training.class_network import CHUNK, LEARNING_RATE, PASSES, SIZES, Features, read_features
 from vig_train.training.loop import Trainer
 from vig_train.training.losses import LOSS_WEIGHTS, dense_losses
 

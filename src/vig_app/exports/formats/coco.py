@@ -19,6 +19,7 @@ from vig.explanation import Explanation
 from vig.io.checks import reading
 from vig.io.files import atomic_write, write_json
 from vig.photo.decoding import opened
+from vig.photo.masks import run_lengths
 from vig_app.exports.formats.bop import OBJECT_ID, bop_box, score
 from vig_app.exports.run import FILE_NUMBERS, ExportedRun
 
@@ -84,12 +85,3 @@ def annotation_of(
         "visible_segmentation": run_lengths(visible),
         "score": score,
     }
-
-
-def run_lengths(mask: np.ndarray) -> dict[str, Any]:
-    """Return COCO's uncompressed run lengths of a mask (H, W) bool: down the columns, zeros first."""
-    flat = mask.ravel(order="F")
-    changes = np.flatnonzero(np.diff(flat)) + 1
-    starts = np.concatenate([[0], changes, [flat.size]])
-    counts = np.diff(starts).tolist()
-    return {"size": list(mask.shape), "counts": [0, *counts] if flat[0] else counts}

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from vig_world.assets.own.load import MeshPiece
-from vig_world.mesh import stacked
+from vig_world.mesh import face_edges, stacked
 
 _UV_CELLS = 16
 """Vertices of one place stay apart where their texture coordinates fall into different cells of this many."""
@@ -74,7 +74,7 @@ def signed_volume(pieces: list[MeshPiece]) -> float | None:
     size = float(np.ptp(points, axis=0).max())
     _, place = np.unique(np.round(points / (1e-5 * size)).astype(np.int64), axis=0, return_inverse=True)
     corners = place.reshape(-1)[faces]
-    ends = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]]).astype(np.int64)
+    ends = face_edges(corners).astype(np.int64)
     ends = ends[ends[:, 0] != ends[:, 1]]
     there, back = ends @ [len(points), 1], ends @ [1, len(points)]
     if not np.array_equal(np.sort(there), np.sort(back)):  # each edge as often one way as the other
