@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from vig_world.assets.designs.crossings import crossings
+from vig_world.assets.designs.soundness import crossings
 from vig_world.assets.mugs import drawn as drawn_module
 from vig_world.assets.mugs.design import HELD_OUT_MUGS, TRAINING_MUGS, VALIDATION_MUGS, MugDesign
 from vig_world.assets.mugs.drawn import MIXING, draw_mug, drawn_mugs
