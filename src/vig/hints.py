@@ -240,8 +240,7 @@ class Hints(PlainHints):
 
 
 def checked_pose(value: Any, usual_distance: float) -> np.ndarray:
-    """Return a pose (4, 4) camera_from_object of an object in front of the camera; UserError lists the
-    accepted forms.
+    """Return a pose (4, 4) camera_from_object of an object before the camera; UserError lists accepted forms.
 
     usual_distance: Metres at which a photo is taken of such an object.
     """

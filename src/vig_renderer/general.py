@@ -105,8 +105,7 @@ class Visible:
 class Tables:
     """The objects' faces (F, 3) int64 numbered through.
 
-    face_object (F,): which object. first_face, place (O,): an object's first face, its place in its
-    scene.
+    face_object (F,): which object. first_face, place (O,): an object's first face, its place in its scene.
     """
 
     faces: Tensor
@@ -149,8 +148,7 @@ def draw(
 def place(
     packed: PackedScenes, columns: int, objects: list[dict[str, Tensor | None]]
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Return homogeneous screen points (x z, y z, z) of all vertices (V, 3), their attributes, and lights (O,
-    34).
+    """Return homogeneous screen points (x z, y z, z) of vertices (V, 3), their attributes, lights (O, 34).
 
     attributes (V, columns): unit normal in the world, albedo and, of 9 columns, the light reflected by white.
     A light: 9 x 3 coefficients, direction and radiance of the lamp, 1 where there is any light and 0 else.

@@ -346,8 +346,7 @@ ALL_ROUND: dict[str, Any] = {
     "calibrated": False,
     "informed": False,
 }
-"""Settings of a search without a network: starts every 30 degrees, each at three elevations; the evidence
-alone decides."""
+"""Settings of a search without a network: starts every 30 degrees, at three elevations; evidence decides."""
 
 
 def without_network(settings: ExplainSettings) -> ExplainSettings:

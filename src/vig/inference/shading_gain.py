@@ -4,8 +4,7 @@ Light at infinity explains neither, and the residual would bend shape and view. 
 sum of `GRID` x `GRID` Gaussian bumps over the object. Their heights have the prior N(0, `gain_deviation`^2),
 to the power `prior_weight` as all latents. The rendered colour is linear in them, so that they are found by
 least squares, in turn with descents of the latents. Even then the residual is not independent from pixel
-to pixel: the noise of the descents is estimated, which may lower the evidence under the
-pixel model's own.
+to pixel: the noise of the descents is estimated, which may lower the evidence under the pixel model's own.
 """
 
 from __future__ import annotations

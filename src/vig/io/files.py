@@ -98,8 +98,7 @@ def write_arrays(
 ) -> None:
     """Write arrays by name as a safetensors file, whole or not at all; see `atomic_write`.
 
-    The format's own writer takes memory as it lies: an array whose axes were moved would be read in another
-    order.
+    The format's own writer takes memory as it lies: an array with moved axes would be read in another order.
     """
     with atomic_write(path) as temporary:
         save_file({name: np.ascontiguousarray(each) for name, each in arrays.items()}, temporary, metadata)

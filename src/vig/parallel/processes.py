@@ -75,8 +75,7 @@ def map_as_done(
     """Yield number and work(item) of items as they are done, work being each process's `prepare(shared)`.
 
     Each process has one thread for linear algebra, ignores SIGINT, and ends when this process dies. One that
-    is killed is replaced; another does its items. When the consumer stops early, each process finishes its
-    item.
+    is killed is replaced; another does its items. If the consumer stops early, processes finish their items.
 
     Args:
         prepare: A function of a module, no closure: processes are spawned and import it.

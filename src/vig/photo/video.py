@@ -39,8 +39,7 @@ def frames_of(video: Path, folder: Path) -> list[Path]:
     """Write the frames of a video into a folder, one at a time, and return them in order.
 
     They are named after the folder, `folder-000000.png` on, turned and mirrored as the video states, oblong
-    pixels made square, HDR and wide colours made sRGB. Frames of the same file that are there are not written
-    again.
+    pixels made square, HDR and wide colours made sRGB. Existing frames of the file stay.
 
     Raises:
         UserError: PyAV is not installed, the file is missing, no video, damaged, or without a frame, or the

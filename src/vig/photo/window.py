@@ -27,8 +27,7 @@ BOX_BELOW_CENTRE = 0.033
 SMALLEST_BOX = 8
 """Pixels of a box's shorter side, at least."""
 PREFILTER_PIXELS = 4
-"""Pixels of the halved photo for each pixel of the window cut from it, at least: with 2, fits turn by a
-degree or two."""
+"""Pixels of the halved photo per pixel of its window, at least: with 2, fits turn by a degree or two."""
 LINES = 256
 """Lines of a photo that are drawn at a time."""
 STRIP = 32

@@ -155,8 +155,7 @@ class Prediction:
         return smooth
 
     def log_mass(self, azimuth: np.ndarray) -> np.ndarray:
-        """Return the log probability that the first photo's azimuth lies within 2.5 bins of each angle (B,),
-        float64.
+        """Return log probability of the first photo's azimuth within 2.5 bins of each angle (B,), float64.
 
         Linear between bins, and at least log 0.001, so that no view is ruled out.
         """

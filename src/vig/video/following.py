@@ -297,8 +297,7 @@ def _hidden(explanation: Explanation) -> float | None:
 
 
 def _straight(explanation: Explanation) -> Camera:
-    """Return the camera that looks straight at the object, as if the frame had been cut from a larger one
-    about it.
+    """Return the camera looking straight at the object, as if the frame were cut from a larger one about it.
 
     `turned_pose` leads back to the pose before the frame's own.
     """

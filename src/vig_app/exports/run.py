@@ -51,8 +51,7 @@ class ExportedRun:
         return ExportedRun(folder, photos, objects, class_ids, sizes)
 
     def image_numbers(self, patterns: Sequence[str]) -> dict[str, tuple[int, int]]:
-        """Return scene and image of each photo: from the paths where those of all match and differ, else by
-        place.
+        """Return scene and image of each photo: from the paths where all match and differ, else by place.
 
         Args:
             patterns: Patterns of the ends of paths, with a group for the scene and one for the image.

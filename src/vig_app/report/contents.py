@@ -94,8 +94,7 @@ def page_photo(photo: np.ndarray) -> np.ndarray:
 
 
 def _outline_maps(explanation: Explanation) -> np.ndarray:
-    """Return distances to the outlines of covered and of visible pixels, one above the other, (2 S, S)
-    uint8.
+    """Return distances to the outlines of covered and of visible pixels, one above the other, (2 S, S) uint8.
 
     128 is on the outline and 1 to 255 are within `REACH` pixels of the fitted window, inside and outside.
     """

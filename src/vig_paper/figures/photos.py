@@ -162,8 +162,7 @@ def light_map(light: np.ndarray, azimuth: float) -> np.ndarray:
 
 
 def _headings(azimuth: float) -> np.ndarray:
-    """Return world angle about +Z, from +X, of each column of a map: ahead in the centre, decreasing to the
-    right.
+    """Return world angle about +Z, from +X, of each column of a map: ahead in the centre, less to the right.
 
     A camera at azimuth 0 is on -Y and looks along +Y, which is 90 degrees from +X.
     """

@@ -102,8 +102,7 @@ def folder_of(meshes: str | Path) -> Path:
 
 
 def shape_invariants(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return (5,) numbers of a surface that units, axes, place, mirroring and the triangles' order leave
-    alone.
+    """Return (5,) numbers of a surface that units, axes, place, mirroring and triangles' order leave alone.
 
     The ratios of the second moments about its principal axes, and of the higher moments of the distance from
     its centroid, weighted by area.

@@ -130,8 +130,7 @@ class Template:
 def template_of(
     meshes: Sequence[StandingMesh], used: list[int], about: int, cache: StageCache
 ) -> Template | None:
-    """Return the template from the first of the used meshes that can be closed, those most like the others
-    first.
+    """Return the template from the first of used meshes that can be closed, those most like the others first.
 
     about: The number of its vertices. None where no mesh can be closed.
     """

@@ -128,8 +128,7 @@ def learn(samples: CalibrationSamples) -> FitCalibration:
 
 
 def out_of_fold(samples: CalibrationSamples) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return confidence in the view (N,) and in the mask (N,) of each fit, and in the view (M,) of rolled
-    photos.
+    """Return confidence in the view (N,) and mask (N,) of each fit, and in the view (M,) of rolled photos.
 
     Each is by a calibration on the other folds.
     """

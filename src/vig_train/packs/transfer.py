@@ -6,8 +6,7 @@ At a vertex x with unit normal n a surface of albedo a reflects a * T(x) . L of 
 
 over directions w that are distributed as the clamped cosine over pi (Sloan, Kautz and Snyder, 2002). Where
 nothing is occluded T_lm = A_l Y_lm(n), which is `vig.scene.irradiance`; the table holds the change from
-that. The ground is not in T: L is the light that arrives at the object's place, light reflected by the ground
-included.
+that. The ground is not in T: L is the light that arrives at the object's place, the ground's included.
 
 `python -m vig_train.packs.transfer FOLDER` computes and writes a class pack's.
 """
@@ -185,8 +184,7 @@ def transfer_model(
     progress: bool = False,
     keep: Keep = computed,
 ) -> np.ndarray:
-    """Return the change of transfer by self-shadow and bounces, (K + 1, V, 9) float32: mean, then per
-    coefficient.
+    """Return change of transfer by self-shadow and bounces, (K + 1, V, 9) float32: mean, then by coefficient.
 
     At coefficients c it is table[0] + sum_k c_k table[k + 1], by least squares over shapes drawn N(0, 1)
     within their limits. Add it to A_l Y_lm(n) of the shape's own normals.

@@ -119,8 +119,7 @@ class MapTraining:
 
 
 def add_object_map(start: Path, path: Path, training: MapTraining) -> None:
-    """Write weights with a newly trained map, and a presence head fitted to its images; all else is as in
-    `start`.
+    """Write weights with a newly trained map, and a presence head fitted to its images; else as in `start`.
 
     Raises:
         UserError: `start` is no weights file.
@@ -145,8 +144,7 @@ def add_object_map(start: Path, path: Path, training: MapTraining) -> None:
 
 
 def map_loss(numbers: torch.Tensor, targets: MapTargets) -> torch.Tensor:
-    """Return the focal loss of centres (Law and Deng 2018), for each of them, and the mean error of boxes
-    near them.
+    """Return the focal loss of centres (Law and Deng 2018), for each, and the mean error of boxes near them.
 
     numbers: (N, 5, h, w), see `ObjectMap`.
     """

@@ -1,8 +1,7 @@
 """A studio: training images drawn afresh, as wide as photographs are.
 
 Each holds the object of a class with any surface, in any light, on a plain, set or cluttered ground, with
-things beside and before it, through a camera of any lens, and its truth. All is a pure function of a
-seed and an index.
+things beside and before it, through any lens, and its truth. All is a pure function of a seed and an index.
 """
 
 from __future__ import annotations

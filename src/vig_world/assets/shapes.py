@@ -74,8 +74,7 @@ _FRAMES = np.array(  # normal, right, up of the six sides, each seen from outsid
 
 @lru_cache(maxsize=1)
 def _bevelled_cube() -> tuple[Array, Array, Array, NDArray[np.int_]]:
-    """Return signs (N, 3), cut axes (N, 3) in 0/1 and side (N,) of a bevelled box's vertices, and its
-    triangles.
+    """Return signs (N, 3), cut axes (N, 3) in 0/1 and side (N,) of a bevelled box's vertices, and triangles.
 
     A vertex lies at signs * (half size - bevel * cut). First come the six sides, four vertices each, then the
     edges' strips, then the corners' triangles.

@@ -201,8 +201,7 @@ class _GroupBuilder:
 def _seen_from(
     scene: SceneSpec, object_class: ObjectClass, eye: np.ndarray, turn: float, place: tuple[float, float]
 ) -> SceneSpec:
-    """Return a scene in the frame of another object, turned by `turn` and placed at (x, y) in the scene's
-    frame.
+    """Return a scene in another object's frame, turned by `turn` and placed at (x, y) in the scene's frame.
 
     azimuth and elevation are those of the camera (3,) about that object.
     """

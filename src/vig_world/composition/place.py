@@ -41,8 +41,7 @@ EDGE = 0.01
 WALL_SHARE = 0.9
 """Share of views from the side where people stand, for supports with a wall or back behind."""
 COVERED, LOW_COVER = 12.0, 0.7
-"""Supports with less than this clearance, metres, are likelier by this factor where the room is to hide
-the object."""
+"""Supports with less clearance, metres, are likelier by this factor where the room is to hide the object."""
 SLIDES = 5
 NEAR_RAY = 0.05
 """Metres from a piece of furniture within which the line of sight counts as meeting it."""
@@ -76,8 +75,7 @@ def find_place(
     rng: np.random.Generator,
     rejected: Counter[str],
 ) -> StagedRoom | None:
-    """Return a stage whose room and furniture hide a share of the object within `hidden`; None if none is
-    found.
+    """Return a stage whose room and furniture hide a share of the object within `hidden`; None without any.
 
     The latents stay fixed: one of the rooms `layouts` is turned and shifted round the object.
     """

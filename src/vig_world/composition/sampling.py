@@ -29,8 +29,7 @@ GOLDEN = (math.sqrt(5) - 1) / 2
 LOWEST_ELEVATION = 0.05
 TOLERANCE = 0.015
 ATTEMPTS, HALL_ATTEMPTS, SIZE_ATTEMPTS = 300, 72, 12
-"""Rooms, and as many seamless grounds, that are tried; empty halls after these; how many with props of a
-size."""
+"""Rooms, and as many seamless grounds, tried; empty halls after these; how many with props of a size."""
 TARGET_STREAM, MANNER_STREAM = 2**20 + 1, 2**20 + 4
 """Numbers of the random streams of a seed's first target, and of the manner of a photograph."""
 BOARDS_FROM = 8
@@ -172,8 +171,7 @@ def hall_size(actor: Actor) -> int:
 
 
 def target_occlusion(seed: int, index: int, split: Split) -> float:
-    """Return the share to be hidden, in [0, 0.9): multiples of the golden ratio, wrapped, from a random
-    start.
+    """Return the share to hide, in [0, 0.9): multiples of the golden ratio, wrapped, from a random start.
 
     Any run of samples is spread evenly over the range: each tenth of N has N / 10, give or take one or two.
     """

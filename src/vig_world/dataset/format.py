@@ -79,8 +79,7 @@ COLUMNS = {
     **dict.fromkeys(("hidden_by", "assets"), "list"),
     "truncated": "bool",
 }
-"""The columns of latents.parquet that are no latents, with Arrow's names of their types; lists are of
-strings."""
+"""Columns of latents.parquet that are no latents, with Arrow's names of their types; lists are of strings."""
 
 
 def read_info(root: Path) -> dict[str, Any]:

@@ -43,8 +43,7 @@ def describe(
     object_class: ObjectClass,
     photo: PhotoSettings | None = None,
 ) -> dict[str, Any]:
-    """Return the records of a sample in the merged files: keys camera, gt, gt_info (BOP), row (parquet),
-    spec.
+    """Return records of a sample in the merged files: keys camera, gt, gt_info (BOP), row (parquet), spec.
 
     Args:
         depth: The depth image as stored and its scale, see `depth_units`.

@@ -112,8 +112,7 @@ def slopes() -> np.ndarray:
 
 
 def sky_weights(light: np.ndarray) -> np.ndarray:
-    """Return the irradiance (K, 4) lost with the light from each of `directions`: v0 and v, see the module's
-    docstring.
+    """Return irradiance (K, 4) lost with the light from each of `directions`: v0 and v, as the module says.
 
     Each direction stands for the same share of the upper hemisphere. All together they make up the irradiance
     of a surface that faces up.

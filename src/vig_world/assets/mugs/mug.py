@@ -108,8 +108,7 @@ POINTS = {
 
 
 def mug_vertices(design: MugDesign) -> np.ndarray:
-    """Return vertices of a design, (V, 3) float32 in metres, standing on z = 0 with the body's axis at x = y
-    = 0.
+    """Return vertices of a design, (V, 3) float32 in metres, standing on z = 0, the body's axis at x = y = 0.
 
     Exactly mirror symmetric in y (see MUG_MIRROR); the topology is MUG_FACES for every design.
     """

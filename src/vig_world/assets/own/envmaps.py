@@ -77,8 +77,7 @@ def read_envmaps(
 
 
 def bpy_panoramas(python: str | Path | None = None) -> Path:
-    """Return the folder of panoramas in the wheel `bpy` of an interpreter (None: this one); nothing is
-    imported.
+    """Return the folder of panoramas in the wheel `bpy` of an interpreter (None: this one); none is imported.
 
     Raises:
         UserError: When the interpreter cannot be run or has no such wheel.

@@ -21,8 +21,7 @@ def family_of_file(name: str) -> str:
 
 
 def family_of_thing(name: str) -> str | None:
-    """Return the family of a thing by the keyword at the end of its name: `coffee_table`, but not
-    `desk_lamp`.
+    """Return the family of a thing by the keyword that ends its name: `coffee_table`, but not `desk_lamp`.
 
     Args:
         name: Lower-case words with `_` between.

@@ -56,8 +56,7 @@ class MeshPiece:
 class Loaded:
     """Contents of a mesh file: pieces by material, and the bytes of all files read.
 
-    `notes` are sentences without a full stop on omitted content and on substitutes for materials
-    that were not read.
+    `notes` are sentences without a full stop on omitted content and on substitutes for materials not read.
     """
 
     pieces: list[MeshPiece]

@@ -112,8 +112,7 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def largest_rectangle(grid: np.ndarray) -> tuple[int, int, int, int]:
-    """Return the largest rectangle of true cells (H, W): first and end row, first and end column; zeros if
-    none.
+    """Return the largest rectangle of true cells (H, W): first and end row, first and end column; 0 if none.
 
     Per row, columns of true cells are the bars of a histogram, and a stack of rising bars gives the largest
     rectangle under it.

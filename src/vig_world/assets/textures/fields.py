@@ -24,8 +24,7 @@ def noise(
 ) -> Array:
     """Return periodic Gaussian noise (size, size) of mean 0 and deviation 1.
 
-    Amplitude falls as frequency^-slope above `cutoff` cycles; `stretch` > 1 draws the grain out along rows'
-    direction v.
+    Amplitude falls as frequency^-slope above `cutoff` cycles; `stretch` > 1 draws the grain out along v.
     """
     spectrum = np.fft.rfft2(rng.standard_normal((size, size), np.float32)) * _filter(
         size, slope, stretch, cutoff

@@ -27,8 +27,7 @@ BLANK = 26
 
 @lru_cache(maxsize=64)
 def alphabet(height: int, small: bool, weight: float) -> NDArray[np.float32]:
-    """Return the coverage (27, height, width) of the letters a to z and a blank, each with its space on the
-    right.
+    """Return the coverage (27, height, width) of letters a to z and a blank, each with space on the right.
 
     Args:
         weight: Thickness of a stroke as a share of the height.

@@ -129,8 +129,7 @@ def coat_material(coat: Coat, texture: str) -> dict[str, Any]:
 def baked(
     coat: Coat, vertices: np.ndarray, model: ShapeModel, texels: int = TEXELS
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the albedo of a coat as a texture (h, w, 3), linear, row 0 on top, and corners' coordinates (F,
-    3, 2).
+    """Return a coat's albedo as a texture (h, w, 3), linear, row 0 on top; corners' coordinates (F, 3, 2).
 
     Each face has a square of `texels` a side to itself, of which it fills the lower left half but for a rim.
     """
@@ -162,8 +161,7 @@ def painted(albedo: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def cylindrical_uv(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return texture coordinates (F, 3, 2) of the faces' corners: u once round the +Z axis, v from foot to
-    top.
+    """Return texture coordinates (F, 3, 2) of faces' corners: u once round the +Z axis, v from foot to top.
 
     A face that crosses the seam goes on past u = 1, where the texture repeats.
     """

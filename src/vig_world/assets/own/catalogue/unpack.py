@@ -38,8 +38,7 @@ _DAY = 86_400.0
 
 
 def mesh_folder(source: str | Path) -> Path:
-    """Return the folder of meshes that an argument names: itself, or the unpacked models of furniture
-    catalogues.
+    """Return the folder of meshes an argument names: itself, or the unpacked models of furniture catalogues.
 
     Models are unpacked to the user's cache folder when they are first asked for: an OBJ file each, in metres,
     Z up, front -Y, of the catalogue's size, with materials and pictures, a `vig.toml` with its family and

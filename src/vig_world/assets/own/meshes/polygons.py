@@ -14,8 +14,7 @@ def owners(polygons: Sequence[np.ndarray], places: np.ndarray) -> np.ndarray:
 
 
 def triangulated(vertices: np.ndarray, polygons: Sequence[np.ndarray]) -> np.ndarray:
-    """Return triangles (F, 3) of polygons, each a row of indices of vertices (V, 3), the corners in their
-    order.
+    """Return triangles (F, 3) of polygons, each a row of indices of vertices (V, 3), corners in order.
 
     A convex polygon becomes a fan; one whose fan would turn over somewhere is cut into ears.
     """
