@@ -15,6 +15,7 @@ from vig.likelihood.geometry import Geometry
 from vig.parallel import set_thread_count
 from vig.renderer import MeshObject, Pinhole, Scene, Topology, render, render_latents
 from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass, ShapeModel, latent_layout
+from vig_world.mesh import face_edges
 from vig_world.raster.rasterize import rasterize
 
 SIZES = (75, 150, 300)
@@ -118,7 +119,7 @@ def _photo(object_class: ObjectClass, camera: Camera, truth: Latents, rng: np.ra
 
 def subdivided(model: ShapeModel) -> ShapeModel:
     """The same surface with every face split in four at its edges' midpoints; with its modes and parts."""
-    corners = np.concatenate([model.faces[:, [0, 1]], model.faces[:, [1, 2]], model.faces[:, [2, 0]]])
+    corners = face_edges(model.faces)
     edges, place = np.unique(np.sort(corners, axis=1), axis=0, return_inverse=True)
     count = len(model.mean)
     ab, bc, ca = (count + place.reshape(3, -1)).astype(np.int32)

@@ -2,7 +2,7 @@
 
     python -m benchmarks.tracking [--videos 12] [--frames 48] [--split test] [--seed 7]
 
-The generator makes the frames (`vig_world.composition.turning`). Alone, the pot is sought in every frame; to
+The generator makes the frames (`benchmarks.turning`). Alone, the pot is sought in every frame; to
 track it, in the first. `followed` is the frames' own fits where the track expects the pot; `causal` is what
 `vig.Tracker` says of each frame from those before it. A jump is by how much the error of azimuth changes from
 one frame to the next; of each video the worst counts. Steps of the tracker are timed on frames of 640 x 480
@@ -22,11 +22,11 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from benchmarks.measuring import metric, report, write
+from benchmarks.turning import Turning, draw_turning
 from vig import Explainer, Explanation, TrackedPose, Tracker, track
 from vig.parallel import thread_count
 from vig.photo.images import write_png
 from vig.photo.masks import box_of
-from vig_world.composition.turning import Turning, draw_turning
 from vig_world.dataset.spec import SceneSpec
 from vig_world.library import Library
 from vig_world.raster.picture import Picture

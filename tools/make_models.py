@@ -33,7 +33,7 @@ from vig_world.assets.materials import ROUGHNESS
 from vig_world.assets.models.catalogue import FOLDER, KINDS, SLOTS, STEPS, ModelRow
 from vig_world.assets.own.catalogue import mesh_folder, read_sources
 from vig_world.assets.own.load import MeshPiece
-from vig_world.assets.own.meshes import read_obj
+from vig_world.assets.own.meshes.obj import read_obj
 from vig_world.assets.own.siblings import Siblings
 from vig_world.assets.own.simplify import simplified
 from vig_world.assets.own.supports import level_areas

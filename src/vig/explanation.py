@@ -109,9 +109,7 @@ class Explanation:
 
     @property
     def mask_confidence(self) -> float:
-        """Return the probability that the mask has an IoU of .8 or more, NaN for a class without
-        calibration.
-        """
+        """Return the probability that the mask's IoU is .8 or more, NaN for a class without calibration."""
         return self.fit.mask_confidence
 
     @property
@@ -256,16 +254,12 @@ class Explanation:
 
     @cached_property
     def box(self) -> tuple[int, int, int, int] | None:
-        """Return x, y, width, height in pixels of the object's covered pixels in the photo; None for
-        nothing.
-        """
+        """Return x, y, width, height in pixels of the object's covered pixels in the photo; None for none."""
         return box_of(self.amodal)
 
     @property
     def hidden_fraction(self) -> float | None:
-        """Return the share of the object's pixels within the photo that are hidden; None when there
-        are none.
-        """
+        """Return the share of the object's pixels within the photo that are hidden; None if it has none."""
         covered = int(self.amodal.sum())
         return 1 - int(self.mask.sum()) / covered if covered else None
 
@@ -425,9 +419,7 @@ class Explanation:
 
     @property
     def position_units(self) -> np.ndarray:
-        """Return (3,) metres of the units of `Fit.position_deviation`: the object's length, twice, its
-        distance.
-        """
+        """Return units of `Fit.position_deviation`, (3,) metres: the object's length, twice, its distance."""
         length = float(np.ptp(self.vertices, axis=0).max())
         return np.array([length, length, float(np.linalg.norm(self._pinhole[1][:3, 3]))])
 

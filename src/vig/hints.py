@@ -103,9 +103,7 @@ class Hints(PlainHints):
         return self.plain != PlainHints().plain or any(array is not None for array in arrays)
 
     def checked(self, width: int, height: int, object_class: ObjectClass) -> Hints:
-        """Return the hints with arrays of their types; UserError where something does not suit the photo or
-        class.
-        """
+        """Return hints with arrays of their types; UserError where they do not suit the photo or class."""
         changed: dict[str, Any] = {}
         for name, kind in (("mask", bool), ("marks", np.uint8)):
             if (value := getattr(self, name)) is not None:
@@ -198,9 +196,7 @@ class Hints(PlainHints):
         return description
 
     def views(self) -> tuple[float | None, float | None, float | None]:
-        """Return the azimuth, elevation and roll in radians as they are given, those of the pose where
-        they are not.
-        """
+        """Return azimuth, elevation and roll in radians as given, those of the pose where they are not."""
         angles = [self.azimuth_deg, self.elevation_deg, self.roll_deg]
         from_pose: tuple[float | None, ...] = (None, None, None) if self.pose is None else view_of(self.pose)
         azimuth, elevation, roll = (
@@ -244,8 +240,7 @@ class Hints(PlainHints):
 
 
 def checked_pose(value: Any, usual_distance: float) -> np.ndarray:
-    """Return a pose (4, 4) camera_from_object of an object in front of the camera; UserError lists the
-    accepted forms.
+    """Return a pose (4, 4) camera_from_object of an object before the camera; UserError lists accepted forms.
 
     usual_distance: Metres at which a photo is taken of such an object.
     """

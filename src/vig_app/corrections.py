@@ -126,8 +126,7 @@ class State(PlainHints):
             photo: Its file.
             object_class: Class as which it was explained.
             corrected: Whether by hand, so that `vig fit` takes it in place of its own hints.
-            object_box: Box of one of several objects, as it was uncorrected; by default that of the file
-                that is there.
+            object_box: Box of one of several objects, uncorrected; by default that of the file there.
 
         Raises:
             UserError: It cannot be written.
@@ -149,9 +148,7 @@ class State(PlainHints):
 
     @staticmethod
     def read(folder: Path, remedy: str = "Name the photo itself.") -> tuple[Path, str, State]:
-        """Return the photo, class and state from a file of `write`; UserError with a remedy where they cannot
-        be read.
-        """
+        """Return the photo, class and state from a file of `write`; UserError with a remedy if unreadable."""
         path = folder / CORRECTIONS
         with reading(path, "corrections of a photo", remedy):
             content = decode(dict[str, Any], read_json(path))
@@ -182,8 +179,7 @@ class Correction:
 
 def corrected_in(folder: Path, object_class: str | Path | None = None) -> tuple[Correction, ...]:
     """Return the corrections by hand in the folder of a photo's results: those of its one object, which must
-    be of a class, or of several. Files that do not state whether they were corrected, as older ones, are
-    passed over.
+    be of a class, or of several. Files that do not say whether they were corrected (older ones) are skipped.
     """
     names = {str(object_class), str(Path(object_class or "").resolve())}
     corrections = []

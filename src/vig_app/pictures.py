@@ -83,8 +83,7 @@ def scene_overlay(scene: SceneExplanation) -> np.ndarray:
 def draw_outlines(photo: np.ndarray, window: Window, covered: np.ndarray, visible: np.ndarray) -> np.ndarray:
     """Return the photo with the object's whole outline in yellow and its hidden pixels tinted pink.
 
-    The outline is smooth, between two dark lines, and lies beside the covered pixels; its width grows
-    with the photo.
+    The outline is smooth, between dark lines, and lies beside the covered pixels; it widens with the photo.
 
     Args:
         photo: (H, W, 3) uint8 sRGB.
@@ -187,8 +186,7 @@ def part_albedo(explanation: Explanation) -> np.ndarray:
 
 
 def draw_panels(shown: CloseUp) -> np.ndarray:
-    """Return the photo, re-rendering, residual, normals and mask under their names: (S + label, 5 S, 3)
-    uint8.
+    """Return photo, re-rendering, residual, normals and mask under their names: (S + label, 5 S, 3) uint8.
 
     The re-rendering stands in the photo, in front of everything. The residual is the photo's brightness less
     the rendering's where the object is visible: red where the photo is brighter, blue where it is darker.

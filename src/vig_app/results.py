@@ -66,7 +66,10 @@ TRACK_COLUMNS: dict[str, str | type] = {
     "refitted": bool,
     **dict.fromkeys(("alone_azimuth_deg", "azimuth_deg", "azimuth_deviation_deg"), float),
     **dict.fromkeys(("alone_elevation_deg", "elevation_deg", "elevation_deviation_deg"), float),
-    **dict.fromkeys(("roll_deg", "hidden_fraction", "focal_px", "center_x", "center_y", *POSE), float),
+    "roll_deg": float,
+    "hidden_fraction": float,
+    **dict.fromkeys(("focal_px", "center_x", "center_y"), float),
+    **dict.fromkeys(POSE, float),
 }
 """Columns of the table of a track, the same way."""
 

@@ -232,9 +232,7 @@ class _Search:
                 return
 
     def _at(self, offset: np.ndarray, origin: np.ndarray, free: np.ndarray, scale: np.ndarray) -> np.ndarray:
-        """Return the point (P',) that is scipy's offset (F,) of the free parameters away from a run's
-        origin.
-        """
+        """Return the point (P',) that is scipy's offset (F,) of free parameters away from a run's origin."""
         wanted = origin.astype(np.float64)
         wanted[free] += offset / scale[free]
         return wanted

@@ -10,10 +10,10 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
-from vig.io.files import atomic_write
+from vig.io.files import write_json
 from vig_train.packs.shapes import CodedClass, main
 from vig_train.packs.teapot import teapot, teapot_fields
-from vig_world.assets.designs import HELD_OUT_DESIGNS, TRAINING_DESIGNS, VALIDATION_DESIGNS
+from vig_world.assets.designs.design import HELD_OUT_DESIGNS, TRAINING_DESIGNS, VALIDATION_DESIGNS
 from vig_world.assets.held_out import NAMED
 
 PACK = Path(__file__).parent / "teapot"
@@ -44,8 +44,7 @@ def copy_class(folder: Path, designs: bool) -> None:
     for path in PACK.iterdir():
         if path.name != "class.json":
             shutil.copyfile(path, folder / path.name)
-    with atomic_write(folder / "class.json") as temporary:  # last: a folder that has it is whole
-        temporary.write_text(json.dumps(described, indent=1) + "\n")
+    write_json(folder / "class.json", described, 1)  # last: a folder that has it is whole
 
 
 if __name__ == "__main__":

@@ -34,9 +34,7 @@ def floating(value: Any) -> Array:
 
 
 def like(array: Array, value: Any) -> Array:
-    """Return numbers as an array or tensor of the same kind, dtype and device as another; derivatives are
-    kept.
-    """
+    """Return numbers as an array or tensor of another's kind, dtype and device; derivatives are kept."""
     if not is_tensor(array):
         return np.asarray(value, array.dtype)
     if is_tensor(value):

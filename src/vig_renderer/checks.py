@@ -27,9 +27,7 @@ def check_table(name: str, table: torch.Tensor, shape: tuple[int | None, ...]) -
 
 
 def check_floats(**tensors: tuple[torch.Tensor, tuple[int | None, ...]]) -> None:
-    """Raise ValueError unless all tensors have their shapes (None: any size) and one type, float32 or
-    float64.
-    """
+    """Raise ValueError unless tensors have their shapes (None: any size) and one type, float32 or float64."""
     first = next(iter(tensors.values()))[0]
     for name, (tensor, shape) in tensors.items():
         _check_shape(name, tensor, shape)

@@ -31,8 +31,7 @@ def edges_of(faces: np.ndarray) -> np.ndarray:
 
 
 def smooth_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return unit vertex normals, the mean of the adjacent faces' weighted by area: (V, 3) and (F, 3) to (V,
-    3).
+    """Return unit vertex normals, the mean of adjacent faces' weighted by area: (V, 3) and (F, 3) to (V, 3).
 
     A vertex without area gets the zero vector. `vig_renderer.shading` has the same for tensors.
     """

@@ -60,9 +60,7 @@ class Visible:
 
     @staticmethod
     def find(packed: PackedScenes, samples: int, near: float, points: Tensor, alone: bool = False) -> Visible:
-        """Return the visible faces and edges of homogeneous points (V, 3). Nothing of it has a
-        derivative.
-        """
+        """Return the visible faces and edges of homogeneous points (V, 3). Nothing of it has a derivative."""
         layers = len(packed.image) if alone else packed.size[0]
         height, width = (side * samples + 2 * MARGIN for side in packed.size[1:])
         size = layers, height, width
@@ -96,9 +94,7 @@ class Visible:
         return torch.stack([inside % width, inside // width], dim=1)
 
     def image(self, values: Tensor, nothing: Tensor | float = 0.0) -> Tensor:
-        """Return rows (N, C) spread into an image (L, H', W', C), `nothing` (broadcast) where nothing is
-        seen.
-        """
+        """Spread rows (N, C) into an image (L, H', W', C), `nothing` (broadcast) where nothing is seen."""
         channels = values.shape[1]
         blank = torch.as_tensor(nothing, dtype=values.dtype, device=values.device)
         flat = blank.expand(*self.size, channels).reshape(-1, channels)
@@ -109,8 +105,7 @@ class Visible:
 class Tables:
     """The objects' faces (F, 3) int64 numbered through.
 
-    face_object (F,): which object. first_face, place (O,): an object's first face, its place in its
-    scene.
+    face_object (F,): which object. first_face, place (O,): an object's first face, its place in its scene.
     """
 
     faces: Tensor
@@ -153,8 +148,7 @@ def draw(
 def place(
     packed: PackedScenes, columns: int, objects: list[dict[str, Tensor | None]]
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Return homogeneous screen points (x z, y z, z) of all vertices (V, 3), their attributes, and lights (O,
-    34).
+    """Return homogeneous screen points (x z, y z, z) of vertices (V, 3), their attributes, lights (O, 34).
 
     attributes (V, columns): unit normal in the world, albedo and, of 9 columns, the light reflected by white.
     A light: 9 x 3 coefficients, direction and radiance of the lamp, 1 where there is any light and 0 else.
@@ -202,9 +196,7 @@ def _light(light: Tensor | None, lamp: Tensor | None, radiance: Tensor | None, l
 
 
 def _reflect(normals: Tensor, owner: Tensor, lights: Tensor) -> Tensor:
-    """Return the light that white surfaces of these objects reflect: (N, 3); 1 where an object has no
-    light.
-    """
+    """Return the light that these objects' white surfaces reflect: (N, 3); 1 where an object has no light."""
     sky, lamp, radiance = lights[:, :27].reshape(-1, 9, 3), lights[:, 27:30], lights[:, 30:33]
     colour = shade(normals, owner, sky, lamp, radiance)
     return torch.where(lights[owner, 33:] != 0, colour, 1.0)
@@ -220,9 +212,7 @@ def paint(
     background: Tensor,
     objects: list[dict[str, Tensor | None]],
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Return colours (B, H, W, 3), coverage (B, H, W) and visible masks (B, O, H, W), blended at occlusion
-    edges.
-    """
+    """Return colours (B, H, W, 3), coverage (B, H, W) and visible masks (B, O, H, W), with blended edges."""
     tables, most = Tables.of(packed), packed.most_objects
     seen = Visible.find(packed, samples, near, points)
     points = _to_grid(points, samples)
@@ -261,9 +251,7 @@ def full_masks(packed: PackedScenes, samples: int, near: float, points: Tensor) 
 
 @default_settings()
 def surface(packed: PackedScenes, near: float, points: Tensor, attributes: Tensor) -> tuple[Tensor, ...]:
-    """Return the depth (B, H, W), unit normals (B, H, W, 3) and numbers of objects and triangles at
-    pixels' centres.
-    """
+    """Return depth (B, H, W), unit normals (B, H, W, 3) and object and triangle numbers at pixel centres."""
     tables, seen = Tables.of(packed), Visible.find(packed, 1, near, points)
     points = _to_grid(points, 1)
     corners, owner = tables.faces[seen.face], tables.face_object[seen.face]

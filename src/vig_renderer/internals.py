@@ -10,9 +10,7 @@ from torch.autograd import forward_ad
 
 
 def transforms(*cotangents: torch.Tensor | None) -> bool:
-    """Return whether a transform of torch.func is active, or a cotangent is a batch of them; True when
-    unknown.
-    """
+    """Return whether a torch.func transform is active, or a cotangent is a batch of them; True if unknown."""
     functorch = getattr(torch._C, "_functorch", None)
     levels = getattr(functorch, "peek_interpreter_stack", None)
     batched = getattr(functorch, "is_legacy_batchedtensor", None)
@@ -22,15 +20,11 @@ def transforms(*cotangents: torch.Tensor | None) -> bool:
 
 
 def records() -> bool:
-    """Return whether torch records operations (torch.jit.trace, make_fx, torch.func.linearize,
-    torch.export).
-    """
+    """Return whether torch records operations (jit.trace, make_fx, torch.func.linearize, torch.export)."""
     proxies = getattr(sys.modules.get("torch.fx.experimental.proxy_tensor"), "get_proxy_mode", None)
     return bool(torch.jit.is_tracing()) or (proxies is not None and proxies() is not None)
 
 
 def differentiates_forward(tensors: Iterable[torch.Tensor]) -> bool:
-    """Return whether a transform of torch.func is active, or any of the tensors has a tangent; True when
-    unknown.
-    """
+    """Return whether a transform of torch.func is active, or any tensor has a tangent; True when unknown."""
     return transforms() or any(forward_ad.unpack_dual(tensor).tangent is not None for tensor in tensors)

@@ -51,9 +51,7 @@ def antialias(image: torch.Tensor, screen: torch.Tensor, crossings: Crossings) -
 
 
 def _weight_and_place(screen: torch.Tensor, crossings: Crossings) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return for each crossing the weight of its direction, and its share of the way between the two
-    centres.
-    """
+    """Return for each crossing the weight of its direction, and its share of the way between the centres."""
     tiny = 1e-12  # square pixels
     joints = crossings.edges.reshape(-1)
     first, second = screen.index_select(0, joints).view(-1, 2, 2).unbind(1)

@@ -53,9 +53,7 @@ class PackedScenes:
         return [self.background, *chain.from_iterable(self.inputs)]
 
     def in_library(self, samples: int, near: float, alone: bool = False) -> Any:
-        """Return the scenes in the native library: a layer for each image, or for each object's mask
-        alone.
-        """
+        """Return scenes in the native library: a layer for each image, or for each object's mask alone."""
         starts = list(range(len(self.image) + 1))
         if not alone:
             starts = [0, *accumulate(self.image.count(image) for image in range(self.size[0]))]
@@ -193,9 +191,7 @@ def _checked_mesh(name: str, item: MeshObject, like: torch.Tensor) -> Any:
 
 
 def _check(of: str, tensors: _Tensors, like: torch.Tensor | None = None, finite: bool = False) -> None:
-    """Raise ValueError unless each of the tensors has one of its shapes, the type of `like`, and is
-    finite.
-    """
+    """Raise ValueError unless each tensor has one of its shapes, the type of `like`, and is finite."""
     for what, (tensor, shapes) in tensors.items():
         if tensor is None:
             continue

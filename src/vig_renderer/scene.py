@@ -52,8 +52,7 @@ class DirectionalLight:
 class Pinhole:
     """A camera: image size in pixels, focal lengths (2,) and principal point (2,) in pixels, pose.
 
-    rotation (3, 3), translation (3,): camera_from_world, OpenCV axes, metres. Pixel centres lie at
-    half-integers.
+    rotation (3, 3), translation (3,): camera_from_world, OpenCV axes, metres. Pixel centres at half-integers.
     """
 
     width: int
@@ -65,8 +64,7 @@ class Pinhole:
 
     @staticmethod
     def on_sphere(camera: Any, azimuth: torch.Tensor, elevation: torch.Tensor) -> Pinhole:
-        """Return a `vig.Camera` on its sphere at an azimuth and elevation (scalars, radians); their type is
-        kept.
+        """Return a `vig.Camera` on its sphere at an azimuth and elevation (scalars, radians), of their type.
 
         Or any with its width, height, focal, focal_y, cx and cy, pixels, and `pose`.
         """

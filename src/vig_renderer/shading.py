@@ -37,8 +37,7 @@ def shade(
 
 
 def smooth_normals(vertices: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:
-    """Return unit vertex normals, the mean of the adjacent faces' weighted by area: (V, 3) and (F, 3) to (V,
-    3).
+    """Return unit vertex normals, the mean of adjacent faces' weighted by area: (V, 3) and (F, 3) to (V, 3).
 
     A vertex without area gets the zero vector. Differentiable in vertices.
     """

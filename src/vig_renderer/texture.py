@@ -32,8 +32,7 @@ class Pyramid:
 
 
 def pyramid(texture: torch.Tensor) -> Pyramid:
-    """Return mip levels of one texture (H, W, C), linear values: each half the one before, box-averaged,
-    to 1 x 1.
+    """Return mip levels of a texture (H, W, C), linear values: each half the last, box-averaged, to 1 x 1.
 
     Differentiable in the texture. Make it once for a texture that stays the same.
     """

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -13,7 +12,7 @@ from typing import Any, Protocol
 from vig import __version__
 from vig.io.checks import decode, read_json, reading
 from vig.io.errors import UserError
-from vig.io.files import atomic_write
+from vig.io.files import write_json
 
 FORMAT_VERSION = 1
 
@@ -100,8 +99,7 @@ class Record:
         return self.data["steps"].get(step, fresh)
 
     def _save(self) -> None:
-        with atomic_write(self.path) as temporary:
-            temporary.write_text(json.dumps(self.data, indent=2) + "\n")
+        write_json(self.path, self.data)
 
 
 def read_record(path: Path) -> dict[str, Any]:

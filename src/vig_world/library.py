@@ -19,10 +19,12 @@ from vig_world.asset_cache import Arrays, asset_cache, packed_text, unpacked_tex
 from vig_world.assets.fixtures import HOLDERS
 from vig_world.assets.footprint import extreme_points
 from vig_world.assets.models import packaged_furniture, packaged_props, vary, vary_furniture
-from vig_world.assets.own import OwnPanorama, read_envmaps, read_furniture, read_props
 from vig_world.assets.own.catalogue import Source, mesh_folder, read_sources
-from vig_world.assets.panoramas import light_parts, local_light, panorama
-from vig_world.assets.panoramas.light import grey, project_panorama
+from vig_world.assets.own.envmaps import OwnPanorama, read_envmaps
+from vig_world.assets.own.furniture import read_furniture
+from vig_world.assets.own.props import read_props
+from vig_world.assets.panoramas.light import grey, light_parts, local_light, project_panorama
+from vig_world.assets.panoramas.painting import panorama
 from vig_world.assets.shapes import scaled
 from vig_world.assets.textures import FINISHES, KINDS, texture
 from vig_world.assets.things import (
@@ -35,9 +37,11 @@ from vig_world.assets.things import (
     is_of_class,
 )
 from vig_world.dataset.spec import Room, Split, Surface
-from vig_world.raster import PackedAsset, TextureLevels
-from vig_world.raster.packed import pack
-from vig_world.rooms import Layout, draw_hall, draw_layout, draw_sweep, material_under
+from vig_world.raster.packed import PackedAsset, pack
+from vig_world.raster.pyramid import TextureLevels
+from vig_world.rooms.draw import draw_layout
+from vig_world.rooms.layout import Layout, material_under
+from vig_world.rooms.unfurnished import draw_hall, draw_sweep
 from vig_world.streams import asset_rng
 
 VARIANTS = {"train": 16, "test": 8, "validation": 8}
@@ -213,9 +217,7 @@ class Library:
         return range(self.layouts, self.layouts + SWEEPS[self.split])
 
     def halls(self, size: int) -> range:
-        """Return numbers of the layouts that are empty halls, 2 to the `size` times as large as the
-        smallest.
-        """
+        """Return numbers of layouts that are empty halls, 2 to the `size` times as large as the smallest."""
         first = self.sweeps.stop + HALLS * size
         return range(first, first + HALLS)
 
@@ -283,9 +285,7 @@ class Library:
         )
 
     def _finish(self, kind: str, number: int) -> np.ndarray:
-        """Return the texture (TEXTURE_SIZE, TEXTURE_SIZE, 3), linear RGB, of a finish, with reduced
-        saturation.
-        """
+        """Return the texture (TEXTURE_SIZE, TEXTURE_SIZE, 3), linear RGB, of a finish, less saturated."""
         rng = asset_rng(self.split, f"surface/{kind}", number)
         image = texture(kind, rng, TEXTURE_SIZE)
         luminance = image.mean(axis=2, keepdims=True)
@@ -317,9 +317,7 @@ class Library:
         return len(self.own.panoramas) or PANORAMAS[self.split]
 
     def _radiance(self, number: int) -> np.ndarray:
-        """Return panorama `number`: (H, 2H, 3) linear radiance at the paper's exposure; custom ones: their
-        size.
-        """
+        """Return panorama `number`: (H, 2H, 3) radiance at the paper's exposure; custom ones: their size."""
         own = self.own.panoramas
         if own:
             return _exposed(own[number].radiance)

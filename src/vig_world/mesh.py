@@ -45,6 +45,11 @@ def stacked(meshes: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces)
 
 
+def face_edges(faces: np.ndarray) -> np.ndarray:
+    """Return the edges (3 F, 2) of faces (F, 3); an edge occurs once per face that has it."""
+    return np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+
+
 def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Return outward normals of the faces, their length twice the face's area: (F, 3)."""
     a, b, c = (vertices.take(corner, axis=0) for corner in faces.T)

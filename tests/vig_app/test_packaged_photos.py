@@ -14,7 +14,7 @@ from examples.make_demo import SHOTS, scene
 from vig.scene import EXPOSURE_L00, SHAPE_LIMIT, Camera, ObjectClass
 from vig_app import demo, examples
 from vig_app.examples import Example, PackagedPhoto
-from vig_world.assets.designs import HELD_OUT_DESIGNS
+from vig_world.assets.designs.design import HELD_OUT_DESIGNS
 from vig_world.library import Library
 from vig_world.raster.rasterize import rasterize
 from vig_world.raster.view import View

@@ -17,7 +17,7 @@ from vig.recognition import Recognizer
 from vig.scene import ObjectClass
 from vig_paper import ablation
 from vig_paper.ablation import ABLATIONS, DEFAULT, ablation_markdown, run_ablations, variants
-from vig_train.evaluation import evaluate
+from vig_train.evaluation.protocol import evaluate
 from vig_world.dataset import Dataset
 
 FITTED = ("silhouettes", "spatial", "hypotheses", "gd", "lbfgs")

@@ -14,7 +14,8 @@ from vig.inference import ExplainSettings
 from vig.inference.settings import Stage
 from vig.recognition import Recognizer
 from vig.scene import EXPOSURE_L00, ObjectClass
-from vig_train.evaluation import MethodResult, evaluate
+from vig_train.evaluation.protocol import evaluate
+from vig_train.evaluation.results import MethodResult
 from vig_train.network.network import RecognitionNetwork
 from vig_train.training.checkpoint import save_weights
 from vig_world.dataset import Dataset, read_dataset

@@ -18,8 +18,8 @@ from vig.inference.settings import Stage
 from vig.io.errors import UserError
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass, Symmetry
-from vig_train.calibration import calibrate_fits
-from vig_train.evaluation import evaluate
+from vig_train.calibration.samples import calibrate_fits
+from vig_train.evaluation.protocol import evaluate
 from vig_train.training import TrainingSettings, calibrate_network, train
 from vig_train.training.studio import WHOLE, Studio, StudioSettings
 from vig_world.assets.models import packaged_props

@@ -14,7 +14,8 @@ from vig_world import asset_cache as module
 from vig_world import library as uses
 from vig_world.asset_cache import Arrays, AssetCache, packed_text, unpacked_text
 from vig_world.library import Library
-from vig_world.raster import Item, depth
+from vig_world.raster.draw import depth
+from vig_world.raster.items import Item
 from vig_world.raster.view import View
 
 

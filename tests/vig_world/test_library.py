@@ -8,19 +8,19 @@ import pytest
 from tests.support import TEAPOT
 from vig.scene import ObjectClass, rotate_z
 from vig_train.packs.teapot import teapot, teapot_families
-from vig_world.assets.designs import (
+from vig_world.assets.designs.design import (
     HELD_OUT_DESIGNS,
     TRAINING_DESIGNS,
     VALIDATION_DESIGNS,
     TeapotDesign,
-    teapot_vertices,
 )
+from vig_world.assets.designs.teapot import teapot_vertices
 from vig_world.assets.held_out import held_out_designs_of
-from vig_world.assets.panoramas import local_light
+from vig_world.assets.panoramas.light import local_light
 from vig_world.assets.target import NO_DESIGN, draw_shape, nearest_shape, shape_vertices
 from vig_world.dataset.spec import SPLITS, Split
 from vig_world.library import HALL_SIZES, LAYOUTS, SLOTS, VARIANTS, Library
-from vig_world.rooms import material_under
+from vig_world.rooms.layout import material_under
 from vig_world.streams import asset_rng
 
 

@@ -7,15 +7,7 @@ from vig.inference.hints import PixelLabel, PlaceTerm, WindowHints
 from vig.inference.objective import Objective, RecognitionPrior
 from vig.inference.posterior import geometry_of, objective_of
 from vig.inference.refinement import ExpectedStart, starts
-from vig.inference.settings import (
-    ExplainSettings,
-    Fit,
-    OtherView,
-    Stage,
-    Verdict,
-    resolve,
-    without_network,
-)
+from vig.inference.settings import ExplainSettings, Fit, OtherView, Stage, Verdict, resolve, without_network
 
 __all__ = [
     "CONFIDENCE_FEATURES",

@@ -58,9 +58,7 @@ LEAST_DEVIATION = 1e-3
 
 
 def residual(features: np.ndarray) -> np.ndarray:
-    """Return the root mean square (...) of the residual where the object is visible, from features (...,
-    C).
-    """
+    """Return root mean squares (...) of the residual where the object is visible, from features (..., C)."""
     root: np.ndarray = np.exp(features[..., CONFIDENCE_FEATURES.index("log_residual")])
     return root
 
@@ -102,9 +100,7 @@ class FitCalibration:
     density: str = DEFAULT_DENSITY
 
     def confidence(self, features: np.ndarray) -> float:
-        """Return the probability that the view of a fit is right; it fades to 0 for photos out of
-        distribution.
-        """
+        """Return the probability that a fit's view is right; it fades to 0 for photos out of distribution."""
         view = _logistic(self.view_weights, self.view_bias, features)
         return float(faded(view, self._in_distribution(features)))
 
@@ -169,9 +165,7 @@ class FitCalibration:
 
 
 def faded(view: np.ndarray, in_distribution: np.ndarray) -> np.ndarray:
-    """Return confidence from the probabilities that a view or mask is right, and the photo in
-    distribution.
-    """
+    """Return confidence from probabilities that a view or mask is right, and the photo in distribution."""
     faded_view: np.ndarray = view * np.minimum(2 * in_distribution, 1)
     return faded_view
 

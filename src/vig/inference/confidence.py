@@ -119,8 +119,7 @@ def assess(
 
 
 def _among_views(deviation: float, confidence: float, prediction: Prediction, azimuth: np.ndarray) -> float:
-    """Return the standard deviation, radians, of a Gaussian that has the 90 % interval of the azimuth's
-    posterior.
+    """Return standard deviation, radians, of a Gaussian with the 90 % interval of the azimuth's posterior.
 
     The posterior is a mixture: with the confidence the fit's azimuth (1,) is right, up to a Gaussian of
     `deviation`; else views have the recognition model's probabilities, that one taken out.
@@ -331,9 +330,7 @@ def unsure(confidence: float, threshold: float) -> str:
 
 
 def _deviation(objective: Objective, normal: np.ndarray) -> np.ndarray:
-    """Return the standard deviations (1, P') from the inverse normal matrix (P', P') of the numbers that
-    are free.
-    """
+    """Return the standard deviations (1, P') from the inverse normal matrix (P', P') of the free numbers."""
     # Held numbers have no deviation, and would make the matrix singular.
     free = objective.lower < objective.upper
     matrix = normal[free][:, free].astype(np.float64)

@@ -184,15 +184,11 @@ class Projection:
 
 
 class PlaceTerm(ABC):
-    """A Gaussian in the objective of where things are in the window: log p, its gradient and Gauss-Newton
-    matrix.
-    """
+    """The objective's Gaussian of where things are in the window: log p, gradient and Gauss-Newton matrix."""
 
     @abstractmethod
     def residuals(self, points: np.ndarray) -> np.ndarray:
-        """Return (B, R) in deviations, of points (B, P') of the objective: an analytic function, real or
-        complex.
-        """
+        """Return (B, R) in deviations, of points (B, P') of the objective: analytic, real or complex."""
 
     def value(self, points: np.ndarray) -> np.ndarray:
         """Return log p of points (B, P') up to a constant: (B,) float64."""
@@ -207,9 +203,7 @@ class PlaceTerm(ABC):
         normal += np.einsum("bjp,bjq->bpq", slopes, slopes)
 
     def _linearised(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return residuals (B, R) and their derivatives (B, R, P'), exact: the imaginary part of a tiny
-        step.
-        """
+        """Return residuals (B, R) and derivatives (B, R, P'), exact: the imaginary part of a tiny step."""
         count, size = points.shape
         moved = points[:, None] + 1j * COMPLEX_STEP * np.eye(size)
         found = self.residuals(moved.reshape(-1, size)).reshape(count, size, -1)

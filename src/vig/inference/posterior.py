@@ -21,8 +21,7 @@ from vig.scene import ObjectClass, latent_layout
 
 @functools.lru_cache(maxsize=8)
 def geometry_of(object_class: ObjectClass, self_shadow: bool = False) -> Geometry:
-    """Return the renderer's matrices of a class, made once; with self-shadow where the class has a table of
-    it.
+    """Return the renderer's matrices of a class, made once; with self-shadow where the class has its table.
 
     At unit scale, as fits see the class: native code's thresholds of size suit things of a teapot's size.
     """
@@ -131,8 +130,7 @@ def pixel_prior(
     valid: np.ndarray | None = None,
     hints: WindowHints | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pixel model's prior, adapted to the photo, and the decorated share of the second
-    component.
+    """Return the pixel model's prior, adapted to the photo, and the decorated share of the second component.
 
     mask (H, W, 3): predicted probabilities of visible, hidden, background, each at least 2 % so that no pixel
     is decided beforehand. With `surroundings` the uniform density of the background becomes that of

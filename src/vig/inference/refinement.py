@@ -233,8 +233,7 @@ def survivors(
     symmetry: Symmetry = Symmetry.NONE,
     one_per_view: bool = False,
 ) -> np.ndarray:
-    """Return indices of the `count` points that enter a stage: half by score alone, half the best of other
-    views.
+    """Return indices of `count` points that enter a stage: half by score alone, half the best of other views.
 
     A view is `DISTINCT_AZIMUTH` away from the others; where there are no more views, score alone decides. So
     the back of the object is not dropped before a fit at full size has compared it with the front.
@@ -295,8 +294,7 @@ def starts(
 
 
 def framings(starts: Latents, prediction: Prediction, objective: Objective, seed: int = 0) -> np.ndarray:
-    """Return framings (B, 4), level, in which each start has the box of the object in the predicted mask (N =
-    1).
+    """Return level framings (B, 4) where each start has the box of the object in the predicted mask (N = 1).
 
     All but the first are perturbed at random. Where the mask shows nothing they begin at 0.
     """
@@ -315,9 +313,7 @@ def framings(starts: Latents, prediction: Prediction, objective: Objective, seed
 def framing_of_box(
     starts: Latents, box: tuple[float, float, float, float], objective: Objective
 ) -> np.ndarray:
-    """Return framings (B, 4), level, in which each start has a box x, y, width, height, in sides of the
-    window.
-    """
+    """Return level framings (B, 4) where each start has a box x, y, width, height, in sides of the window."""
     camera, there = objective.likelihood.camera, np.array(box, np.float32)
     vertices = objective.object_class.shape_model.vertices(starts.shape)
     rotation, translation = camera.pose(starts.azimuth, starts.elevation)

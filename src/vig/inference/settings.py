@@ -289,9 +289,7 @@ class ExplainSettings:
             )
 
     def calibration_for(self, object_class: ObjectClass) -> FitCalibration | None:
-        """Return the calibration that judges fits of a class; None without one that was learned from such
-        fits.
-        """
+        """Return the calibration that judges fits of a class; None without one learned from such fits."""
         # Learned from fits with an outlier model: without one the evidence has another scale.
         if not self.calibrated or self.likelihood.alpha == 1:
             return None
@@ -348,8 +346,7 @@ ALL_ROUND: dict[str, Any] = {
     "calibrated": False,
     "informed": False,
 }
-"""Settings of a search without a network: starts every 30 degrees, each at three elevations; the evidence
-alone decides."""
+"""Settings of a search without a network: starts every 30 degrees, at three elevations; evidence decides."""
 
 
 def without_network(settings: ExplainSettings) -> ExplainSettings:

@@ -4,8 +4,7 @@ Light at infinity explains neither, and the residual would bend shape and view. 
 sum of `GRID` x `GRID` Gaussian bumps over the object. Their heights have the prior N(0, `gain_deviation`^2),
 to the power `prior_weight` as all latents. The rendered colour is linear in them, so that they are found by
 least squares, in turn with descents of the latents. Even then the residual is not independent from pixel
-to pixel: the noise of the descents is estimated, which may lower the evidence under the
-pixel model's own.
+to pixel: the noise of the descents is estimated, which may lower the evidence under the pixel model's own.
 """
 
 from __future__ import annotations
@@ -138,9 +137,7 @@ def _bumps(silhouette: np.ndarray) -> np.ndarray:
 
 
 def _divided(objective: Objective, gain: np.ndarray) -> Objective:
-    """Return the objective of the photo divided by a gain (H, W); a colour's density changes by the gain's
-    cube.
-    """
+    """Return the objective of the photo divided by a gain (H, W); a colour's density changes by its cube."""
     likelihood, shape = objective.likelihood, (1, *gain.shape, 3)
     log_prior = likelihood.log_prior.reshape(shape).copy()
     log_prior[..., 0] -= 3 * np.log(gain)

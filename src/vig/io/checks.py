@@ -189,9 +189,7 @@ def check_arrays(
 
 
 def number_of(value: Any) -> float | None:
-    """Return a number as a float, whether it is Python's, numpy's or a tensor's of no dimension; None for
-    others.
-    """
+    """Return a number as a float, be it Python's, numpy's or a tensor's of no dimension; None for others."""
     if getattr(value, "shape", None) == () and hasattr(value, "item"):
         value = value.item()
     return float(value) if isinstance(value, Real) and not isinstance(value, bool) else None

@@ -87,10 +87,10 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
             temporary.unlink()
 
 
-def write_json(path: str | Path, described: Any) -> None:
-    """Write an indented JSON file, whole or not at all; see `atomic_write`."""
+def write_json(path: str | Path, described: Any, indent: int | None = 2) -> None:
+    """Write a JSON file, whole or not at all; see `atomic_write`."""
     with atomic_write(path) as temporary:
-        temporary.write_text(json.dumps(described, indent=2) + "\n")
+        temporary.write_text(json.dumps(described, indent=indent) + "\n")
 
 
 def write_arrays(
@@ -98,8 +98,7 @@ def write_arrays(
 ) -> None:
     """Write arrays by name as a safetensors file, whole or not at all; see `atomic_write`.
 
-    The format's own writer takes memory as it lies: an array whose axes were moved would be read in another
-    order.
+    The format's own writer takes memory as it lies: an array with moved axes would be read in another order.
     """
     with atomic_write(path) as temporary:
         save_file({name: np.ascontiguousarray(each) for name, each in arrays.items()}, temporary, metadata)

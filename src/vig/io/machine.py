@@ -34,8 +34,7 @@ def machine() -> dict[str, Any]:
 
 
 def processor(root: Path = Path("/")) -> str:
-    """Return the processor's model; on arm64 that of the board, the architecture where the system reports
-    neither.
+    """Return the processor's model; on arm64 the board's, the architecture where the system reports neither.
 
     root: Root of the files that state it.
     """

@@ -18,7 +18,5 @@ def end(folder: Path, words: str) -> None:
 
 
 def in_one_line(words: str) -> str:
-    """Return the text with unprintable characters escaped: a file's name may hold line ends, or bytes of no
-    encoding.
-    """
+    """Return text with unprintable characters escaped: file names may hold line ends or undecodable bytes."""
     return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in words)

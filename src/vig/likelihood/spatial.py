@@ -72,8 +72,7 @@ class SpatialMask:
 
 
 def visible_log_odds(observed: np.ndarray, rendered: np.ndarray, log_prior: np.ndarray) -> np.ndarray:
-    """Return the log odds of pixels being visible rather than hidden under a finished fit: Eq. 3 with wider
-    tails.
+    """Return the log odds of pixels being visible, not hidden under a finished fit: Eq. 3 with wider tails.
 
     observed, rendered (..., 3) linear RGB; log_prior (..., 3) as `PixelModel.log_prior`; result (...). In
     place of one Gaussian of linear colour stands a mixture over `RESIDUAL_SCALES` of Gaussians of sRGB: the
@@ -122,8 +121,7 @@ def messages(visible: np.ndarray, covered: np.ndarray, weights: np.ndarray) -> n
 def mean_field(
     start: np.ndarray, log_odds: np.ndarray, covered: np.ndarray, weights: np.ndarray, sweeps: int
 ) -> np.ndarray:
-    """Return posterior q (N, H, W) of each covered pixel being visible, this module's last equation; 0
-    elsewhere.
+    """Return posterior q (N, H, W) of covered pixels being visible, this module's last equation; 0 elsewhere.
 
     start (N, H, W): q before the first sweep; log_odds (N, H, W): u, of each pixel by itself; covered
     (N, H, W) bool; weights from `links`.
@@ -169,8 +167,7 @@ def spatial_posterior(
     model: SpatialMask,
     decorated: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Return posterior (N, H, W) of pixels being visible under finished fits of N photos; 0 beyond the
-    silhouette.
+    """Return posterior (N, H, W) of pixels being visible in finished fits of N photos; 0 off the silhouette.
 
     observed, rendered (N, H, W, 3) linear RGB; log_prior (N, H, W, 3) as `PixelModel.log_prior`; covered
     (N, H, W) bool. A log prior of `NEVER` for visible means that a pixel was not photographed: it ties no
@@ -210,9 +207,7 @@ def _gather(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
 
 
 def _ends(step: tuple[int, int], height: int, width: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
-    """Return windows of all pixels that have a neighbour a step away, and of these neighbours, in the same
-    order.
-    """
+    """Return windows of pixels that have a neighbour a step away, and of these neighbours, in one order."""
     pairs = []
     for move, size in zip(step, (height, width), strict=True):
         low, high = slice(0, max(size - abs(move), 0)), slice(abs(move), size)

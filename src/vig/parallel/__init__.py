@@ -8,13 +8,7 @@ from vig.parallel.processes import (
     one_thread_in_children,
     without_interrupts,
 )
-from vig.parallel.threads import (
-    map_on_threads,
-    on_one_core,
-    set_thread_count,
-    thread_count,
-    thread_limit,
-)
+from vig.parallel.threads import map_on_threads, on_one_core, set_thread_count, thread_count, thread_limit
 
 __all__ = [
     "Lost",

@@ -75,8 +75,7 @@ def map_as_done(
     """Yield number and work(item) of items as they are done, work being each process's `prepare(shared)`.
 
     Each process has one thread for linear algebra, ignores SIGINT, and ends when this process dies. One that
-    is killed is replaced; another does its items. When the consumer stops early, each process finishes its
-    item.
+    is killed is replaced; another does its items. If the consumer stops early, processes finish their items.
 
     Args:
         prepare: A function of a module, no closure: processes are spawned and import it.
@@ -290,9 +289,7 @@ def _no_start(got: str) -> UserError:
 
 
 def _sendable(error: Exception) -> Exception:
-    """Return the error as it can be sent, with where it was raised; that of a library becomes a
-    RuntimeError.
-    """
+    """Return the error as it can be sent, with where it was raised; a library's becomes a RuntimeError."""
     if isinstance(error, UserError):
         return error
     trace = "".join(traceback.format_exception(error))

@@ -142,9 +142,7 @@ def decoded(path: Path, image: Image.Image) -> np.ndarray:
 
 
 def _without_alpha(picture: Image.Image, rawmodes: str) -> tuple[Image.Image, np.ndarray | None]:
-    """Return a picture of 8 bits without its transparency, and opacity (H, W, 1) in [0, 1]; None where it
-    is 1.
-    """
+    """Return an 8-bit picture without transparency, and opacity (H, W, 1) in [0, 1]; None where it is 1."""
     if not picture.has_transparency_data:
         return picture, None
     key = picture.info.get("transparency")
@@ -210,9 +208,7 @@ def _sixteen_bits(path: str, image: Image.Image) -> np.ndarray | None:
 
 
 def _stated_colour(image: Image.Image) -> formats.Codes | bytes | None:
-    """Return the codes or profile in a file of PNG, AVIF, HEIC, JPEG 2000 or BMP that pillow does not
-    read.
-    """
+    """Return codes or profile in a file of PNG, AVIF, HEIC, JPEG 2000 or BMP that pillow does not read."""
     if image.format not in ("PNG", "AVIF", "HEIF", "JPEG2000", "BMP"):
         return None
     try:

@@ -34,8 +34,7 @@ class FitGeometry:
         )
 
     def pose_before(self, matrix: np.ndarray, latents: Latents, framing: np.ndarray) -> np.ndarray:
-        """Return the pose (4, 4) before a camera with intrinsics (3, 3) that sees the object where the fit
-        does.
+        """Return pose (4, 4) before a camera with intrinsics (3, 3) that sees the object where the fit does.
 
         That camera took the photo; the pose is the one that projects vertices nearest to their places by the
         fit's camera, those of the outline above all.

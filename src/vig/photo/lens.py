@@ -173,9 +173,7 @@ def camera_as_shown(photo: object, camera: Any) -> Any:
 
 
 def _stored(photo: object) -> tuple[int, tuple[int, int]]:
-    """Return EXIF's orientation of a photo, 1 where it states none, and width and height before it is
-    turned.
-    """
+    """Return EXIF's orientation of a photo, 1 where it states none, and width and height before turning."""
     try:
         if isinstance(photo, str | Path):
             with opened(existing_file(photo)) as image:
@@ -194,9 +192,7 @@ def _key(name: object) -> str:
 
 
 def _flat(camera: Mapping[Any, Any]) -> dict[Any, Any]:
-    """Return a mapping with the fields of a matrix's own mapping, and with OpenCV's `data` in place of
-    its.
-    """
+    """Return a mapping with the fields of a matrix's own mapping, and OpenCV's `data` in place of its."""
     flat = dict(camera)
     for name in MATRICES:
         if isinstance(inner := flat.get(name), Mapping):

@@ -32,6 +32,14 @@ def box_of(mask: np.ndarray) -> tuple[int, int, int, int] | None:
     return x, y, int(columns[-1]) + 1 - x, int(rows[-1]) + 1 - y
 
 
+def run_lengths(mask: np.ndarray) -> dict[str, list[int]]:
+    """Return COCO's uncompressed run lengths of a mask (H, W): size and counts, by column, zeros first."""
+    pixels = np.asarray(mask, bool).ravel(order="F")
+    changes = np.flatnonzero(pixels[1:] != pixels[:-1]) + 1
+    ends = np.concatenate([[0] if pixels.size and pixels[0] else [], changes, [pixels.size]])
+    return {"size": list(mask.shape), "counts": np.diff(ends, prepend=0).astype(int).tolist()}
+
+
 def read_mask(path: str | Path) -> np.ndarray:
     """Return a mask (H, W) bool from a picture.
 

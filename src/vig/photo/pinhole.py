@@ -20,8 +20,7 @@ DIFFERENCE = 1e-4
 
 
 def turned_pose(camera: Camera, pose: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """Return the pose (4, 4) before a camera with intrinsics (3, 3), nearly: exact for objects small in the
-    photo.
+    """Return the pose (4, 4) before a camera with intrinsics (3, 3), nearly: exact for small objects.
 
     In it the object is turned with the ray that leads to it, at the distance that keeps its size.
 
@@ -45,8 +44,7 @@ def turned_pose(camera: Camera, pose: np.ndarray, matrix: np.ndarray) -> np.ndar
 
 
 def sight_axes(pose: np.ndarray) -> np.ndarray:
-    """Return axes (3, 3), columns, about the ray to an object: to the side, its vertical as it is seen, the
-    ray.
+    """Return axes (3, 3), columns, about the ray to an object: to the side, its vertical as seen, the ray.
 
     pose: (4, 4) camera_from_object.
     """
@@ -62,8 +60,7 @@ def sight_axes(pose: np.ndarray) -> np.ndarray:
 def pose_covariance(
     moved: Callable[[np.ndarray], np.ndarray], at: np.ndarray, deviation: np.ndarray
 ) -> np.ndarray:
-    """Return covariance (6, 6) of a pose that follows from independent numbers: to first order, by
-    differences.
+    """Return covariance (6, 6) of a pose from independent numbers: to first order, by differences.
 
     x, y, z in metres, then turns about these axes in radians.
 

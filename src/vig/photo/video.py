@@ -12,7 +12,7 @@ import numpy as np
 from PIL import Image
 
 from vig.io.errors import UserError
-from vig.io.files import atomic_write
+from vig.io.files import write_json
 from vig.io.printing import note
 from vig.photo.checks import existing_file
 from vig.photo.colour import Encoding, coded_encoding
@@ -39,8 +39,7 @@ def frames_of(video: Path, folder: Path) -> list[Path]:
     """Write the frames of a video into a folder, one at a time, and return them in order.
 
     They are named after the folder, `folder-000000.png` on, turned and mirrored as the video states, oblong
-    pixels made square, HDR and wide colours made sRGB. Frames of the same file that are there are not written
-    again.
+    pixels made square, HDR and wide colours made sRGB. Existing frames of the file stay.
 
     Raises:
         UserError: PyAV is not installed, the file is missing, no video, damaged, or without a frame, or the
@@ -70,8 +69,7 @@ def frames_of(video: Path, folder: Path) -> list[Path]:
                 path.unlink()
         paths.append(folder / _name(folder, len(paths)))
         write_png(paths[-1], picture)
-    with atomic_write(folder / WHOLE) as temporary:
-        temporary.write_text(json.dumps({"source": source, "frames": len(paths)}) + "\n")
+    write_json(folder / WHOLE, {"source": source, "frames": len(paths)}, None)
     return paths
 
 
@@ -176,9 +174,7 @@ def _decoded(path: Path, done: list[Path], folder: Path) -> Iterator[np.ndarray]
 
 
 def _encoding(video: str | Path, codec: Any, frame: Any) -> Encoding | None:
-    """Return the encoding of samples where a video is HDR or has other primaries than sRGB's like;
-    else None.
-    """
+    """Return the samples' encoding where a video is HDR or has other primaries than sRGB's like, or None."""
     primaries, transfer, matrix = int(codec.color_primaries), int(codec.color_trc), int(frame.colorspace)
     try:
         if matrix in UNREAD_MATRICES:

@@ -27,8 +27,7 @@ BOX_BELOW_CENTRE = 0.033
 SMALLEST_BOX = 8
 """Pixels of a box's shorter side, at least."""
 PREFILTER_PIXELS = 4
-"""Pixels of the halved photo for each pixel of the window cut from it, at least: with 2, fits turn by a
-degree or two."""
+"""Pixels of the halved photo per pixel of its window, at least: with 2, fits turn by a degree or two."""
 LINES = 256
 """Lines of a photo that are drawn at a time."""
 STRIP = 32
@@ -52,9 +51,7 @@ class ImagePyramid:
         """The last window that was cut out, its size, and its crop: windows are turned, then fitted."""
 
     def level(self, reduction: float) -> tuple[np.ndarray, int]:
-        """Return the photo at 1 / scale of its size, and the scale, a power of 2 that `PREFILTER_PIXELS`
-        bounds.
-        """
+        """Return the photo at 1/scale of its size, and scale, a power of 2 that `PREFILTER_PIXELS` bounds."""
         number = max(0, math.floor(math.log2(reduction / PREFILTER_PIXELS)))
         while len(self._levels) <= number:
             fine = self._levels[-1]
@@ -177,16 +174,12 @@ class Window:
 
     @cached_property
     def focal(self) -> float | None:
-        """Return the focal length of the camera that shows it, in pixels of the photo; None without a
-        lens.
-        """
+        """Return the focal length of the camera that shows it, in the photo's pixels; None without a lens."""
         return None if self.lens is None else self.lens.turned_to(*self.centre)[1]
 
     @cached_property
     def turn(self) -> np.ndarray:
-        """Return the rotation (3, 3) to the axes of the camera that shows the window from the photo's
-        camera's.
-        """
+        """Return the rotation (3, 3) to the axes of the window's camera from the photo's camera's."""
         cos, sin = math.cos(self.roll), math.sin(self.roll)
         roll = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
         return roll if self.lens is None else roll @ self.lens.turned_to(*self.centre)[0]
@@ -249,9 +242,7 @@ class Window:
         return float(x[0]), float(y[2]), float(x[1] - x[0]), float(y[3] - y[2])
 
     def camera(self, camera: Camera, width: int, height: int) -> Camera:
-        """Return the camera of the whole photo of width x height from that of its window, which has no
-        lens.
-        """
+        """Return the camera of a whole photo of width x height from that of its window, which has no lens."""
         scale = self.side / camera.width
         at = ((camera.cx - camera.width / 2) * scale, (camera.cy - camera.height / 2) * scale)
         cx, cy = self.to_photo(*at)

@@ -48,9 +48,7 @@ _MIRRORED_LIGHT = (3, 4, 7)
 
 
 def mirrored(azimuth: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return azimuths (B,) and numbers (B, M) of photos flipped left to right, of a class that is its own
-    mirror image in y = 0.
-    """
+    """Return azimuths (B,) and numbers (B, M) of mirrored photos of a class symmetric about y = 0."""
     flipped = numbers.copy()
     light = layout_of_numbers(numbers.shape[1]).at("light")
     flipped[:, [light + coefficient for coefficient in _MIRRORED_LIGHT]] *= -1

@@ -65,9 +65,7 @@ class Prediction:
         return self.azimuth, self.numbers, self.deviation, self.mask, self.roll, self.presence
 
     def folded(self, symmetry: Symmetry) -> Prediction:
-        """Return the prediction for a class with a symmetry: the sums of bins of the circle that look the
-        same.
-        """
+        """Return the prediction for a symmetric class: the sums of bins of the circle that look the same."""
         if symmetry is Symmetry.NONE:
             return self
         bins = self.azimuth.shape[1] // symmetry.fold if symmetry.fold else 1
@@ -85,9 +83,7 @@ class Prediction:
 
     @functools.cached_property
     def _modes(self) -> dict[bool, tuple[np.ndarray, np.ndarray]]:
-        """Return the most peaks that `modes` found, broad and others; several steps of a fit ask for the
-        same.
-        """
+        """Return the most peaks that `modes` found, broad and others; steps of a fit ask for the same."""
         return {}
 
     def modes(self, count: int, broad: bool = True) -> tuple[np.ndarray, np.ndarray]:
@@ -153,16 +149,13 @@ class Prediction:
 
     @functools.cached_property
     def _smooth(self) -> np.ndarray:
-        """Return the probability (bins,) float64 that the first photo's azimuth lies in a bin or two on
-        either hand.
-        """
+        """Return the probability (bins,) float64 of the first photo's azimuth in a bin or two either side."""
         azimuth = self.azimuth[0].astype(np.float64)
         smooth: np.ndarray = np.sum([np.roll(azimuth, offset) for offset in range(-2, 3)], axis=0)
         return smooth
 
     def log_mass(self, azimuth: np.ndarray) -> np.ndarray:
-        """Return the log probability that the first photo's azimuth lies within 2.5 bins of each angle (B,),
-        float64.
+        """Return log probability of the first photo's azimuth within 2.5 bins of each angle (B,), float64.
 
         Linear between bins, and at least log 0.001, so that no view is ruled out.
         """
@@ -177,9 +170,7 @@ class Prediction:
         return logs
 
     def azimuth_offsets(self, azimuth: np.ndarray) -> np.ndarray:
-        """Return radians (bins,) by which each bin of the azimuth lies off one (); of views alike the
-        least.
-        """
+        """Return radians (bins,) by which each bin of azimuth lies off one (); of views alike the least."""
         bins = self.azimuth.shape[1]
         centres = bin_centres(bins, self.symmetry.fold)
         offsets: np.ndarray = self.symmetry.difference(centres, azimuth)

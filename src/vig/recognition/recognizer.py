@@ -18,13 +18,7 @@ from vig.io.checks import decode, parse_json, read_tensors, reading
 from vig.io.errors import UserError
 from vig.parallel.threads import map_on_threads, on_one_core
 from vig.recognition.graph import INPUT, map_model, weight_shapes, window_model, window_outputs
-from vig.recognition.network import (
-    LOG_VARIANCE,
-    Heads,
-    NetworkCalibration,
-    NetworkSettings,
-    mask_at_pixels,
-)
+from vig.recognition.network import LOG_VARIANCE, Heads, NetworkCalibration, NetworkSettings, mask_at_pixels
 from vig.recognition.object_map import NUMBERS
 from vig.recognition.prediction import Prediction
 from vig.recognition.weights import FORMAT, network_weights, whole_tensors
@@ -42,9 +36,7 @@ _creating = threading.Lock()
 
 
 def _session(model: bytes) -> onnxruntime.InferenceSession:
-    """Return a session of a model on one thread; the same for the same model, as long as somebody holds
-    it.
-    """
+    """Return a session of a model on one thread; the same for the same model, while somebody holds it."""
     digest = hashlib.sha256(model).digest()
     with _creating:
         if (session := _sessions.get(digest)) is None:
@@ -145,9 +137,7 @@ class Recognizer:
 
     @classmethod
     def of_class(cls, object_class: ObjectClass, weights: Path | None = None) -> Self:
-        """Return the class's own recognizer, or one from other `weights`; UserError when it is of another
-        class.
-        """
+        """Return the class's own recognizer, or one from other `weights`; UserError for another class's."""
         path = weights or (object_class.folder or Path()) / WEIGHTS_FILE
         recognizer = cls(path)
         network_modes, modes = recognizer.settings.modes, object_class.shape_model.modes
@@ -188,9 +178,7 @@ class Recognizer:
         return predicted
 
     def heads(self, pixels: np.ndarray, sides: Sequence[bool] = BOTH_SIDES) -> Heads:
-        """Return the network's outputs, before any calibration, for sRGB images (N, 3, S, S); see
-        `__call__`.
-        """
+        """Return the network's outputs, before calibration, for sRGB images (N, 3, S, S); see `__call__`."""
         sides = sides if self.mirror else (False,)
         zero = -self.mean / self.deviation
         seen = [self._heads(pixels[..., ::-1] if mirrored else pixels) for mirrored in sides]

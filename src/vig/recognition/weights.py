@@ -26,8 +26,7 @@ COUNTER, VARIANCE = "num_batches_tracked", "running_var"
 
 
 def network_weights(tensors: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return the network's weights among the arrays of a weights file, as float32, by their names in the
-    network.
+    """Return the network's weights among arrays of a weights file, as float32, by their names in the network.
 
     ValueError where one is no floating-point number, infinite, or a variance below 0.
     """
@@ -56,8 +55,7 @@ def shared_trunk() -> tuple[dict[str, np.ndarray], str]:
 
 
 def whole_tensors(tensors: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> dict[str, np.ndarray]:
-    """Return the arrays of a weights file: packed matrices are unpacked, the trunk that it names is among
-    them.
+    """Return the arrays of a weights file: packed matrices are unpacked, the trunk it names is among them.
 
     Raises:
         ValueError: It was trained on another trunk, or a packed matrix is not one.

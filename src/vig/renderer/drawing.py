@@ -41,8 +41,7 @@ class Drawn:
 def vertex_irradiance(
     latents: Latents, normals: Array, object_class: ObjectClass, self_shadow: bool = True
 ) -> Array:
-    """Return the irradiance of the vertices, Eq. 1, with self-shadowing and interreflection where the class
-    has a table.
+    """Return vertices' irradiance, Eq. 1, with self-shadowing and interreflection if the class has a table.
 
     For one explanation (B = 1) and unit normals (V, 3) in the world frame: (V,), light that albedo 1
     reflects, not below 0; less by the class's `reflectance`. The table is `ObjectClass.transfer`;

@@ -18,9 +18,7 @@ from vig_renderer.topology import Topology
 
 @with_default_settings
 def scene_of(latents: Latents, object_class: ObjectClass, camera: Camera, self_shadow: bool = True) -> Scene:
-    """Return one explanation (B = 1) before a camera as a scene: vertex colours are albedo times
-    irradiance.
-    """
+    """Return one explanation (B = 1) before a camera as a scene; vertex colours: albedo times irradiance."""
     latents = _tensors(latents)
     vertices = object_class.shape_model.vertices(latents.shape)[0]
     topology = _topology(object_class)

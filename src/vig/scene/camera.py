@@ -77,8 +77,7 @@ class Camera:
         distance: float = DISTANCE,
     ) -> Camera:
         """Return the paper's camera for a square image of `size` pixels: f = 1.12 x width, at 0.4 m or
-        another distance; or both `camera_distance_ratio` times as much, which shows the same with less
-        perspective.
+        another distance; or both `camera_distance_ratio` times as much, the same with less perspective.
         """
         focal, middle = camera_distance_ratio * FOCAL_OVER_WIDTH * size, size / 2
         return Camera(size, size, focal, middle, middle, camera_distance_ratio * distance, target_height)
@@ -109,9 +108,7 @@ class Camera:
 
     @property
     def K(self) -> np.ndarray:  # noqa: N802
-        """Return intrinsic matrix (3, 3) in pixels: K @ a point in the camera frame is z times (column,
-        row, 1).
-        """
+        """Return intrinsic matrix (3, 3) in pixels: K @ a camera-frame point is z times (column, row, 1)."""
         vertical = self.focal_y or self.focal
         return np.array([[self.focal, 0.0, self.cx], [0.0, vertical, self.cy], [0.0, 0.0, 1.0]])
 
@@ -161,9 +158,7 @@ def _real(number: object) -> bool:
 
 
 def camera_rotation(azimuth: Array, elevation: Array) -> Array:
-    """Return the rotation camera_from_world of a camera that looks at the vertical axis: (...) radians to
-    (..., 3, 3).
-    """
+    """Return camera_from_world of a camera that looks at the vertical axis: (...) radians to (..., 3, 3)."""
     functions = namespace(azimuth)
     sin, cos, stack = functions.sin, functions.cos, functions.stack
     sa, ca, se, ce = sin(azimuth), cos(azimuth), sin(elevation), cos(elevation)

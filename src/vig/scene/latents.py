@@ -150,9 +150,7 @@ class LatentLayout:
         return namespace(columns[0]).concatenate(columns, axis=-1)
 
     def prior_deviations(self) -> dict[str, tuple[tuple[float, ...], bool]]:
-        """Return the blocks that have a Gaussian prior about 0: deviation of each number, and
-        `Block.weighted`.
-        """
+        """Return the blocks with a Gaussian prior about 0: deviation of each number, and `Block.weighted`."""
         return {
             block.name: (tuple(_each(block.deviation, block.size)), block.weighted)
             for block in self.blocks
@@ -216,9 +214,7 @@ def layout_of_width(width: int) -> LatentLayout:
 
 @cache
 def regressed_layout(modes: int) -> LatentLayout:
-    """Return the layout of the numbers that a network regresses: the latents without azimuth, which it
-    classifies.
-    """
+    """Return the layout of numbers that a network regresses: latents without azimuth, which it classifies."""
     return latent_layout(modes).without("azimuth")
 
 

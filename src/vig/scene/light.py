@@ -81,9 +81,7 @@ def rotate_z(light: Array, angle: Array | float) -> Array:
 
 
 def rotations_z(angle: Array) -> Array:
-    """Return matrices of `rotate_z`: (B,) radians to (B, 9, 9), so that rotations_z(angle) @ light turns
-    it.
-    """
+    """Return matrices of `rotate_z`: (B,) radians to (B, 9, 9); rotations_z(angle) @ light turns it."""
     angle = floating(angle)
     identity = like(angle, np.eye(L_COUNT))[None]
     return rotate_z(identity, angle[:, None]).swapaxes(-1, -2)

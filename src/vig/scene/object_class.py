@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -16,7 +15,7 @@ import numpy as np
 
 from vig.io.checks import check_arrays, check_indices, check_number, decode, read_json, read_tensors, reading
 from vig.io.errors import UserError
-from vig.io.files import atomic_write, write_arrays
+from vig.io.files import write_arrays, write_json
 from vig.scene.camera import DISTANCE, IMAGE_SIZE, Camera
 from vig.scene.shape_model import ARRAYS, ShapeModel
 from vig.scene.symmetry import Symmetry
@@ -232,8 +231,7 @@ class ObjectClass:
         for name in ("size_known", "up_known"):
             if written[name]:
                 del written[name]
-        with atomic_write(Path(folder) / "class.json") as temporary:
-            Path(temporary).write_text(json.dumps(written, indent=1) + "\n")
+        write_json(Path(folder) / "class.json", written, 1)
 
     @staticmethod
     def load(name_or_folder: str | Path, unfinished: bool = False) -> ObjectClass:

@@ -21,9 +21,7 @@ class Symmetry(StrEnum):
 
     @property
     def fold(self) -> int:
-        """Return the number of views of the circle that look the same; 0 where all do, so that azimuth means
-        nothing.
-        """
+        """Return how many views of the circle look the same; 0 where all do, and azimuth means nothing."""
         return {"none": 1, "half-turn": 2, "any-turn": 0}[self]
 
     def difference(self, a: Array, b: Array) -> Array:

@@ -51,9 +51,7 @@ class LevenbergMarquardt:
     def _search(
         self, objective: Problem, start: np.ndarray, photo: np.ndarray, sigma: float, budget: Budget
     ) -> tuple[np.ndarray, ...]:
-        """Return one search (1, P') of a problem evaluated in Python: path, value, normal, evaluations,
-        converged.
-        """
+        """Return one search (1, P') of a problem in Python: path, value, normal, evaluations, converged."""
         noise = np.full(1, sigma, objective.dtype)
 
         def value_point(point: np.ndarray, derivatives: bool) -> tuple[object, ...]:

@@ -237,9 +237,7 @@ class Follower:
         return window if best.present >= LEAST_PRESENT else None
 
     def _is_object(self, sighting: Sighting) -> bool:
-        """Return whether the sighting may be of the object: near the predicted place, as large, of its
-        colour.
-        """
+        """Return whether the sighting may be of the object: near the prediction, as large, of its colour."""
         # 0.2: share by which each frame without the object widens these
         # 2.0: factor to which they are widened at most
         off, wider = sighting.place - self.place, min(1 + 0.2 * self.missed, 2.0)
@@ -299,8 +297,7 @@ def _hidden(explanation: Explanation) -> float | None:
 
 
 def _straight(explanation: Explanation) -> Camera:
-    """Return the camera that looks straight at the object, as if the frame had been cut from a larger one
-    about it.
+    """Return the camera looking straight at the object, as if the frame were cut from a larger one about it.
 
     `turned_pose` leads back to the pose before the frame's own.
     """

@@ -279,8 +279,7 @@ def _check_seen(sightings: Sequence[Sighting], explainer: Explainer, box: Box | 
 
 
 def _slowed(numbers: np.ndarray) -> np.ndarray:
-    """Return numbers (2, N, G), slowed down, from (2, N, 1 + G): seen in the first frame and extrapolated in
-    the others.
+    """Return slowed numbers (2, N, G) from (2, N, 1 + G): seen in the first frame and extrapolated after.
 
     The object may keep its speed, or stand: the way that it would move is added to the deviations.
     """

@@ -131,9 +131,7 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def _compared(photo: DemoPhoto, explanation: Explanation, verdict: str) -> dict[str, Any]:
-    """Return truth and estimate of a photo as plain numbers; null where it does not show the class asked
-    for.
-    """
+    """Return truth and estimate of a photo as numbers; null where it does not show the class asked for."""
     shown = photo.present
     truth = {
         "hidden": round(photo.occlusion, 3),

@@ -118,9 +118,7 @@ def where_to_look(folder: Path) -> str:
 
 
 def _results(rows: Iterable[dict[str, Any]], out: Path) -> dict[str, Any]:
-    """Return the content of each explanation.json, by photo; a list of them where a photo has several
-    objects.
-    """
+    """Return each explanation.json's content, by photo; a list of them where a photo has several objects."""
     results: dict[str, Any] = {}
     for row in rows:
         if row["error"] is None:

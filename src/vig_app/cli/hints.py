@@ -91,9 +91,7 @@ def read_marks(path: Path) -> np.ndarray:
 
 
 def read_pose(path: Path) -> np.ndarray:
-    """Return a pose from JSON: four lists of four numbers, or an object that has them as
-    `camera_from_object`.
-    """
+    """Return a pose from JSON: four lists of four numbers, or an object with them as `camera_from_object`."""
     with reading(path, "a 4 x 4 camera_from_object", "Write four lists of four numbers."):
         content: Any = read_json(path)
         if isinstance(content, dict):

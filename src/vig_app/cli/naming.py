@@ -96,9 +96,7 @@ def by_photo(
 
 
 def _parts(path: str) -> Parts:
-    """Return the parts of a path with slashes or backslashes; those of an absolute one begin with "" or a
-    drive.
-    """
+    """Return the parts of a path with slashes or backslashes; an absolute one's begin with "" or a drive."""
     first, *others = path.replace("\\", "/").split("/")
     return (
         *((first,) if first != "." and (first or others) else ()),

@@ -91,9 +91,7 @@ def _kind_of(path: Path) -> str:
 
 
 def _expanded(path: Path) -> list[Path]:
-    """Return files of a pattern such as photos/*.jpg, which not every shell expands; any other path as it
-    is.
-    """
+    """Return files of a pattern like photos/*.jpg, which not every shell expands; any other path as it is."""
     pattern = str(path := as_stored(path))
     if os.path.lexists(path) or not glob.has_magic(pattern) or ADDRESS.match(pattern):
         return [path]

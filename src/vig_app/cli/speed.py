@@ -124,9 +124,7 @@ def memory_of(root: Path = Path("/")) -> tuple[int, int] | None:
 
 
 def extras(known: Mapping[str, Extra] = EXTRAS) -> dict[str, dict[str, Any]]:
-    """Return each extra's `{"missing": [modules], "brings", "install"}`; Blender may be in another
-    environment.
-    """
+    """Return each extra's `{"missing": [modules], "brings", "install"}`; Blender may be elsewhere."""
     apart = {"bpy"} if os.environ.get("VIG_BLENDER_PYTHON") else set()
     return {
         extra_name: {

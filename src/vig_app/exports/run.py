@@ -37,9 +37,7 @@ class ExportedRun:
 
     @staticmethod
     def read(folder: Path, first_id: int) -> ExportedRun:
-        """Return the run in a folder, classes numbered by name from `first_id`; UserError as
-        `read_results`.
-        """
+        """Return a folder's run, classes numbered by name from `first_id`; UserError as `read_results`."""
         rows = read_results(folder)
         photos = tuple(dict.fromkeys(row["photo"] for row in rows))
         objects = tuple(
@@ -53,8 +51,7 @@ class ExportedRun:
         return ExportedRun(folder, photos, objects, class_ids, sizes)
 
     def image_numbers(self, patterns: Sequence[str]) -> dict[str, tuple[int, int]]:
-        """Return scene and image of each photo: from the paths where those of all match and differ, else by
-        place.
+        """Return scene and image of each photo: from the paths where all match and differ, else by place.
 
         Args:
             patterns: Patterns of the ends of paths, with a group for the scene and one for the image.

@@ -62,9 +62,7 @@ class Atlas:
 
 @functools.lru_cache(maxsize=8)
 def atlas_of(object_class: ObjectClass) -> Atlas | None:
-    """Return the atlas of a class's shapes; None where its mesh is in more pieces than the image has room
-    for.
-    """
+    """Return the atlas of a class's shapes; None where its mesh is in more pieces than the image holds."""
     model = object_class.shape_model
     vertices, faces = model.mean.astype(np.float64), model.faces
     direction = _directions(vertices, faces)
@@ -111,9 +109,7 @@ def _joined(place: np.ndarray, faces: np.ndarray, chart: np.ndarray, seen: np.nd
 
 
 def _widened(number: np.ndarray) -> np.ndarray:
-    """Return numbers (SIDE, SIDE), -1 for none, spread by up to `WIDENED` texels; 0
-    elsewhere.
-    """
+    """Return numbers (SIDE, SIDE), -1 for none, spread by up to `WIDENED` texels; 0 elsewhere."""
     number = number.copy()
     for _ in range(WIDENED):
         before = number.copy()
@@ -163,9 +159,7 @@ def _charts(faces: np.ndarray, direction: np.ndarray) -> np.ndarray:
 
 
 def _flat(vertices: np.ndarray, faces: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the places of each face's corners in its chart (F, 3, 2), clockwise, and height above it (F,
-    3).
-    """
+    """Return places of each face's corners in its chart (F, 3, 2), clockwise, and height above it (F, 3)."""
     axis = direction % len(AXES)
     side = np.where(axis % 2, -1.0, 1.0)[:, None]
     right, up = np.array([[1, 2], [2, 0], [0, 1]])[axis // 2].T

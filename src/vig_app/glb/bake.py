@@ -214,9 +214,7 @@ def _facing(normals: np.ndarray, camera: Camera, part: tuple[slice, slice]) -> n
 
 
 def _inside(visible: np.ndarray, depth: np.ndarray, jump: float) -> np.ndarray:
-    """Return distances (h, w) to the outlines of visible pixels and of nearer things: 0 to 1 at
-    `BORDER`.
-    """
+    """Return distances (h, w) to the outlines of visible pixels and of nearer things: 0 to 1 at `BORDER`."""
     inside = np.zeros(np.add(visible.shape, 2 * BORDER), np.uint8)
     here = inside[BORDER:-BORDER, BORDER:-BORDER]
     here[visible & np.isfinite(depth)] = 255

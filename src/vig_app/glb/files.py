@@ -99,8 +99,7 @@ def write_scene(path: Path, scene: SceneExplanation, textures: Sequence[Texture 
 
 
 def on_one_ground(poses: Sequence[np.ndarray]) -> tuple[list[float], np.ndarray]:
-    """Return the scales with which objects before a camera stand on one ground without a change of the
-    camera's picture.
+    """Return the scales with which objects before a camera stand on one ground, its picture unchanged.
 
     Args:
         poses: (4, 4) camera_from_object of each, metres; the object stands on its z = 0.
@@ -267,8 +266,7 @@ class _File:
 def _camera(camera: Camera) -> dict[str, Any]:
     """Return glTF's camera, which has no principal point.
 
-    This one sees the photo and as much beyond it as puts that point in the middle; `extras` hold the exact
-    numbers.
+    This one sees the photo and as much beyond as puts that point in the middle; `extras` hold exact numbers.
     """
     half_width = max(camera.cx, camera.width - camera.cx)
     half_height = max(camera.cy, camera.height - camera.cy)

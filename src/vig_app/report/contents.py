@@ -61,9 +61,7 @@ def page_of(explanation: Explanation, photo: str, described: dict[str, Any], red
 def drawing_data(
     explanation: Explanation, views: Sequence[Pose], steps: Sequence[Pose], width: int, height: int
 ) -> dict[str, Any]:
-    """Return the data that templates/drawing.js draws: the object in its poses, and outlines on a photo
-    of width x height.
-    """
+    """Return data for templates/drawing.js: an object's poses and outlines on a photo of width x height."""
     poses = pose_data(explanation, [*views, *steps])
     window, size = explanation.window, len(explanation.outlines[0]) // COARSER
     across, down = width / explanation.picture.shape[1], height / explanation.picture.shape[0]
@@ -96,8 +94,7 @@ def page_photo(photo: np.ndarray) -> np.ndarray:
 
 
 def _outline_maps(explanation: Explanation) -> np.ndarray:
-    """Return distances to the outlines of covered and of visible pixels, one above the other, (2 S, S)
-    uint8.
+    """Return distances to the outlines of covered and of visible pixels, one above the other, (2 S, S) uint8.
 
     128 is on the outline and 1 to 255 are within `REACH` pixels of the fitted window, inside and outside.
     """

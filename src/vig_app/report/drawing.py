@@ -54,9 +54,7 @@ def steps_of(explanation: Explanation) -> Iterable[Pose]:
 
 
 def mesh_data(explanation: Explanation) -> dict[str, Any]:
-    """Return the mesh that all poses share: corners of faces, vertices of the fit in 16 bits, colours of
-    parts.
-    """
+    """Return the mesh of all poses: corners of faces, vertices of the fit in 16 bits, colours of parts."""
     object_class, vertices = explanation.object_class, explanation.vertices
     model = object_class.shape_model
     low, extent = vertices.min(0), np.ptp(vertices, axis=0)

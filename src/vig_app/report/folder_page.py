@@ -95,9 +95,7 @@ def folder_html(
 
 
 def write_run_page(out: Path, rows: Iterable[Mapping[str, Any]]) -> None:
-    """Write report.html of a run: the first `MOST_ENTRIES` of its photos in review order. Takes the rows
-    twice.
-    """
+    """Write report.html of a run: its first `MOST_ENTRIES` photos in review order. Takes the rows twice."""
     objects, photos, errors = 0, set[str](), []
     for row in rows:
         if row["error"] is None:

@@ -19,9 +19,7 @@ QUALITY = 88
 
 
 def filled(template: str, **content: Any) -> str:
-    """Return a page. All its text is escaped: no text of a photo's name or class becomes markup or
-    script.
-    """
+    """Return a page. All its text is escaped: no text of a photo's name or class becomes markup or script."""
     return _PAGES.get_template(template).render(content)
 
 

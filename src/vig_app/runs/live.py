@@ -297,9 +297,7 @@ def drawn(picture: np.ndarray, pose: TrackedPose, tracker: Tracker) -> np.ndarra
 
 
 def curves(poses: list[TrackedPose]) -> Image.Image:
-    """Return the azimuth and elevation over the frames, each with a band of a standard deviation; lost
-    frames grey.
-    """
+    """Return azimuth and elevation over frames, each in a band of a standard deviation; lost frames grey."""
     # (1000, 280): pixels of the picture of one curve
     (width, height), margin = (1000, 280), 40
     image = Image.new("RGB", (width, 2 * height), "white")

@@ -1,8 +1,7 @@
 """A run over photos: a folder of results for each, a ledger to resume from, one table.
 
 Finished photos stay, whatever ends the run: a photo's folder appears when it is complete, and its row in
-`results.jsonl` after that. A photo whose row is there is not fitted again while photo, settings and class are
-the same.
+`results.jsonl` after that. A photo whose row is there is not refitted while photo, settings and class stay.
 """
 
 from __future__ import annotations

@@ -61,9 +61,7 @@ def rows_of_cluster(
 
 
 def prepare_remote(settings: RunSettings) -> Callable[[Sent], Any]:
-    """Return the work of a process on a node: explains a photo's bytes, returns its rows and its files'
-    bytes.
-    """
+    """Return the work of a process on a node: explains a photo's bytes, returns its rows and files' bytes."""
     work = prepare(settings)
 
     def remote(item: Sent) -> tuple[Rows, dict[str, bytes]]:

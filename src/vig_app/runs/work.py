@@ -191,8 +191,7 @@ class Work:
 
 
 def _states(task: Task, scene: SceneExplanation) -> dict[str, State]:
-    """Return corrections by the names of the objects that they were made for, which may have other numbers
-    now.
+    """Return corrections by names of the objects that they were made for, which may have other numbers now.
 
     Raises:
         UserError: One was made for none of the objects.

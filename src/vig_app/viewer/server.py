@@ -263,9 +263,7 @@ class Viewer:
             self._say(str(error) if len(changes) == 1 else self._one_by_one(changes), refused=True)
 
     def _one_by_one(self, changes: list[Change | None]) -> str:
-        """Make each correction by itself; return the messages of refused ones. Taking one of these back
-        does nothing.
-        """
+        """Make each correction by itself; return messages of refused ones. Taking these back does nothing."""
         messages: list[str] = []
         refused = 0
         for change in changes:

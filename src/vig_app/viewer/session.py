@@ -136,9 +136,7 @@ def marked(label: PixelLabel, x: float, y: float, radius: float, path: Places = 
 
 
 def changed(**values: Any) -> Change:
-    """Return the correction of fields of the state: a view, whether nothing hides the object; None leaves
-    one open.
-    """
+    """Return the correction of the state: a view, whether nothing hides the object; None leaves one open."""
     return lambda state: replace(state, **values)
 
 

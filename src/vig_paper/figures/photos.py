@@ -86,9 +86,7 @@ def _fade(photo: np.ndarray) -> np.ndarray:
 
 
 def _tint_masks(photo: np.ndarray, amodal: np.ndarray, visible: np.ndarray) -> np.ndarray:
-    """Return the photo faded, with visible pixels in green and the silhouette's others in pink, half
-    transparent.
-    """
+    """Return the photo faded, visible pixels green and the silhouette's others pink, half transparent."""
     picture = _fade(photo)
     for mask, colour in ((amodal & ~visible, (235, 40, 120)), (visible, (25, 179, 107))):
         picture[mask] = 0.4 * photo[mask] + 0.6 * np.array(colour) / 255
@@ -153,9 +151,7 @@ def environment(library: Library, spec: SceneSpec, azimuth: float) -> np.ndarray
 
 
 def light_map(light: np.ndarray, azimuth: float) -> np.ndarray:
-    """Return the radiance (MAP_ROWS, 2 MAP_ROWS) of a light (9,), in the same view as `environment`; at
-    least 0.
-    """
+    """Return the radiance (MAP_ROWS, 2 MAP_ROWS) of a light (9,), in the view of `environment`; 0 or more."""
     theta = ((np.arange(MAP_ROWS) + 0.5) * np.pi / MAP_ROWS)[:, None]
     phi = _headings(azimuth)
     directions = np.stack(
@@ -166,8 +162,7 @@ def light_map(light: np.ndarray, azimuth: float) -> np.ndarray:
 
 
 def _headings(azimuth: float) -> np.ndarray:
-    """Return world angle about +Z, from +X, of each column of a map: ahead in the centre, decreasing to the
-    right.
+    """Return world angle about +Z, from +X, of each column of a map: ahead in the centre, less to the right.
 
     A camera at azimuth 0 is on -Y and looks along +Y, which is 90 degrees from +X.
     """
@@ -188,8 +183,6 @@ def white_sphere(latents: Latents) -> np.ndarray:
 
 
 def _expose(radiance: np.ndarray) -> np.ndarray:
-    """Return the radiance or irradiance, grey (H, W) or (H, W, 3), as sRGB (H, W, 3) at one exposure for
-    all.
-    """
+    """Return radiance or irradiance, grey (H, W) or (H, W, 3), as sRGB (H, W, 3) at one exposure for all."""
     colours = radiance if radiance.ndim == 3 else np.repeat(radiance[..., None], 3, axis=-1)
     return srgb_from_linear(0.4 * colours)

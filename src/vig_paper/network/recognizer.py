@@ -43,9 +43,7 @@ class PaperRecognizer(Recognizer):
 
 
 def recognizer_of(object_class: ObjectClass, weights: Path | None = None) -> Recognizer:
-    """Return the recognizer of a class, or of other weights, vig's or the paper's; UserError when it has
-    none.
-    """
+    """Return the recognizer of a class, or of other weights, vig's or the paper's; UserError without any."""
     path = weights or (object_class.folder or Path()) / "recognition.safetensors"
     return _kind_of(path).of_class(object_class, weights)
 

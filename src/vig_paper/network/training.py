@@ -11,15 +11,14 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.torch import save_file
 from torch import nn
 from torch.nn import functional
 
-from vig.io.files import atomic_write
 from vig.recognition.weights import FORMAT
 from vig.scene import Latents, angle_difference
 from vig_paper.network.network import FACTORS, FactorNetwork, PaperNetworks, PaperSettings, targets_of
 from vig_train.network.network import bfloat16
+from vig_train.network.weights import save_tensors
 from vig_train.training.loop import EpochLog, Trainer, TrainingRun, check_amounts
 from vig_train.training.targets import numbers_of
 from vig_world.dataset import Dataset
@@ -128,12 +127,11 @@ def save_paper_weights(networks: PaperNetworks, path: Path) -> None:
     """Write the networks with their settings: weights in half precision, buffers in single."""
     parameters = dict(networks.named_parameters())
     tensors = {
-        f"network.{name}": (value.half() if name in parameters else value).contiguous()
+        f"network.{name}": value.half() if name in parameters else value
         for name, value in networks.state_dict().items()
     }
     metadata = {"net": "paper", "format": FORMAT, "settings": json.dumps(asdict(networks.settings))}
-    with atomic_write(path) as temporary:
-        save_file(tensors, temporary, metadata=metadata)
+    save_tensors(path, tensors, metadata)
 
 
 def _initialise_networks(settings: PaperSettings, data: _TrainingData, seed: int) -> PaperNetworks:

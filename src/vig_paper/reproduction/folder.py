@@ -44,9 +44,7 @@ class RunFolder:
         return self.root / "data" / name
 
     def fits(self, name: str) -> Path:
-        """Return the folder that keeps the fits of a renderer's test photos, of "validation" or of
-        "ablations".
-        """
+        """Return the folder of the fits of a renderer's test photos, of "validation" or of "ablations"."""
         return self.root / "fits" / name
 
     def tables(self, renderer: str) -> Path:

@@ -19,9 +19,9 @@ from vig_paper.ablation import ablation_blocks
 from vig_paper.reproduction.folder import DATASETS, RENDERERS, RunFolder, duration, read_json
 from vig_paper.reproduction.reached import reached, reached_block, reached_line, training_line
 from vig_paper.reproduction.work import OCCLUSION_LIMITS
-from vig_train.evaluation import METRICS
 from vig_train.evaluation.paper import compare, comparison_block
 from vig_train.evaluation.presentation import TableBlock, blocks
+from vig_train.evaluation.table import METRICS
 from vig_train.record import read_record
 from vig_world.dataset.format import read_info
 
@@ -108,9 +108,7 @@ def _introduction(folder: RunFolder, record: Mapping[str, Any], tables: Mapping[
 def _results(
     folder: RunFolder, record: Mapping[str, Any], renderer: str, table: Mapping[str, Any]
 ) -> list[Part]:
-    """Return tables and figures of a renderer's photos, judged by runs of its size where these were
-    measured.
-    """
+    """Return tables and figures of a renderer's photos, judged by runs of its size where measured."""
     medians = reached(record["settings"], table)
     first, *further = blocks(table)
     judged = [reached_block(medians), first] if medians else [comparison_block(table)]
@@ -153,9 +151,7 @@ def _training(folder: RunFolder) -> list[Part]:
 
 
 def _making(folder: RunFolder, record: Mapping[str, Any]) -> list[Part]:
-    """Return command, machine, photos, the time of each step, and the settings but for the counts of
-    photos.
-    """
+    """Return command, machine, photos, each step's time, and the settings but for the counts of photos."""
     machine = record["machine"]
     packages = ", ".join(f"{name} {version}" for name, version in machine.get("packages", {}).items())
     done = {name: step for name, step in record["steps"].items() if step["complete"]}

@@ -25,12 +25,15 @@ from vig_paper.network.training import PaperTrainingSettings, train_paper
 from vig_paper.reproduction.folder import DATASETS, RENDERERS, RunFolder
 from vig_paper.settings import ReproductionSettings
 from vig_paper.teapot_class import copy_class
-from vig_train.calibration import calibrate_fits, describe, fit_count
-from vig_train.evaluation import MethodResult, markdown_table, save_table, summarise, write_csv
-from vig_train.evaluation import evaluate as run_methods
+from vig_train.calibration.learning import describe
+from vig_train.calibration.samples import calibrate_fits, fit_count
 from vig_train.evaluation.paper import comparison_block
+from vig_train.evaluation.presentation import markdown_table
+from vig_train.evaluation.protocol import evaluate as run_methods
 from vig_train.evaluation.protocol import fitted_likelihoods
+from vig_train.evaluation.results import MethodResult, write_csv
 from vig_train.evaluation.statistics import within_occlusion
+from vig_train.evaluation.table import save_table, summarise
 from vig_train.plots import calibrate_and_plot as calibrate_network
 from vig_train.plots import train_and_plot as train_network
 from vig_train.training.calibration import MIN_IMAGES

@@ -30,8 +30,7 @@ BODY_SHARE = 0.6
 def dark_part(
     meshes: Sequence[SourceMesh], vertices: np.ndarray, faces: np.ndarray
 ) -> tuple[np.ndarray, float] | None:
-    """Return which of the template's vertices (V,) bool are dark on most meshes, and their relative
-    reflectance.
+    """Return which template vertices (V,) bool are dark on most meshes, and their relative reflectance.
 
     Args:
         meshes: In the class's frame; the template lies on each.

@@ -75,9 +75,7 @@ class ClassShapes:
 def _symmetrised(
     shapes: np.ndarray, template: Template, symmetries: ClassSymmetry
 ) -> tuple[np.ndarray, SymmetryProjection | None]:
-    """Return shapes (A, V, 3) made as symmetric as their class, and how deformations are; one alone stays
-    exact.
-    """
+    """Return shapes (A, V, 3) as symmetric as their class, and how deformations are; one alone is exact."""
     if len(shapes) == 1:
         return shapes, None
     if symmetries.symmetry == "any-turn":

@@ -102,8 +102,7 @@ def folder_of(meshes: str | Path) -> Path:
 
 
 def shape_invariants(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return (5,) numbers of a surface that units, axes, place, mirroring and the triangles' order leave
-    alone.
+    """Return (5,) numbers of a surface that units, axes, place, mirroring and triangles' order leave alone.
 
     The ratios of the second moments about its principal axes, and of the higher moments of the distance from
     its centroid, weighted by area.
@@ -131,9 +130,7 @@ def copies_by_name(scans: list[Scan]) -> dict[int, int]:
 
 
 def same_shapes(scans: list[Scan]) -> dict[int, int]:
-    """Return which scans show the surface of an earlier one, by its number: copies, other formats, other
-    units.
-    """
+    """Return which scans show the surface of an earlier one, by its number: copies, other formats, units."""
     invariants = [shape_invariants(scan.vertices, scan.faces) for scan in scans]
     copies: dict[int, int] = {}
     for number, invariant in enumerate(invariants):

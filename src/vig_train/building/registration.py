@@ -20,8 +20,8 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
-from vig_train.building.surface import SurfaceSample, face_edges, vertex_areas
-from vig_world.mesh import vertex_normals
+from vig_train.building.surface import SurfaceSample, vertex_areas
+from vig_world.mesh import face_edges, vertex_normals
 
 
 @dataclass(frozen=True)

@@ -98,9 +98,7 @@ class BuildSettings:
 
 
 def fills_unit_cube(length: float) -> bool:
-    """Return whether a longest side is that of meshes that fill [-0.5, 0.5] or [-1, 1], as generators write
-    them.
-    """
+    """Return whether a longest side is that of meshes filling [-0.5, 0.5] or [-1, 1], as generators write."""
     # Some that scale meshes into a unit cube leave 1 %.
     return min(abs(length - 1), abs(length / 2 - 1)) < 0.011
 

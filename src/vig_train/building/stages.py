@@ -130,8 +130,7 @@ class Template:
 def template_of(
     meshes: Sequence[StandingMesh], used: list[int], about: int, cache: StageCache
 ) -> Template | None:
-    """Return the template from the first of the used meshes that can be closed, those most like the others
-    first.
+    """Return the template from the first of used meshes that can be closed, those most like the others first.
 
     about: The number of its vertices. None where no mesh can be closed.
     """
@@ -189,9 +188,7 @@ def register(
     say: Callable[[str], None],
     progress: bool = False,
 ) -> RegisteredMeshes:
-    """Carry the template onto each used mesh, and judge which meshes belong to a class of this
-    symmetry.
-    """
+    """Carry the template onto each used mesh, and judge which meshes belong to a class of this symmetry."""
     vertices = np.zeros((len(meshes), *template.vertices.shape))
     qualities: dict[int, Quality] = {}
     with Meter(len(used), 0, progress, "meshes") as meter:

@@ -42,9 +42,7 @@ class SurfaceSample:
         return float(np.ptp(self.points, axis=0).max())
 
     def features(self, weight: float) -> np.ndarray:
-        """Return places and directions (N, 6): a difference of normals of one counts as a distance of
-        `weight`.
-        """
+        """Return places and directions (N, 6): a difference of normals of one counts as distance `weight`."""
         return np.concatenate([self.points, weight * self.normals], axis=1)
 
     def some(self, count: int) -> SurfaceSample:
@@ -154,11 +152,6 @@ def vertex_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Return a third of the areas of the faces round each vertex: (V,)."""
     area = np.linalg.norm(face_normals(vertices, faces), axis=1)
     return np.asarray(np.bincount(faces.ravel(), np.repeat(area, 3), len(vertices)) / 6)
-
-
-def face_edges(faces: np.ndarray) -> np.ndarray:
-    """Return the edges (3 F, 2) of faces (F, 3); an edge occurs once per face that has it."""
-    return np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
 
 
 def neighbour_mean(faces: np.ndarray, count: int) -> sp.csr_matrix:

@@ -12,8 +12,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from skimage.measure import marching_cubes
 
-from vig_train.building.surface import SurfaceSample, face_edges, neighbour_mean, sample_points, vertex_areas
-from vig_world.mesh import vertex_normals
+from vig_train.building.surface import SurfaceSample, neighbour_mean, sample_points, vertex_areas
+from vig_world.mesh import face_edges, vertex_normals
 
 TEMPLATE_VERTICES = 2600
 """Vertices of a template, about."""
@@ -175,7 +175,8 @@ def _connected_clusters(owner: np.ndarray, edges: np.ndarray) -> np.ndarray:
         graph = sp.csr_matrix((np.ones(inside.sum()), edges[inside].T), (len(owner),) * 2)
         _, piece = connected_components(graph, directed=False)
         sizes = np.bincount(piece)
-        order = np.lexsort((-sizes, owner_of_piece := _owner_of_pieces(owner, piece)))
+        owner_of_piece = owner[np.unique(piece, return_index=True)[1]]
+        order = np.lexsort((-sizes, owner_of_piece))
         largest = np.zeros(len(sizes), bool)
         largest[order[np.unique(owner_of_piece[order], return_index=True)[1]]] = True
         stray = ~largest[piece]
@@ -187,10 +188,6 @@ def _connected_clusters(owner: np.ndarray, edges: np.ndarray) -> np.ndarray:
             return np.unique(owner, return_inverse=True)[1]
         owner = owner.copy()
         owner[across[:, 0]] = owner[across[:, 1]]
-
-
-def _owner_of_pieces(owner: np.ndarray, piece: np.ndarray) -> np.ndarray:
-    return owner[np.unique(piece, return_index=True)[1]]
 
 
 def _dual(points: np.ndarray, faces: np.ndarray, areas: np.ndarray, owner: np.ndarray) -> trimesh.Trimesh:

@@ -155,9 +155,7 @@ def _levelled(
 
 
 def _symmetries(clouds: list[PointCloud], stated: str | None) -> ClassSymmetry:
-    """Return the symmetries of upright clouds, with the one that the user states in place of the estimated
-    one.
-    """
+    """Return the symmetries of upright clouds, with the one that the user states in place of the estimate."""
     symmetries = class_symmetry(clouds)
     if stated is not None:
         symmetries = replace(symmetries, symmetry=stated)

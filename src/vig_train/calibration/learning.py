@@ -128,8 +128,7 @@ def learn(samples: CalibrationSamples) -> FitCalibration:
 
 
 def out_of_fold(samples: CalibrationSamples) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return confidence in the view (N,) and in the mask (N,) of each fit, and in the view (M,) of rolled
-    photos.
+    """Return confidence in the view (N,) and mask (N,) of each fit, and in the view (M,) of rolled photos.
 
     Each is by a calibration on the other folds.
     """
@@ -181,9 +180,7 @@ def _in_distribution_weights(samples: CalibrationSamples) -> LinearModel:
 
 
 def describe(calibration: FitCalibration, samples: CalibrationSamples) -> list[str]:
-    """Return lines on the confidence's reliability out of sample: each fit by a calibration on the other
-    folds.
-    """
+    """Return lines on the confidence's reliability out of sample: each fit by calibration on other folds."""
     confidence, mask_confidence, rolled_confidence = out_of_fold(samples)
     trusted = confidence >= calibration.threshold
     right = f", of which {samples.right[trusted].mean():.1%} are right" if trusted.any() else ""
@@ -218,9 +215,7 @@ def describe(calibration: FitCalibration, samples: CalibrationSamples) -> list[s
 def logistic(
     features: np.ndarray, right: np.ndarray, weight: np.ndarray, signs: Sequence[int] = SIGNS
 ) -> tuple[np.ndarray, float]:
-    """Return weights (C,), of the signs given, and bias of a ridge logistic regression of right (N,) on
-    features.
-    """
+    """Return weights (C,) of given signs and bias: a ridge logistic regression of right (N,) on features."""
     # A constant feature would get a huge weight.
     mean, deviation = features.mean(0), np.maximum(features.std(0), 1e-3)
     standard, sign = (features - mean) / deviation, np.where(right, 1.0, -1.0)

@@ -84,8 +84,7 @@ def _explained_photos(
 
 
 def position_error(explanation: Explanation, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return errors (3,) of a position in the units of `FitCalibration.position`, and the curvature's
-    deviations.
+    """Return errors (3,) of a position in units of `FitCalibration.position`, and the curvature's deviations.
 
     true: (4, 4) camera_from_object.
     """

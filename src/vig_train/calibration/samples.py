@@ -124,7 +124,7 @@ def calibrate_fits(
         object_class: Class that they show.
         recognizer: Its network, calibrated; or one for each dataset, which has not seen its photos.
         settings: Settings of the fits, which are made without calibration; by default those for photos.
-        workers: See `vig_train.evaluation.evaluate`, as for cache and processes.
+        workers: See `vig_train.evaluation.protocol.evaluate`, as for cache and processes.
         advance: Called with the number of fits made since the last call.
         cache: Folder that keeps fits, so that an interrupted run resumes.
         processes: Whether workers are processes.
@@ -182,9 +182,7 @@ def photos_to_roll(dataset: Dataset | StudioPhotos) -> np.ndarray:
 
 
 def roll_angles(count: int) -> np.ndarray:
-    """Return degrees (count,) of `MIN_ROLL_DEG` or more either way, of which each subsequence is spread
-    evenly.
-    """
+    """Return degrees (count,) of `MIN_ROLL_DEG` or more either way, each subsequence spread evenly."""
     return MIN_ROLL_DEG + (np.arange(count) * GOLDEN_RATIO) % 1 * (360 - 2 * MIN_ROLL_DEG)
 
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from vig.io.checks import decode, read_json, reading
-from vig.io.files import atomic_write
+from vig.io.files import write_json
 from vig_train.packs.card import table_lines
 from vig_world.assets.own.catalogue import mesh_folder, read_sources
 
@@ -149,5 +148,4 @@ def add_to_history(path: Path, errors: Mapping[str, Any], images: int, seconds: 
         **errors["methods"]["fit"],
     }
     earlier = [old for old in read_history(path) if old["images"] != images]
-    with atomic_write(path) as temporary:
-        temporary.write_text(json.dumps([*earlier, entry], indent=1) + "\n")
+    write_json(path, [*earlier, entry], 1)

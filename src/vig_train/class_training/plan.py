@@ -29,8 +29,7 @@ QUICK_PICTURES = 480
 IMAGE_SHARE = 0.5
 """Share of the time for drawing images."""
 DECODER_SHARE = 0.15
-"""Share of the time for the mask's decoder. The rest is for the map of objects, the heads, the calibration
-and the test."""
+"""Share of time for the mask's decoder. The rest is for the map of objects, heads, calibration and test."""
 
 
 @dataclass(frozen=True)

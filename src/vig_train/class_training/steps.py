@@ -20,7 +20,7 @@ from vig import __version__
 from vig.inference import ExplainSettings, FitCalibration
 from vig.inference.calibration import FILE as CALIBRATION_FILE
 from vig.io.checks import decode, read_json, reading
-from vig.io.files import atomic_write
+from vig.io.files import atomic_write, write_json
 from vig.io.machine import machine
 from vig.io.progress import Meter
 from vig.parallel import map_in_processes, thread_limit
@@ -28,8 +28,7 @@ from vig.recognition import WEIGHTS_FILE, Recognizer
 from vig.recognition.weights import shared_trunk
 from vig.scene import ObjectClass
 from vig.scene.object_class import BUILD_COMMAND
-from vig_train.calibration import StudioPhotos, calibrate_fits, fit_count
-from vig_train.calibration.samples import studio_errors
+from vig_train.calibration.samples import StudioPhotos, calibrate_fits, fit_count, studio_errors
 from vig_train.class_training import card
 from vig_train.class_training.plan import (
     QUICK,
@@ -203,8 +202,7 @@ class ClassTraining:
         plan = measured_plan(
             self.object_class, self.images, self.minutes, self.seed, self.workers, self.props
         )
-        with atomic_write(path) as temporary:
-            temporary.write_text(json.dumps(vars(plan)) + "\n")
+        write_json(path, vars(plan), None)
         return plan
 
     @property
@@ -307,8 +305,7 @@ class ClassTraining:
                 self.test_fits,
             )
         shutil.rmtree(self.test_fits, ignore_errors=True)
-        with atomic_write(self.run_folder / "test.json") as temporary:
-            temporary.write_text(json.dumps(errors, indent=2) + "\n")
+        write_json(self.run_folder / "test.json", errors)
 
     @property
     def _held_out(self) -> bool:

@@ -12,14 +12,9 @@ from vig.io.printing import end
 from vig.io.progress import Meter
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass
-from vig_train.calibration import (
-    POSITION_PHOTOS,
-    StudioPhotos,
-    calibrate_fits,
-    calibrate_positions,
-    describe,
-    fit_count,
-)
+from vig_train.calibration.learning import describe
+from vig_train.calibration.positions import POSITION_PHOTOS, calibrate_positions
+from vig_train.calibration.samples import StudioPhotos, calibrate_fits, fit_count
 from vig_train.cli.common import check_ranges, check_writable
 from vig_train.cli.settings import Calibrate
 from vig_train.evaluation.protocol import check_class

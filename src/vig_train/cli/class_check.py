@@ -56,9 +56,7 @@ class PhotoLabel(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class PhotoErrors:
-    """Errors on one photo: degrees, IoU of the whole outline and of visible pixels, verdict; NaN where
-    nothing is labelled.
-    """
+    """Errors on one photo: degrees, IoU of the outline and visible pixels, verdict; NaN without a label."""
 
     photo: str
     shape: str

@@ -19,10 +19,11 @@ from vig.recognition import Recognizer
 from vig.scene import ObjectClass
 from vig_train.cli.common import check_ranges, check_writable
 from vig_train.cli.settings import Evaluate
-from vig_train.evaluation import blocks, markdown_table, save_table, summarise, write_csv
-from vig_train.evaluation import evaluate as run_methods
+from vig_train.evaluation.presentation import blocks, markdown_table
+from vig_train.evaluation.protocol import evaluate as run_methods
 from vig_train.evaluation.protocol import fitted_likelihoods
-from vig_train.evaluation.table import check_limits
+from vig_train.evaluation.results import write_csv
+from vig_train.evaluation.table import check_limits, save_table, summarise
 from vig_world.dataset import read_dataset
 from vig_world.dataset.format import read_info
 

@@ -44,8 +44,7 @@ def appearance_error(predicted: Any, true: Any) -> np.ndarray:
 def appearance_ab(predicted: Any, true: Any) -> np.ndarray:
     """Return the distance of two albedos in the chroma plane (a, b) of CIE Lab, taken as linear RGB.
 
-    predicted, true: (B, 3) linear albedo in [0, 1] (clipped to it). Returns CIE ab units: 2.3 is just
-    noticeable.
+    predicted, true: (B, 3) linear albedo in [0, 1] (clipped). Returns CIE ab units: 2.3 is just noticeable.
     """
     predicted, true = _pair(predicted, true, 2, channels=3)
     return np.linalg.norm(_chroma(np.clip(predicted, 0, 1)) - _chroma(np.clip(true, 0, 1)), axis=-1)
@@ -63,8 +62,7 @@ def illumination_error(predicted: Any, true: Any) -> np.ndarray:
 
 
 def illumination_relative(predicted: Any, true: Any) -> np.ndarray:
-    """Return a light's scale-invariant residual, relative to the truth's norm: [0, 1], 0 is
-    best.
+    """Return a light's scale-invariant residual, relative to the truth's norm: [0, 1], 0 is best.
 
     predicted, true: (B, 9) radiance. It is the sine of the angle between the two, and 0 for no light at all.
     """

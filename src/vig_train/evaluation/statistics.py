@@ -58,9 +58,7 @@ def by_occlusion(
     rng: np.random.Generator,
     resamples: int = 300,
 ) -> list[Summary | None]:
-    """Return a summary of values (N,) for each range (least, most) of occlusion; None where there are no
-    images.
-    """
+    """Return a summary of values (N,) for each range (least, most) of occlusion; None without images."""
     summaries: list[Summary | None] = []
     for least, most in ranges:
         chosen = values[within_occlusion(occlusion, least, most)]
@@ -98,8 +96,7 @@ def paired_difference(later: np.ndarray, earlier: np.ndarray, resamples: np.ndar
 def paired_tests(
     errors: Mapping[str, Mapping[str, np.ndarray]], metrics: Sequence[str], resamples: np.ndarray
 ) -> list[dict[str, Any]]:
-    """Return each metric compared between every two methods: "metric", "method", "against",
-    `paired_difference`.
+    """Return metrics compared between every two methods: "metric", "method", "against", `paired_difference`.
 
     errors: method -> metric -> (N,); the later method is compared against the earlier.
     """
@@ -115,8 +112,7 @@ def paired_tests(
 
 
 def latent_groups(count: int) -> dict[str, list[int]]:
-    """Return columns of a latent vector of `count` numbers, by group; each number is a group, too, as
-    `light_1`.
+    """Return columns of a vector of `count` latents, by group; each number is a group, too, as `light_1`.
 
     The light's first, L00, is in none: exposure fixes it, so that its error is always 0.
     """
@@ -203,8 +199,7 @@ def quarters_hidden(occlusion: np.ndarray, chosen: np.ndarray) -> dict[str, np.n
 
 
 def verdicts(result: MethodResult, chosen: np.ndarray) -> dict[str, Any]:
-    """Return how often each verdict was given among the images `chosen` (N,) bool, and how reliable "trusted"
-    is.
+    """Return how often each verdict was given among images `chosen` (N,) bool, and how reliable "trusted" is.
 
     Returns:
         "counts": verdict to number; "trusted_share" of the images; "trusted_within_15_deg": the share of the

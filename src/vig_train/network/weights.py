@@ -7,9 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from safetensors.torch import save_file
 from torch import nn
 
 from vig.io.checks import decode, parse_json, read_tensors, reading
+from vig.io.files import atomic_write
 from vig.recognition.network import NetworkSettings
 from vig.recognition.weights import whole_tensors
 from vig_train.network.network import RecognitionNetwork
@@ -36,6 +38,14 @@ def load_network(network: nn.Module, tensors: Mapping[str, torch.Tensor]) -> Non
         if not value.isfinite().all() or (name.endswith("running_var") and (value < 0).any()):
             raise ValueError(f"'{name}' has numbers that are infinite, or variances below 0")
     network.load_state_dict(own, assign=True)
+
+
+def save_tensors(
+    path: Path, tensors: Mapping[str, torch.Tensor], metadata: dict[str, str] | None = None
+) -> None:
+    """Write tensors of any device and layout as a safetensors file, whole or not at all."""
+    with atomic_write(path) as temporary:
+        save_file({name: each.contiguous().cpu() for name, each in tensors.items()}, temporary, metadata)
 
 
 def as_tensors(arrays: Mapping[str, np.ndarray]) -> dict[str, torch.Tensor]:

@@ -9,17 +9,9 @@ from __future__ import annotations
 import functools
 
 from vig_train.packs.shapes import CodedClass, main
-from vig_world.assets.mugs import (
-    HELD_OUT_MUGS,
-    MUG_FACES,
-    MUG_PARTS,
-    PART_NAMES,
-    TRAINING_MUGS,
-    VALIDATION_MUGS,
-    drawn_mugs,
-    mug_vertices,
-)
-from vig_world.assets.mugs.mug import POINTS
+from vig_world.assets.mugs.design import HELD_OUT_MUGS, TRAINING_MUGS, VALIDATION_MUGS
+from vig_world.assets.mugs.drawn import drawn_mugs
+from vig_world.assets.mugs.mug import MUG_FACES, MUG_PARTS, PART_NAMES, POINTS, mug_vertices
 
 MODES = 12
 """Enough for the held-out designs to be within 1 % of their size in the mean: shapes.py prints it."""

@@ -13,17 +13,9 @@ import numpy as np
 
 from vig.scene import Family, ShapeModel
 from vig_train.packs.shapes import CodedClass, main
-from vig_world.assets.designs import (
-    HANDLES,
-    HELD_OUT_DESIGNS,
-    PART_NAMES,
-    TEAPOT_FACES,
-    TEAPOT_PARTS,
-    TRAINING_DESIGNS,
-    VALIDATION_DESIGNS,
-    drawn_designs,
-    teapot_vertices,
-)
+from vig_world.assets.designs.design import HANDLES, HELD_OUT_DESIGNS, TRAINING_DESIGNS, VALIDATION_DESIGNS
+from vig_world.assets.designs.drawn import drawn_designs
+from vig_world.assets.designs.teapot import PART_NAMES, TEAPOT_FACES, TEAPOT_PARTS, teapot_vertices
 from vig_world.assets.target import nearest_coefficients
 
 MODES = 16

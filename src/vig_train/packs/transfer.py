@@ -6,8 +6,7 @@ At a vertex x with unit normal n a surface of albedo a reflects a * T(x) . L of 
 
 over directions w that are distributed as the clamped cosine over pi (Sloan, Kautz and Snyder, 2002). Where
 nothing is occluded T_lm = A_l Y_lm(n), which is `vig.scene.irradiance`; the table holds the change from
-that. The ground is not in T: L is the light that arrives at the object's place, light reflected by the ground
-included.
+that. The ground is not in T: L is the light that arrives at the object's place, the ground's included.
 
 `python -m vig_train.packs.transfer FOLDER` computes and writes a class pack's.
 """
@@ -23,14 +22,14 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse
 
-from vig.io.files import atomic_write, write_arrays
+from vig.io.files import write_arrays, write_json
 from vig.io.progress import Meter
 from vig.parallel import map_on_threads
 from vig.scene import SHAPE_LIMIT, ObjectClass, ShapeModel
 from vig.scene.light import COSINE_LOBE, sh_basis
 from vig.scene.object_class import TRANSFER_FILE
 from vig_native import engine
-from vig_world.mesh import vertex_normals
+from vig_world.mesh import face_edges, vertex_normals
 
 ALBEDO = 0.5
 """Albedo of the object for its interreflections: the middle of the sampled range."""
@@ -155,9 +154,7 @@ class Occlusion:
 def fill_from_neighbours(
     values: np.ndarray, missing: np.ndarray, neighbours: scipy.sparse.csr_matrix
 ) -> np.ndarray:
-    """Return values (V, C), the missing (V,) taken over from neighbours ring by ring; 0 where none are in
-    reach.
-    """
+    """Return values (V, C), the missing (V,) taken from neighbours ring by ring; 0 where none is in reach."""
     filled = ~missing
     values = np.where(filled[:, None], values, 0.0)
     while not filled.all():
@@ -172,7 +169,7 @@ def fill_from_neighbours(
 
 def neighbours_of(faces: np.ndarray, total: int) -> scipy.sparse.csr_matrix:
     """Return which vertices share an edge: (V, V) of ones and zeros."""
-    pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    pairs = face_edges(faces)
     pairs = np.concatenate([pairs, pairs[:, ::-1]])
     table = scipy.sparse.csr_matrix((np.ones(len(pairs)), pairs.T), shape=(total, total))
     table.data[:] = 1.0
@@ -187,8 +184,7 @@ def transfer_model(
     progress: bool = False,
     keep: Keep = computed,
 ) -> np.ndarray:
-    """Return the change of transfer by self-shadow and bounces, (K + 1, V, 9) float32: mean, then per
-    coefficient.
+    """Return change of transfer by self-shadow and bounces, (K + 1, V, 9) float32: mean, then by coefficient.
 
     At coefficients c it is table[0] + sum_k c_k table[k + 1], by least squares over shapes drawn N(0, 1)
     within their limits. Add it to A_l Y_lm(n) of the shape's own normals.
@@ -281,8 +277,7 @@ def write_transfer(
     write_arrays(folder / TRANSFER_FILE, {"transfer": table.astype(np.float16)})
     if (folder / "class.json").is_file():
         described = json.loads((folder / "class.json").read_text()) | {"self_shadow": True}
-        with atomic_write(folder / "class.json") as temporary:
-            temporary.write_text(json.dumps(described, indent=1) + "\n")
+        write_json(folder / "class.json", described, 1)
     return table
 
 

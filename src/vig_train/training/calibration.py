@@ -9,17 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.torch import save_file
 from torch.nn import functional
 
 from vig.inference.calibration import WITHIN_90
 from vig.io.checks import read_tensors
 from vig.io.errors import UserError
-from vig.io.files import atomic_write
 from vig.recognition.network import NetworkCalibration
 from vig.recognition.recognizer import Recognizer
 from vig.scene import ObjectClass
-from vig_train.network.weights import as_tensors
+from vig_train.network.weights import as_tensors, save_tensors
 from vig_train.training.examples import Examples
 from vig_world.dataset import Dataset
 
@@ -103,8 +101,7 @@ def write_calibration(path: Path, calibration: NetworkCalibration) -> None:
     """Put a calibration into a weights file, in place of its own."""
     stored, metadata = read_tensors(path, "pt")
     tensors = {name: value for name, value in stored.items() if not name.startswith(calibration.PREFIX)}
-    with atomic_write(path) as temporary:
-        save_file(tensors | as_tensors(calibration.tensors()), temporary, metadata=metadata)
+    save_tensors(path, tensors | as_tensors(calibration.tensors()), metadata)
 
 
 @torch.inference_mode()

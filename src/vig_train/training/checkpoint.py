@@ -9,12 +9,10 @@ from dataclasses import asdict
 from pathlib import Path
 
 import torch
-from safetensors.torch import save_file
 from torch import nn
 
 from vig.io.checks import read_tensors, reading
 from vig.io.errors import UserError
-from vig.io.files import atomic_write
 from vig.recognition.weights import FORMAT, PACKED, STEPS, TRUNK_PREFIXES
 from vig.recognition.weights import shared_trunk as trunk_of_classes
 from vig_train.network import weights
@@ -61,12 +59,7 @@ def save_weights(
     metadata = {"net": "vig", "format": FORMAT, "settings": json.dumps(asdict(network.settings))}
     if shared_trunk:
         metadata["trunk"] = trunk_of_classes()[1]
-    with atomic_write(path) as temporary:
-        save_file(
-            {k: v.contiguous().cpu() for k, v in tensors.items()},
-            temporary,
-            metadata=metadata | dict(more or {}),
-        )
+    weights.save_tensors(path, tensors, metadata | dict(more or {}))
 
 
 def save_checkpoint(
@@ -79,8 +72,7 @@ def save_checkpoint(
     tensors = {f"{name}.{k}": v for name, net in networks.items() for k, v in net.state_dict().items()}
     for parameter, moments in optimizer.state_dict()["state"].items():
         tensors |= {f"optimizer.{parameter}.{k}": v for k, v in moments.items()}
-    with atomic_write(path) as temporary:
-        save_file({k: v.contiguous().cpu() for k, v in tensors.items()}, temporary, metadata=state)
+    weights.save_tensors(path, tensors, state)
 
 
 def load_checkpoint(

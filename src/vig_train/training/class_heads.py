@@ -8,28 +8,19 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.torch import save_file
 from torch import nn
 from torch.nn.utils.fusion import fuse_linear_bn_eval
 
 from vig.io.checks import read_tensors, reading
-from vig.io.files import atomic_write
 from vig.parallel import map_in_processes
 from vig.recognition import Recognizer
 from vig.recognition.network import LOG_VARIANCE
 from vig.recognition.weights import unpacked
 from vig.scene import Symmetry
 from vig_train.network.network import DenseHeads, RecognitionNetwork, bfloat16
-from vig_train.network.weights import packed
+from vig_train.network.weights import packed, save_tensors
 from vig_train.training.checkpoint import Scale
-from vig_train.training.class_network import (
-    CHUNK,
-    LEARNING_RATE,
-    PASSES,
-    SIZES,
-    Features,
-    read_features,
-)
+from vig_train.training.class_network import CHUNK, LEARNING_RATE, PASSES, SIZES, Features, read_features
 from vig_train.training.loop import Trainer
 from vig_train.training.losses import LOSS_WEIGHTS, dense_losses
 
@@ -137,8 +128,7 @@ def _prepare(training: HeadsTraining) -> Callable[[int], None]:
         member = _Member(training.modes)
         _train_member(member, seen, scale, training)
         tensors = {**member.state_dict(), **{f"scale.{name}": value for name, value in scale.items()}}
-        with atomic_write(training.path(number)) as temporary:
-            save_file({name: value.contiguous() for name, value in tensors.items()}, temporary)
+        save_tensors(training.path(number), tensors)
 
     return work
 

@@ -14,16 +14,14 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.torch import save_file
 
 from vig.io.checks import read_tensors, reading
-from vig.io.files import atomic_write
 from vig.parallel import map_in_processes
 from vig.recognition.network import NetworkSettings
 from vig.recognition.weights import shared_trunk
 from vig.scene import ObjectClass
 from vig_train.network.network import RecognitionNetwork, bfloat16
-from vig_train.network.weights import as_tensors
+from vig_train.network.weights import as_tensors, save_tensors
 from vig_train.training.augmentation import Augmentation
 from vig_train.training.drawing import examples_of
 from vig_train.training.examples import Examples
@@ -136,8 +134,7 @@ def _prepare(shared: tuple[str, str, int, str]) -> Callable[[int], None]:
             features.append({"coarse": coarse, "model": model, **own})
         for name in features[0]:
             kept[f"features.{name}"] = torch.cat([each[name] for each in features])
-        with atomic_write(chunk_path(Path(folder), chunk)) as temporary:
-            save_file({name: value.contiguous() for name, value in kept.items()}, temporary)
+        save_tensors(chunk_path(Path(folder), chunk), kept)
 
     return work
 

@@ -70,8 +70,7 @@ class Drawing:
 def drawn_once(
     drawing: Drawing, folder: Path, seed: int, advance: Callable[[int], None] = lambda count: None
 ) -> Examples:
-    """Return the first `drawing.distinct` images of the studio, or a few more; files that are in the folder
-    stay.
+    """Return the first `drawing.distinct` images of the studio, or a few more; files in the folder stay.
 
     Args:
         drawing: Number and settings of the images.

@@ -14,9 +14,7 @@ from vig_world.assets.coats import any_colour
 
 
 def draw_ground(rng: np.random.Generator, split: Split, roll: float = 0.0) -> np.ndarray:
-    """Return an object's background, in most pictures rolled clockwise with the camera: (H, W, 3) linear
-    RGB.
-    """
+    """Return an object's background, mostly rolled clockwise with the camera: (H, W, 3) linear RGB."""
     ground = _level_ground(rng, split)
     # Grounds of cameras that roll by less than 2 degrees stay level, and a quarter of the others.
     if abs(roll) < math.radians(2.0) or rng.random() < 0.25:

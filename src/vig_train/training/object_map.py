@@ -13,15 +13,13 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.torch import save_file
 from torch.nn import functional
 
 from vig.io.checks import read_tensors, reading
-from vig.io.files import atomic_write
 from vig.recognition.object_map import BOX_SIDES, MAP_STRIDE
 from vig_train.network.decoder import ObjectMap
 from vig_train.network.network import RecognitionNetwork, bfloat16
-from vig_train.network.weights import read_network
+from vig_train.network.weights import read_network, save_tensors
 from vig_train.training.collages import PICTURES, SIDE, Box, draw_pictures
 from vig_train.training.examples import Examples
 from vig_train.training.loop import Trainer
@@ -121,8 +119,7 @@ class MapTraining:
 
 
 def add_object_map(start: Path, path: Path, training: MapTraining) -> None:
-    """Write weights with a newly trained map, and a presence head fitted to its images; all else is as in
-    `start`.
+    """Write weights with a newly trained map, and a presence head fitted to its images; else as in `start`.
 
     Raises:
         UserError: `start` is no weights file.
@@ -143,14 +140,11 @@ def add_object_map(start: Path, path: Path, training: MapTraining) -> None:
     tensors = {name: value for name, value in tensors.items() if not name.startswith("network.object_map.")}
     tensors |= {name: value.half() if value.is_floating_point() else value for name, value in own.items()}
     settings = replace(settings, object_map=MAP_CHANNELS)
-    described = json.dumps(asdict(settings))
-    with atomic_write(path) as temporary:
-        save_file(tensors, temporary, metadata=metadata | {"settings": described})
+    save_tensors(path, tensors, metadata | {"settings": json.dumps(asdict(settings))})
 
 
 def map_loss(numbers: torch.Tensor, targets: MapTargets) -> torch.Tensor:
-    """Return the focal loss of centres (Law and Deng 2018), for each of them, and the mean error of boxes
-    near them.
+    """Return the focal loss of centres (Law and Deng 2018), for each, and the mean error of boxes near them.
 
     numbers: (N, 5, h, w), see `ObjectMap`.
     """

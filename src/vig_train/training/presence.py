@@ -61,9 +61,7 @@ def dense_features(network: RecognitionNetwork, examples: Examples, seed: int) -
 def refitted(
     weight: np.ndarray, bias: float, features: np.ndarray, present: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """Return weights (D,) and bias of a logistic regression of present (N,) on features (N, D), near those
-    given.
-    """
+    """Regress present (N,) on features (N, D), logistically: weights (D,) and bias near those given."""
     spread = np.maximum(features.std(0), 1e-3)
     standard, before = features / spread, np.append(weight * spread, bias)
 

@@ -10,12 +10,11 @@ import sys
 from pathlib import Path
 
 import torch
-from safetensors.torch import save_file
 
-from vig.io.files import atomic_write
 from vig.recognition.network import NetworkSettings
 from vig.recognition.weights import TRUNK_PREFIXES
 from vig_train.network.network import RecognitionNetwork
+from vig_train.network.weights import save_tensors
 from vig_world.extras import optional_import
 
 
@@ -39,10 +38,7 @@ def imagenet_trunk() -> dict[str, torch.Tensor]:
 def main() -> None:
     """Write the file that is named."""
     out = Path(sys.argv[1])
-    with atomic_write(out) as temporary:
-        save_file(
-            {f"network.{name}": tensor.contiguous() for name, tensor in imagenet_trunk().items()}, temporary
-        )
+    save_tensors(out, {f"network.{name}": tensor for name, tensor in imagenet_trunk().items()})
     print(out)
 
 

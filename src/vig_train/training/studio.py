@@ -1,8 +1,7 @@
 """A studio: training images drawn afresh, as wide as photographs are.
 
 Each holds the object of a class with any surface, in any light, on a plain, set or cluttered ground, with
-things beside and before it, through a camera of any lens, and its truth. All is a pure function of a
-seed and an index.
+things beside and before it, through any lens, and its truth. All is a pure function of a seed and an index.
 """
 
 from __future__ import annotations
@@ -17,15 +16,7 @@ import torch
 
 from vig.photo import Window
 from vig.renderer.drawing import vertex_irradiance
-from vig.scene import (
-    EXPOSURE_L00,
-    IMAGE_SIZE,
-    SHAPE_LIMIT,
-    Camera,
-    Latents,
-    ObjectClass,
-    ShapeModel,
-)
+from vig.scene import EXPOSURE_L00, IMAGE_SIZE, SHAPE_LIMIT, Camera, Latents, ObjectClass, ShapeModel
 from vig_train.training.cutouts import model_cutouts
 from vig_train.training.grounds import cast_shadow, draw_ground
 from vig_train.training.layers import Environment, Layer, continue_border, photograph, place_of
@@ -259,9 +250,7 @@ class Studio:
         return number, self.models[number]
 
     def _shape(self, rng: np.random.Generator, model: StudioModel | None) -> tuple[Latents, np.ndarray]:
-        """Return latents but for the albedo, and vertices, a little off the shape model, or off the
-        given model.
-        """
+        """Return latents but for the albedo, and vertices, a little off the shape model, or the given one."""
         settings = self.settings
         shape_model = self.object_class.shape_model
         draws = rng.standard_normal(shape_model.modes)
@@ -389,9 +378,7 @@ class Studio:
 
 @lru_cache(maxsize=8)
 def _models(object_class: ObjectClass, split: Split) -> tuple[StudioModel, ...]:
-    """Return the designs of a split, each with its mesh where that has materials, then meshes that were
-    refused.
-    """
+    """Return the designs of a split, each with its mesh where that has materials, then refused meshes."""
     designs, meshes = held_out_designs_of(object_class), source_meshes_of(object_class)
     of_design = {mesh.design: mesh for mesh in meshes}
     numbers = [] if designs is None else [n for n, of in enumerate(designs.splits) if of == split]

@@ -65,9 +65,7 @@ def any_colour(rng: np.random.Generator) -> np.ndarray:
 
 
 def draw_coat(rng: np.random.Generator, parts: int, decorated: float, metal: float) -> Coat:
-    """Return any coat of an object of so many parts; a share `decorated` are painted, a share `metal` of
-    metal.
-    """
+    """Return any coat for so many parts; a share `decorated` are painted, a share `metal` of metal."""
     colours = np.repeat(any_colour(rng)[None], parts, axis=0)
     if rng.random() < 0.25:
         other = any_colour(rng)
@@ -84,9 +82,7 @@ def draw_coat(rng: np.random.Generator, parts: int, decorated: float, metal: flo
 
 
 def albedo_of(coat: Coat, points: np.ndarray, part: np.ndarray, height: float) -> np.ndarray:
-    """Return the albedo (N, 3) float32 at points (N, 3), metres, of parts (N,), of an object of this
-    height.
-    """
+    """Return albedo (N, 3) float32 at points (N, 3), metres, of parts (N,), of an object of this height."""
     albedo = np.array(coat.colours, np.float32).T.take(part, axis=1)  # a channel after the other: faster
     if coat.paint is None:
         return albedo.T
@@ -102,9 +98,7 @@ def albedo_of(coat: Coat, points: np.ndarray, part: np.ndarray, height: float) -
 
 
 def mean_albedo(coat: Coat, vertices: np.ndarray, model: ShapeModel) -> np.ndarray:
-    """Return the mean albedo (3,) over the surface of an object (V, 3), metres, each vertex
-    weighted by its share.
-    """
+    """Return mean albedo (3,) over an object's surface (V, 3), metres, each vertex weighted by its share."""
     height = float(model.mean[:, 2].max())
     area = np.linalg.norm(face_normals(vertices, model.faces), axis=1)
     share = np.bincount(model.faces.ravel(), np.repeat(area, 3), minlength=len(vertices))
@@ -161,9 +155,7 @@ def draw_paint_layer(
 
 
 def _looked_up(image: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Return the nearest texels (C, N) of an image (H, W, C) that repeats, u to the right, v down, in its
-    sizes.
-    """
+    """Return the nearest texels (C, N) of a repeating image (H, W, C), u right, v down, in its sizes."""
     height, width = image.shape[:2]
     row, column = (v * height).astype(np.int32) % height, (u * width).astype(np.int32) % width
     return image.reshape(height * width, -1).T.take(row * width + column, axis=1)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -12,16 +11,17 @@ from typing import Any, Literal
 import numpy as np
 
 from vig.io.checks import decode, read_json
-from vig.io.files import atomic_write
+from vig.io.files import write_json
 from vig_world.asset_cache import asset_cache
-from vig_world.assets.designs import (
+from vig_world.assets.designs.design import (
     HELD_OUT_DESIGNS,
     TRAINING_DESIGNS,
     VALIDATION_DESIGNS,
     TeapotDesign,
-    teapot_vertices,
 )
-from vig_world.assets.mugs import HELD_OUT_MUGS, TRAINING_MUGS, VALIDATION_MUGS, MugDesign, mug_vertices
+from vig_world.assets.designs.teapot import teapot_vertices
+from vig_world.assets.mugs.design import HELD_OUT_MUGS, TRAINING_MUGS, VALIDATION_MUGS, MugDesign
+from vig_world.assets.mugs.mug import mug_vertices
 
 PARAMETERS_FILE = "designs.json"
 Design = TeapotDesign | MugDesign
@@ -46,8 +46,7 @@ def save_parameters(designs: Sequence[Design], folder: Path) -> None:
     drawn = {design.name: asdict(design) for design in designs if design.name not in _CATALOGUE[kind]}
     for parameters in drawn.values():
         del parameters["name"]
-    with atomic_write(folder / PARAMETERS_FILE) as temporary:
-        temporary.write_text(json.dumps(asdict(_Parameters(kind, drawn)), indent=1) + "\n")
+    write_json(folder / PARAMETERS_FILE, asdict(_Parameters(kind, drawn)), 1)
 
 
 def coded_vertices(path: Path, names: Sequence[str]) -> np.ndarray:

@@ -30,9 +30,7 @@ def _hull_directions() -> np.ndarray:
 
 
 def extreme_points(vertices: np.ndarray) -> np.ndarray:
-    """Return the points of (V, 3) farthest in each of 130 directions, (130, 3) float64: a lean convex
-    hull.
-    """
+    """Return points of (V, 3) farthest in each of 130 directions, (130, 3) float64: a lean convex hull."""
     farthest = (_hull_directions() @ vertices.astype(np.float32).T).argmax(axis=1)
     return vertices[farthest].astype(np.float64)
 
@@ -55,9 +53,7 @@ class Footprint:
 
     @staticmethod
     def of(points: np.ndarray, axis: np.ndarray) -> Footprint:
-        """Return the footprint of world points (..., P, 3); `axis` (3,) a unit vector, such as the
-        direction of view.
-        """
+        """Return the footprint of world points (..., P, 3); `axis` (3,) a unit vector, such as the view's."""
         level = points[..., :2]
         return Footprint(level, (level @ _AXES.T).max(-2), _extent(points[..., 2]), _extent(points @ axis))
 

@@ -126,9 +126,7 @@ def _exr(path: Path) -> tuple[np.ndarray, tuple[float, ...]]:
 
 
 def _rgb_channels(path: Path, names: list[str]) -> list[int]:
-    """Return the places of R, G and B among the names of a part's channels, or of its one layer that has
-    them.
-    """
+    """Return the places of R, G and B among a part's channel names, or of its one layer that has them."""
     layers: dict[str, dict[str, int]] = {}
     for index, name in enumerate(names):
         layer, _, channel = name.upper().rpartition(".")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from vig.io.checks import check_arrays, decode, read_json, read_tensors, reading
-from vig.io.files import atomic_write, write_arrays
+from vig.io.files import write_arrays, write_json
 from vig.scene import ObjectClass
 from vig_world.assets.coded_designs import PARAMETERS_FILE, Design, coded_vertices, save_parameters
 
@@ -61,8 +60,7 @@ def _name(folder: Path, designs: Iterable[tuple[str, str]]) -> None:
     """Name designs in class.json, each with its split."""
     named = [{"name": name, "split": split} for name, split in designs]
     described = read_json(folder / "class.json") | {NAMED: named}
-    with atomic_write(folder / "class.json") as temporary:
-        Path(temporary).write_text(json.dumps(described, indent=1) + "\n")
+    write_json(folder / "class.json", described, 1)
 
 
 @lru_cache(maxsize=8)

@@ -21,9 +21,7 @@ Point = tuple[float, float, float]
 
 @lru_cache(maxsize=2)
 def _cube(bevelled: bool) -> tuple[Array, Array, Array, Array]:
-    """Return signs (N, 3), cut axes (N, 3) in 0/1 and facing axis (N,) of a box's vertices, and its
-    triangles.
-    """
+    """Return signs (N, 3), cut axes (N, 3) in 0/1 and facing axis (N,) of a box's vertices, and triangles."""
     mesh = box((2.0, 2.0, 2.0), 0.2 if bevelled else 0.0)
     points = mesh.vertices - [0, 0, 1]
     polygons = [range(k, k + 4) for k in range(0, 72 if bevelled else 24, 4)]
@@ -99,9 +97,7 @@ class Joinery:
         self._boards: dict[tuple[int, float], list[tuple[Point, Point]]] = {}
 
     def board(self, stuff: Material, low: Point, high: Point, bevel: float = 0.0) -> None:
-        """Add a box between two corners, its edges cut off by `bevel`; each has its own place in the
-        texture.
-        """
+        """Add a box between two corners, edges cut off by `bevel`; each has its own place in the texture."""
         self._materials[id(stuff)] = stuff
         self._boards.setdefault((id(stuff), bevel), []).append((low, high))
 

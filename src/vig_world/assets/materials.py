@@ -41,9 +41,7 @@ _PAINTS = np.array(
 def material(
     kind: str, rng: np.random.Generator, pattern: str = "paint", base: ArrayLike | None = None, size: int = 64
 ) -> Material:
-    """Return a material with a texture of kind `pattern` (see `textures.KINDS`), of main colour `base` if
-    given.
-    """
+    """Return a material with a texture of kind `pattern` (`textures.KINDS`), main colour `base` if given."""
     return Material(texture(pattern, rng, size, base), kind, float(rng.uniform(*ROUGHNESS[kind])))
 
 
@@ -58,9 +56,7 @@ def _stand_in(pattern: str, number: int) -> np.ndarray:
 
 
 def slot_material(slot: str, rng: np.random.Generator) -> Material:
-    """Return the stand-in for a slot of furniture (a name of `STAND_INS`): wood, a top to stand on, or
-    fabric.
-    """
+    """Return the stand-in for a slot of furniture (of `STAND_INS`): wood, a top to stand on, or fabric."""
     pattern, kind, roughness = STAND_INS[slot]
     image = _stand_in(pattern, int(rng.integers(_STAND_IN_COUNT)))
     return Material(image, kind, float(rng.uniform(*roughness)), slot)

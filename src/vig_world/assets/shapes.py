@@ -36,9 +36,7 @@ def _mesh(vertices: ArrayLike, faces: ArrayLike, uv: ArrayLike) -> Mesh:
 
 @lru_cache(maxsize=256)
 def _grid_faces(rows: int, columns: int, wrap: bool) -> NDArray[np.int32]:
-    """Return two triangles per cell of a row-major grid of vertices; `wrap` joins the last column to the
-    first.
-    """
+    """Return two triangles per cell of a row-major vertex grid; `wrap` joins the last column to the first."""
     r, c = np.meshgrid(np.arange(rows - 1), np.arange(columns if wrap else columns - 1), indexing="ij")
     a, b = r * columns + c, r * columns + (c + 1) % columns
     quads = np.stack([a, b, b + columns, a, b + columns, a + columns], -1)
@@ -76,8 +74,7 @@ _FRAMES = np.array(  # normal, right, up of the six sides, each seen from outsid
 
 @lru_cache(maxsize=1)
 def _bevelled_cube() -> tuple[Array, Array, Array, NDArray[np.int_]]:
-    """Return signs (N, 3), cut axes (N, 3) in 0/1 and side (N,) of a bevelled box's vertices, and its
-    triangles.
+    """Return signs (N, 3), cut axes (N, 3) in 0/1 and side (N,) of a bevelled box's vertices, and triangles.
 
     A vertex lies at signs * (half size - bevel * cut). First come the six sides, four vertices each, then the
     edges' strips, then the corners' triangles.
@@ -167,9 +164,7 @@ def tube(path: Points, radius: ArrayLike, sides: int = 8, up: ArrayLike = (0.0, 
 
 
 def relief(x: ArrayLike, y: ArrayLike, top: ArrayLike, bottom: ArrayLike | float = 0.0) -> Mesh:
-    """Return a closed sheet between two surfaces over a grid: x, y, top, bottom (R, C), with vertical
-    edges.
-    """
+    """Return a closed sheet between two surfaces over a grid: x, y, top, bottom (R, C); vertical edges."""
     x, y, top = (np.asarray(a, np.float64) for a in (x, y, top))
     rows, columns = top.shape
     low = np.broadcast_to(np.asarray(bottom, np.float64), top.shape)

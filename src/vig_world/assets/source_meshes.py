@@ -63,17 +63,13 @@ class SourceMesh:
 
     @cached_property
     def _neighbours(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return vertices (V, NEIGHBOURS) of the template near each vertex, and their weights, which add up
-        to 1.
-        """
+        """Return vertices (V, NEIGHBOURS) of the template near each vertex, and weights that add up to 1."""
         distance, index = cKDTree(self.registered).query(self.vertices, NEIGHBOURS)
         weight = 1 / (distance + 1e-3 * np.ptp(self.registered, axis=0).max()) ** 2
         return index, (weight / weight.sum(1, keepdims=True)).astype(np.float32)
 
     def moved(self, template: np.ndarray) -> np.ndarray:
-        """Return vertices (V, 3) as the template moves from where it lies on the mesh to `template` (T,
-        3).
-        """
+        """Return vertices (V, 3) as the template moves from its place on the mesh to `template` (T, 3)."""
         index, weight = self._neighbours
         move = (template - self.registered).astype(np.float32)
         return self.vertices + np.einsum("vk,vkd->vd", weight, move[index])

@@ -66,9 +66,7 @@ def _vertices(coefficients: tuple[float, ...], design: int, object_class: Object
 
 @lru_cache(maxsize=512)
 def nearest_shape(object_class: ObjectClass, design: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the model's coefficients (K,) nearest to a held-out design, and its deviation, (V, 3)
-    float32.
-    """
+    """Return a model's coefficients (K,) nearest to a held-out design, and its deviation, (V, 3) float32."""
     designs, model = held_out_designs_of(object_class), object_class.shape_model
     if designs is None or not 0 <= design < len(designs.vertices):
         count = 0 if designs is None else len(designs.vertices)

@@ -65,9 +65,7 @@ def visible_ground(stage: StagedRoom) -> tuple[float, float]:
 
 
 def _in_background(stage: StagedRoom, rng: np.random.Generator) -> list[Support]:
-    """Return up to four other supports whose middle is in front of the camera and not too far, in random
-    order.
-    """
+    """Return up to four other supports with middles before the camera and not too far, in random order."""
     supports = stage.library.plan(stage.room.layout).layout.supports
     middles = stage.room.to_world(np.array([support.centre for support in supports]))
     x, y, z = ((middles - stage.actor.view.eye) @ stage.actor.view.rotation.T).T

@@ -19,7 +19,7 @@ from vig_world.composition.sampling import CompositionError, sample, turned
 from vig_world.composition.stage import LAYOUT_SIZE, MARGIN, Actor, StagedRoom, items_of
 from vig_world.dataset.spec import SceneSpec, Split
 from vig_world.library import Library
-from vig_world.raster import depth
+from vig_world.raster.draw import depth
 from vig_world.raster.view import View
 from vig_world.rotations import about_z
 from vig_world.streams import stream
@@ -201,8 +201,7 @@ class _GroupBuilder:
 def _seen_from(
     scene: SceneSpec, object_class: ObjectClass, eye: np.ndarray, turn: float, place: tuple[float, float]
 ) -> SceneSpec:
-    """Return a scene in the frame of another object, turned by `turn` and placed at (x, y) in the scene's
-    frame.
+    """Return a scene in another object's frame, turned by `turn` and placed at (x, y) in the scene's frame.
 
     azimuth and elevation are those of the camera (3,) about that object.
     """

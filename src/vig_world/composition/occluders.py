@@ -106,9 +106,7 @@ def draw_large(
 
 
 def area_to_hide(stage: StagedRoom, level: float, nearness: float) -> float:
-    """Return the area, m^2, of a silhouette, `nearness` of the object's distance away, that can hide
-    `level`.
-    """
+    """Return the area, m^2, of a silhouette, `nearness` of the object's distance away, that hides `level`."""
     view = stage.actor.view
     pixels = (level - stage.hidden()) * len(stage.actor.pixels)
     return pixels * (nearness * float(stage.actor.own.mean()) / view.camera.focal) ** 2
@@ -130,9 +128,7 @@ def standing(stage: StagedRoom, rng: np.random.Generator, level: float) -> Occlu
 
 
 def in_hand(stage: StagedRoom, rng: np.random.Generator, level: float) -> OccluderCandidate | None:
-    """Return a prop held by an arm that comes from outside the frame: tilted, or its broad side to the
-    camera.
-    """
+    """Return a prop held by an arm from outside the frame: tilted, or its broad side to the camera."""
     scale, least_area = stage.actor.scale, area_to_hide(stage, level, 0.75)
     name = draw_large(stage, rng, (least_area, least_area + MORE_THAN_HIDES * scale**2), False)
     numbers = rng.integers(stage.library.members("arm"), size=GRASPS).tolist()

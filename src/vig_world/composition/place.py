@@ -16,7 +16,9 @@ from vig_world.assets.things import ZONE_NAMES
 from vig_world.composition.stage import Actor, StagedRoom
 from vig_world.dataset.spec import Room, Surface
 from vig_world.library import Library
-from vig_world.rooms import EMPTY, Layout, unfurnished
+from vig_world.rooms import unfurnished
+from vig_world.rooms.layout import Layout
+from vig_world.rooms.unfurnished import EMPTY
 from vig_world.rotations import about_z
 
 ZONE_WEIGHTS = {
@@ -39,8 +41,7 @@ EDGE = 0.01
 WALL_SHARE = 0.9
 """Share of views from the side where people stand, for supports with a wall or back behind."""
 COVERED, LOW_COVER = 12.0, 0.7
-"""Supports with less than this clearance, metres, are likelier by this factor where the room is to hide
-the object."""
+"""Supports with less clearance, metres, are likelier by this factor where the room is to hide the object."""
 SLIDES = 5
 NEAR_RAY = 0.05
 """Metres from a piece of furniture within which the line of sight counts as meeting it."""
@@ -74,8 +75,7 @@ def find_place(
     rng: np.random.Generator,
     rejected: Counter[str],
 ) -> StagedRoom | None:
-    """Return a stage whose room and furniture hide a share of the object within `hidden`; None if none is
-    found.
+    """Return a stage whose room and furniture hide a share of the object within `hidden`; None without any.
 
     The latents stay fixed: one of the rooms `layouts` is turned and shifted round the object.
     """
@@ -106,9 +106,7 @@ def find_place(
 
 
 def _hiding(stage_at: Callable[[float], StagedRoom], hidden: tuple[float, float]) -> tuple[StagedRoom, float]:
-    """Return a stage moved out, by 0 to 1, from under things that hide too much of the object; and by how
-    much.
-    """
+    """Return a stage moved out, by 0 to 1, from under things hiding too much of the object; and how much."""
     stage = stage_at(0.0)
     if hidden[0] == 0 or stage.hidden() <= hidden[1]:
         return stage, 0.0
@@ -181,9 +179,7 @@ class _Proposals:
         return int(self._propose(slice(place, place + 1), slid)[0][0]) != engine.PLACE_EYE
 
     def pose(self, place: int, slid: float) -> tuple[tuple[float, float, float], float]:
-        """Return the layout's origin and turn in the world at one of the places, slid to the edge by 0
-        to 1.
-        """
+        """Return a layout's origin and turn in the world at one of the places, slid to the edge by 0 to 1."""
         turn, spot, slide = float(self._poses[place, 0]), self._poses[place, 1:4], self._poses[place, 4:]
         x, y, z = (-about_z(turn) @ (spot + slid * slide)).tolist()
         return (x, y, z), turn

@@ -18,9 +18,9 @@ from vig_world.composition.place import find_place, fits_seamless_ground
 from vig_world.composition.stage import LAYOUT_SIZE, Actor, items_of
 from vig_world.dataset.spec import Lens, Placed, Room, SampleError, SceneSpec, Split
 from vig_world.library import SLOTS, Library
-from vig_world.raster import depth
+from vig_world.raster.draw import depth
 from vig_world.raster.view import View
-from vig_world.rooms import SPACE
+from vig_world.rooms.unfurnished import SPACE
 from vig_world.rotations import about_z, vector_of
 from vig_world.streams import stream
 
@@ -29,8 +29,7 @@ GOLDEN = (math.sqrt(5) - 1) / 2
 LOWEST_ELEVATION = 0.05
 TOLERANCE = 0.015
 ATTEMPTS, HALL_ATTEMPTS, SIZE_ATTEMPTS = 300, 72, 12
-"""Rooms, and as many seamless grounds, that are tried; empty halls after these; how many with props of a
-size."""
+"""Rooms, and as many seamless grounds, tried; empty halls after these; how many with props of a size."""
 TARGET_STREAM, MANNER_STREAM = 2**20 + 1, 2**20 + 4
 """Numbers of the random streams of a seed's first target, and of the manner of a photograph."""
 BOARDS_FROM = 8
@@ -166,16 +165,13 @@ def _halvings(actor: Actor, attempt: int, furnished: int) -> int:
 
 
 def hall_size(actor: Actor) -> int:
-    """Return the size of the smallest empty hall with space for the object and its camera, see
-    `Library.halls`.
-    """
+    """Return the size of the smallest empty hall with space for object and camera, see `Library.halls`."""
     reach = max(np.linalg.norm(actor.view.eye), np.abs(actor.body.outline).max(), actor.body.heights[1])
     return max(0, math.ceil(math.log2(float(reach) / SPACE)))
 
 
 def target_occlusion(seed: int, index: int, split: Split) -> float:
-    """Return the share to be hidden, in [0, 0.9): multiples of the golden ratio, wrapped, from a random
-    start.
+    """Return the share to hide, in [0, 0.9): multiples of the golden ratio, wrapped, from a random start.
 
     Any run of samples is spread evenly over the range: each tenth of N has N / 10, give or take one or two.
     """

@@ -16,7 +16,9 @@ from vig_world.assets.footprint import Footprint, extreme_points
 from vig_world.assets.things import Support
 from vig_world.dataset.spec import Placed, Room
 from vig_world.library import Library
-from vig_world.raster import Item, ObjectPixels, Target, depth, settle
+from vig_world.raster.draw import depth
+from vig_world.raster.items import Item, Target
+from vig_world.raster.settle import ObjectPixels, settle
 from vig_world.raster.view import View
 from vig_world.rotations import about_z
 
@@ -105,9 +107,7 @@ class Actor:
 
     @property
     def small(self) -> float:
-        """Return its `scale` if it is smaller than 7 cm or so, whose camera is near its support;
-        else 1.
-        """
+        """Return its `scale` if it is smaller than 7 cm or so, whose camera is near its support; else 1."""
         return self.scale if self.scale < SMALL else 1.0
 
     @property
@@ -190,9 +190,7 @@ class StagedRoom:
         return self.library.families(zone, self.actor.object_class.name)
 
     def hidden(self, extra: np.ndarray | None = None) -> float:
-        """Return the share of the object's pixels behind room and props, or behind one more depth image (75,
-        75).
-        """
+        """Return the share of the object's pixels behind room and props, or one more depth image (75, 75)."""
         hidden, actor = self._hidden_pixels(), self.actor
         if extra is not None:
             hidden = hidden | (extra.ravel()[actor.pixels] < actor.own)

@@ -45,9 +45,7 @@ PARTIAL = "partial"
 
 
 def image_paths(folder: Path, index: int, normals: bool = False) -> dict[str, Path]:
-    """Return the image files of sample `index` in the split folder: rgb, depth, mask, mask_visib; normal, if
-    any.
-    """
+    """Return the image files of sample `index` in the split: rgb, depth, mask, mask_visib; normal, if any."""
     scene = folder / SCENE
     paths = {
         "rgb": scene / "rgb" / f"{index:06d}.png",
@@ -81,8 +79,7 @@ COLUMNS = {
     **dict.fromkeys(("hidden_by", "assets"), "list"),
     "truncated": "bool",
 }
-"""The columns of latents.parquet that are no latents, with Arrow's names of their types; lists are of
-strings."""
+"""Columns of latents.parquet that are no latents, with Arrow's names of their types; lists are of strings."""
 
 
 def read_info(root: Path) -> dict[str, Any]:

@@ -191,9 +191,7 @@ def read_dataset(path: str | Path, split: str | None = "train") -> Dataset:
 
 
 def read_specs(folder: Path, count: int) -> list[str]:
-    """Return the lines of a split's specs.jsonl, for `count` samples. OSError or ValueError when it is
-    damaged.
-    """
+    """Return the lines of a split's specs.jsonl, for `count` samples. OSError or ValueError when damaged."""
     data = read_bytes(inside(folder, "specs.jsonl"), MOST_SPEC * count)
     lines = data.decode().splitlines()
     if len(lines) != count:
@@ -202,9 +200,7 @@ def read_specs(folder: Path, count: int) -> list[str]:
 
 
 def decode_picture(data: bytes, kind: str, size: Size) -> np.ndarray:
-    """Return pixels of an image file. ValueError, before they are decoded, when size or mode are not its
-    kind's.
-    """
+    """Return pixels of an image file. ValueError, before decoding, when size or mode are not its kind's."""
     try:
         opened = Image.open(io.BytesIO(data), formats=("PNG",))
     except UnidentifiedImageError:

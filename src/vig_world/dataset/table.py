@@ -28,8 +28,7 @@ _TEXTS = ("hidden_by", "zone", "assets", "photo")
 
 
 def read_table(root: Path, split: str, texts: bool = True) -> pa.Table:
-    """Return a split's latents.parquet; without `texts`, the columns that only checks and exports read are
-    left out.
+    """Return a split's latents.parquet; without `texts`, less the columns that only checks and exports read.
 
     The stated numbers of rows and values are checked before they are decoded: a small file can hold
     gigabytes of repetitions. Raises UserError when it is missing or damaged.
@@ -66,9 +65,7 @@ def read_table(root: Path, split: str, texts: bool = True) -> pa.Table:
 
 
 def _column(name: str, column: pa.ChunkedArray) -> pa.ChunkedArray:
-    """Return a column of the table in its own type. ValueError when it has another, gaps, or very long
-    texts.
-    """
+    """Return a column of the table in its type. ValueError when it has another, gaps, or very long texts."""
     wanted = _TYPES.get(name, pa.float64())
     texts = column
     if pa.types.is_list(texts.type):

@@ -117,9 +117,7 @@ def mean_model(object_class: ObjectClass) -> Mesh:
 
 
 def ply(mesh: Mesh) -> bytes:
-    """Return a mesh in metres as an ASCII PLY file in millimetres, with vertex normals, as BOP has its
-    models.
-    """
+    """Return a mesh in metres as an ASCII PLY file in millimetres, with vertex normals, as BOP's models."""
     vertices = 1000 * mesh.vertices.astype(np.float64)
     rows = np.concatenate([vertices, vertex_normals(mesh.vertices, mesh.faces)], axis=1)
     properties = "".join(f"property float {name}\n" for name in ("x", "y", "z", "nx", "ny", "nz"))
@@ -141,9 +139,7 @@ SYMMETRIES: dict[Symmetry, dict[str, Any]] = {
 
 
 def models_info(mesh: Mesh, symmetry: Symmetry = Symmetry.NONE) -> dict[str, dict[str, Any]]:
-    """Return `models/models_info.json`: bounding box, diameter (the greatest distance of two vertices), mm;
-    symmetries.
-    """
+    """Return `models/models_info.json`: bounding box, diameter (of the farthest vertices), mm; symmetries."""
     vertices = 1000 * mesh.vertices.astype(np.float64)
     low, size = vertices.min(0), np.ptp(vertices, axis=0)
     try:

@@ -8,18 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from vig.photo.masks import box_of
+from vig.photo.masks import box_of, run_lengths
 from vig.scene import ObjectClass
 from vig_world.dataset.format import OBJECT_ID, image_paths, read_info
 from vig_world.dataset.read import Dataset, image_bytes, read_dataset
 from vig_world.generation.files import refuse_used, write_bytes
-from vig_world.generation.keypoints import (
-    EDGES,
-    OUTSIDE,
-    dataset_class,
-    keypoints,
-    names_of,
-)
+from vig_world.generation.keypoints import EDGES, OUTSIDE, dataset_class, keypoints, names_of
 
 READ_AT_ONCE = 256
 
@@ -108,16 +102,6 @@ def _write(dataset: Dataset, path: Path, annotations: list[dict[str, Any]], cate
         "annotations": annotations,
     }
     write_bytes(path, json.dumps(data).encode())
-
-
-def run_lengths(mask: np.ndarray) -> dict[str, list[int]]:
-    """Return COCO's uncompressed run lengths of a mask (H, W): size and counts, column by column, zeros
-    first.
-    """
-    pixels = np.asarray(mask, bool).ravel(order="F")
-    changes = np.flatnonzero(pixels[1:] != pixels[:-1]) + 1
-    ends = np.concatenate([[0] if pixels.size and pixels[0] else [], changes, [pixels.size]])
-    return {"size": list(mask.shape), "counts": np.diff(ends, prepend=0).astype(int).tolist()}
 
 
 def bounding_box(mask: np.ndarray) -> list[float]:

@@ -31,9 +31,7 @@ def depth_units(depth: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def normal_units(normals: np.ndarray) -> np.ndarray:
-    """Return normals (H, W, 3), 0 = unknown, as an image holds them: (H, W, 3) uint8, 127.5 + 127.5 times
-    each.
-    """
+    """Return normals (H, W, 3), 0 = unknown, as an image: (H, W, 3) uint8, 127.5 + 127.5 times each."""
     units = np.rint(127.5 * (normals + 1)).astype(np.uint8)
     return np.where(normals.any(-1, keepdims=True), units, np.uint8(0))
 
@@ -45,8 +43,7 @@ def describe(
     object_class: ObjectClass,
     photo: PhotoSettings | None = None,
 ) -> dict[str, Any]:
-    """Return the records of a sample in the merged files: keys camera, gt, gt_info (BOP), row (parquet),
-    spec.
+    """Return records of a sample in the merged files: keys camera, gt, gt_info (BOP), row (parquet), spec.
 
     Args:
         depth: The depth image as stored and its scale, see `depth_units`.
@@ -100,9 +97,7 @@ def assets_used(spec: SceneSpec) -> list[str]:
 
 
 def describe_split(path: str | Path, split: str) -> dict[str, Any]:
-    """Return the statistics of a split: occlusion_deciles (10 counts), rejections by reason and per
-    sample.
-    """
+    """Return statistics of a split: occlusion_deciles (10 counts), rejections by reason and per sample."""
     from vig_world.dataset.table import read_table
 
     settings = read_info(Path(path))["splits"][split]

@@ -56,9 +56,7 @@ def write_picture(path: Path, data: bytes) -> None:
 
 
 def read_scene(folder: Path, count: int) -> list[dict[str, Any]]:
-    """Return BOP's entries of each of `count` samples: camera, gt and gt_info. ValueError when they are
-    damaged.
-    """
+    """Return BOP's entries of each of `count` samples: camera, gt and gt_info. ValueError when damaged."""
     tables = {}
     for key in ("camera", "gt", "gt_info"):
         table = read_json(inside(folder, f"{SCENE}/scene_{key}.json"), MOST_LABELS * count)

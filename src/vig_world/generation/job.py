@@ -180,9 +180,7 @@ def photographed(picture: Picture, spec: SceneSpec) -> tuple[Picture, PhotoSetti
 def encode(
     spec: SceneSpec, picture: Picture, object_class: ObjectClass, photo: PhotoSettings | None = None
 ) -> dict[str, bytes]:
-    """Return a sample as files by name in the split's folder; the sidecar, which marks it complete, comes
-    last.
-    """
+    """Return a sample's files by name in the split's folder; the sidecar, marking it complete, comes last."""
     root, depth = Path(), depth_units(picture.depth)
     pictures = {
         "rgb": picture.image,

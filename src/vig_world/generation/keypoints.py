@@ -58,9 +58,7 @@ def points_of(object_class: ObjectClass, vertices: np.ndarray) -> np.ndarray:
 
 
 def mirrored(object_class: ObjectClass) -> list[int] | None:
-    """Return which keypoint each one is in a mirror image of an object: (N,); None where that shows no such
-    one.
-    """
+    """Return which keypoint each one is in a mirror image of an object: (N,); None where it shows none."""
     if not object_class.mirror:
         return None
     points = points_of(object_class, object_class.shape_model.mean)

@@ -23,17 +23,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SHEET, TILE = 1770, (210, 300)
-"""Width of a sheet, about; least and most pixels of the shorter side of a photo on it, which else stays as it
-is."""
+"""Width of a sheet, about; least and most pixels of the shorter side of a photo on it, else as it is."""
 MARGIN, CAPTION = 10, 22
 TINT, OUTLINE, DARK = np.array([255, 40, 160]), (40, 230, 255), (20, 20, 20)
 INK, FAINT, BLUE, ORANGE = "#22262e", "#d9dde3", "#3b6fb6", "#e08a2e"
 
 
 def chosen(occlusion: np.ndarray, count: int) -> np.ndarray:
-    """Return indices of `count` samples (all when there are fewer), evenly spread over the ranks of
-    occlusion.
-    """
+    """Return indices of `count` samples (all when there are fewer), evenly over the ranks of occlusion."""
     order = np.argsort(occlusion, kind="stable")
     return order[np.linspace(0, len(order) - 1, min(count, len(order))).round().astype(int)]
 

@@ -23,8 +23,7 @@ def export_webdataset(
     root: str | Path, out: str | Path, split: str | None = None, shard: int = SHARD
 ) -> Path:
     """Write `out/<split>-000000.tar` and so on: `000000.rgb.png 000000.mask.png 000000.mask_visib.png
-    000000.depth.png 000000.json` of each sample, `shard` samples in a file; 000000.normal.png where there
-    are normals.
+    000000.depth.png 000000.json` of each sample, `shard` samples in a file; 000000.normal.png if any.
 
     The JSON holds the sample's row of latents.parquet (key `row`) and its BOP entries (`camera`, `gt`,
     `gt_info`). The same dataset gives the same bytes. Returns `out`.

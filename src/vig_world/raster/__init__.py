@@ -9,20 +9,3 @@ items = [
 target = Target.of(object_class, vertices, shape, albedo, light)
 picture = draw(items, target, View.of(object_class, azimuth, elevation), light)
 far, owner = depth(items, View.of(object_class, azimuth, elevation, 75))"""
-
-from vig_world.raster.draw import depth, draw
-from vig_world.raster.items import Item, Target
-from vig_world.raster.packed import PackedAsset
-from vig_world.raster.pyramid import TextureLevels
-from vig_world.raster.settle import ObjectPixels, settle
-
-__all__ = [
-    "Item",
-    "ObjectPixels",
-    "PackedAsset",
-    "Target",
-    "TextureLevels",
-    "depth",
-    "draw",
-    "settle",
-]

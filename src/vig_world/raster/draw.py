@@ -43,8 +43,7 @@ Colouring = Callable[[SurfaceSamples], np.ndarray]
 
 
 def depth(items: Sequence[Item], view: View) -> tuple[np.ndarray, np.ndarray]:
-    """Return the depth (H, W) float32 metres along the optical axis, inf = nothing; and its item's owner, -1
-    = nothing.
+    """Return depth (H, W) float32 metres along the optical axis, inf = nothing; and its item's owner or -1.
 
     One sample in the middle of each pixel of the view's camera. owner is (H, W) int32.
     """

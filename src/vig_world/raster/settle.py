@@ -36,8 +36,7 @@ def settle(
     level: float,
     tolerance: float,
 ) -> tuple[float, np.ndarray] | str:
-    """Return the offset at which items hide `level` of an object, with their depth there, as `depth` gives
-    it.
+    """Return the offset where items hide `level` of an object, with their depth there, as `depth` gives it.
 
     Args:
         items: The items at offset 0.

@@ -112,8 +112,7 @@ def slopes() -> np.ndarray:
 
 
 def sky_weights(light: np.ndarray) -> np.ndarray:
-    """Return the irradiance (K, 4) lost with the light from each of `directions`: v0 and v, see the module's
-    docstring.
+    """Return irradiance (K, 4) lost with the light from each of `directions`: v0 and v, as the module says.
 
     Each direction stands for the same share of the upper hemisphere. All together they make up the irradiance
     of a surface that faces up.
@@ -127,9 +126,7 @@ def sky_weights(light: np.ndarray) -> np.ndarray:
 
 @functools.cache
 def _basis() -> tuple[np.ndarray, np.ndarray]:
-    """Return SH (K + 1, 9) of the directions and of straight up; weights (K, 4) of a radiance of 1 from
-    each.
-    """
+    """Return SH (K + 1, 9) of the directions and of straight up; weights (K, 4) of radiance 1 from each."""
     towards = directions()
     basis = sh_basis(np.concatenate([towards, [[0.0, 0.0, 1.0]]]))
     # A_l Y_l(d) Y_l(n) of degrees 0 and 1: 1 / (4 pi) and d . n / (2 pi), of a solid angle of 2 pi / K.

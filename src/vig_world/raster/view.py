@@ -94,9 +94,7 @@ class View:
 
     @cached_property
     def near(self) -> float:
-        """Return the depth, metres, up to which things are clipped: less for a camera near the object or the
-        ground.
-        """
+        """Return the depth, metres, to which things are clipped: less for a camera near object or ground."""
         height = max(float(self.eye[2]), LOWEST)
         return min(NEAR, NEAR_SHARE * self.camera.distance, EYE_SHARE * height)
 
@@ -115,15 +113,11 @@ class View:
         return self.rotation[2]
 
     def depth(self, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-        """Return the depth (H, W) metres of a world mesh wholly in front of the camera; inf where nothing is
-        seen.
-        """
+        """Return the depth (H, W) metres of a world mesh wholly before the camera; inf where none is seen."""
         return rasterize(vertices, faces, self.rotation, self.translation, self.camera, cull=True).depth
 
     def windows(self, clouds: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return the first and end row, first and end column, (N,) each, of the frame that can show clouds
-        (N, P, 3).
-        """
+        """Return first and end rows and columns, (N,) each, of the frame that can show clouds (N, P, 3)."""
         points = clouds @ self.rotation.T + self.translation
         camera = self.camera
         scale = camera.focal / points[..., 2]

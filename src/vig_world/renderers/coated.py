@@ -34,9 +34,7 @@ class Appearance:
     albedo: np.ndarray
 
     def averaged(self, samples: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return the mean colour (h, w, 3) and coverage (h, w), float32, of pixels of `samples` x `samples`
-        samples.
-        """
+        """Return mean colour (h, w, 3) and coverage (h, w), float32, of pixels of `samples`^2 samples."""
         sums = np.zeros((*self.on.shape, 4), np.float32)
         sums[self.on] = np.concatenate([self.colour, np.ones((len(self.colour), 1))], axis=1)
         mean = sums[::samples, ::samples]

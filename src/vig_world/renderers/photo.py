@@ -110,9 +110,7 @@ def _through_lens(linear: np.ndarray, settings: PhotoSettings) -> np.ndarray:
 
 
 def _counted(light: np.ndarray, settings: PhotoSettings, rng: np.random.Generator) -> np.ndarray:
-    """Return the sensor's signal in [0, 1]: exposed, with shot noise (as a Gaussian) and read noise,
-    clipped.
-    """
+    """Return the sensor's signal in [0, 1]: exposed, with shot noise (a Gaussian) and read noise, clipped."""
     electrons = light * (2.0**settings.exposure * settings.electrons)
     electrons += np.sqrt(electrons + settings.read_noise**2) * rng.standard_normal(light.shape)
     return (electrons / settings.electrons).clip(0, 1)

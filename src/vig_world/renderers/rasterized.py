@@ -11,8 +11,8 @@ from vig_world.assets.panoramas.light import mirror
 from vig_world.assets.target import target_vertices
 from vig_world.dataset.spec import Coat, SceneSpec
 from vig_world.library import Library
-from vig_world.raster import Item, Target, draw
-from vig_world.raster.draw import Colouring, SurfaceSamples
+from vig_world.raster.draw import Colouring, SurfaceSamples, draw
+from vig_world.raster.items import Item, Target
 from vig_world.raster.picture import Picture
 from vig_world.raster.view import View
 from vig_world.renderers.coated import coloured

@@ -237,9 +237,7 @@ def _hang_lamp(plan: Plan, family: str, at: tuple[float, float], drop: float | N
 
 
 def walkable(plan: Plan) -> bool:
-    """Return whether from the first door a person reaches most of the floor that is wide enough to stand
-    on.
-    """
+    """Return whether from the first door a person reaches most of the floor wide enough to stand on."""
     taken, _ = occupied(plan, [b for b in plan.bodies if b.low < HEADROOM and b.high > 0.05])
     wide = round(SHOULDERS / CELL)
     stand = ndimage.binary_opening(np.pad(~taken, wide), np.ones((wide, wide)))

@@ -38,9 +38,7 @@ class Layout:
 
 
 def material_under(layout: Layout, support: Support) -> Material | None:
-    """Return the material of the highest surface at the middle of a support, None where there is none near
-    it.
-    """
+    """Return the material of the highest surface at the middle of a support, None where none is near."""
     x, y, z = support.centre
     highest, material_found = -np.inf, None
     for mesh, material in layout.parts:

@@ -245,9 +245,7 @@ class Plan:
         return True
 
     def _spots(self, number: int, half: float, snug: bool) -> list[float]:
-        """Return places to try along a wall for something 2 `half` wide: beside others and in corners, or
-        any.
-        """
+        """Return places to try along a wall for a thing 2 `half` wide: beside others, in corners, or any."""
         wall = self.walls[number]
         first, last = half + 0.002, wall.length - half - 0.002
         if last < first:

@@ -69,9 +69,7 @@ def walls_of(outline: Array) -> list[Wall]:
 
 
 def cells(low: tuple[float, float], high: tuple[float, float], holes: list[Hole]) -> list[Hole]:
-    """Return rectangles that together cover the rectangle low..high but for its holes, all on one grid of
-    lines.
-    """
+    """Return rectangles that cover the rectangle low..high but for its holes, all on one grid of lines."""
     xs = sorted({low[0], high[0], *(hole[0] for hole in holes), *(hole[2] for hole in holes)})
     ys = sorted({low[1], high[1], *(hole[1] for hole in holes), *(hole[3] for hole in holes)})
     result = []

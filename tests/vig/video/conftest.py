@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import vig
-from vig_world.composition.turning import draw_turning
+from benchmarks.turning import draw_turning
 from vig_world.library import Library
 from vig_world.renderers.rasterized import render
 

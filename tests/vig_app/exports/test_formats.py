@@ -15,10 +15,10 @@ from PIL import Image
 
 import vig
 from vig.io.errors import UserError
+from vig.photo.masks import run_lengths
 from vig_app.examples import example_photos
 from vig_app.exports import FORMATS, remove_exports
 from vig_app.exports.formats.bop import bop_box
-from vig_app.exports.formats.coco import run_lengths
 
 
 @pytest.fixture(scope="module")

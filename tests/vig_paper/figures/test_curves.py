@@ -11,8 +11,8 @@ from PIL import Image
 from vig.scene import Latents
 from vig_paper.figures import curves
 from vig_paper.figures.curves import figure3, reliability_figure
-from vig_train.evaluation import MethodResult
 from vig_train.evaluation.paper import paper_median
+from vig_train.evaluation.results import MethodResult
 
 OCCLUSION = np.array([0.05, 0.05, 0.05, 0.55, 0.85])
 AZIMUTH = np.array([1.0, 2.0, 3.0, 10.0, 50.0])

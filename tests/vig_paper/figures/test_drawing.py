@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from vig_paper.figures.drawing import choose, worst
-from vig_train.evaluation import MethodResult
+from vig_train.evaluation.results import MethodResult
 
 # Five images in the first bin, one in the third.
 OCCLUSION = np.array([0.0, 0.05, 0.1, 0.12, 0.15, 0.4])

@@ -17,7 +17,7 @@ from vig_paper.reproduction import RunFolder
 from vig_paper.reproduction.page import write_page
 from vig_paper.reproduction.reached import RUNS
 from vig_paper.settings import ReproductionSettings
-from vig_train.evaluation import build_table, save_table
+from vig_train.evaluation.table import build_table, save_table
 from vig_train.record import Record
 
 

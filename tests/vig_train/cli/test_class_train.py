@@ -23,7 +23,7 @@ from vig.parallel import map_in_processes
 from vig.recognition import WEIGHTS_FILE, Recognizer
 from vig.recognition.weights import TRUNK_PREFIXES, shared_trunk
 from vig.scene import ObjectClass
-from vig_train.calibration import StudioPhotos
+from vig_train.calibration.samples import StudioPhotos
 from vig_train.class_training import ClassTraining, card, steps
 from vig_train.class_training import plan as planning
 from vig_train.class_training.card import HEADING

@@ -16,7 +16,8 @@ from vig.inference.calibration import CONFIDENCE_FEATURES
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass
 from vig_app.cli.main import main
-from vig_train.evaluation import evaluate, fits
+from vig_train.evaluation import fits
+from vig_train.evaluation.protocol import evaluate
 from vig_world.dataset import Dataset
 from vig_world.generation.write import make_dataset
 

@@ -21,8 +21,8 @@ from vig.scene import Latents, ObjectClass, linear_from_srgb
 from vig_app.cli.main import main
 from vig_paper.figures.style import render_explanations
 from vig_train import METHODS
-from vig_train.evaluation import evaluate, write_csv
-from vig_train.evaluation.protocol import MASK_HEAD, silhouettes
+from vig_train.evaluation.protocol import MASK_HEAD, evaluate, silhouettes
+from vig_train.evaluation.results import write_csv
 from vig_world.assets.target import target_vertices
 from vig_world.dataset import Dataset
 

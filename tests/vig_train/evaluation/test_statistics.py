@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from vig.scene import Latents
-from vig_train.evaluation import MethodResult, statistics
+from vig_train.evaluation import statistics
+from vig_train.evaluation.results import MethodResult
 
 
 def drawn(count: int, resamples: int = 1000) -> np.ndarray:

@@ -11,9 +11,10 @@ import pytest
 from rich.console import Console
 
 from vig.io.errors import UserError
-from vig_train.evaluation import METRICS, blocks, build_table, markdown_table, save_table, summarise
+from vig_train.evaluation.presentation import blocks, markdown_table
 from vig_train.evaluation.protocol import MASK_HEAD
 from vig_train.evaluation.statistics import OCCLUSION_BINS, OCCLUSION_LEVELS
+from vig_train.evaluation.table import METRICS, build_table, save_table, summarise
 from vig_world.dataset import Dataset
 
 

@@ -10,9 +10,10 @@ from vig.scene.symmetry import Symmetry
 from vig_train.packs.mug import DRAWN_DESIGNS, MODES, TRAINING_SCENE_DESIGNS
 from vig_train.packs.mug import mug as coded_mug
 from vig_train.packs.shapes import relative_distance
-from vig_world.assets.designs.crossings import crossings
+from vig_world.assets.designs.soundness import crossings
 from vig_world.assets.held_out import held_out_designs_of
-from vig_world.assets.mugs import HELD_OUT_MUGS, MUG_FACES, MUG_PARTS, PART_NAMES, VALIDATION_MUGS
+from vig_world.assets.mugs.design import HELD_OUT_MUGS, VALIDATION_MUGS
+from vig_world.assets.mugs.mug import MUG_FACES, MUG_PARTS, PART_NAMES
 from vig_world.assets.target import draw_shape, shape_vertices
 from vig_world.composition.place import zone_weights
 

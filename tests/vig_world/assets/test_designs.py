@@ -7,17 +7,14 @@ import dataclasses
 import numpy as np
 import pytest
 
-from vig_world.assets.designs import (
+from vig_world.assets.designs.design import (
     HELD_OUT_DESIGNS,
-    MIRROR,
-    PART_NAMES,
-    TEAPOT_FACES,
-    TEAPOT_PARTS,
     TRAINING_DESIGNS,
     VALIDATION_DESIGNS,
     TeapotDesign,
-    teapot_vertices,
 )
+from vig_world.assets.designs.teapot import MIRROR, PART_NAMES, TEAPOT_FACES, TEAPOT_PARTS, teapot_vertices
+from vig_world.mesh import face_edges
 
 ORIGINAL = TRAINING_DESIGNS[:23]
 """The designs of version 0.1; bounds of size and of principal components below are theirs."""
@@ -75,7 +72,7 @@ def test_counts_names_and_types() -> None:
 @pytest.mark.parametrize("parts", SURFACES.values(), ids=SURFACES.keys())
 def test_every_part_is_a_closed_sphere(parts: tuple[int, ...]) -> None:
     faces = surface_faces(parts)
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    edges = face_edges(faces)
     directed = {(int(a), int(b)) for a, b in edges}
     assert len(directed) == len(edges), "an edge is used twice in the same direction"
     assert all((b, a) in directed for a, b in directed), "an edge lacks its second face"

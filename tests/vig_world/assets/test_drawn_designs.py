@@ -7,18 +7,16 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from vig_world.assets.designs import (
+from vig_world.assets.designs import drawn as drawn_module
+from vig_world.assets.designs.design import (
     HELD_OUT_DESIGNS,
     TRAINING_DESIGNS,
     VALIDATION_DESIGNS,
     TeapotDesign,
-    draw_design,
-    drawn_designs,
-    flaws,
-    teapot_vertices,
 )
-from vig_world.assets.designs import drawn as drawn_module
-from vig_world.assets.designs.drawn import MIXING
+from vig_world.assets.designs.drawn import MIXING, draw_design, drawn_designs
+from vig_world.assets.designs.flaws import flaws
+from vig_world.assets.designs.teapot import teapot_vertices
 
 
 @pytest.fixture(scope="module")

@@ -8,15 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vig_world.assets.designs import (
-    MIRROR,
-    PART_NAMES,
-    TEAPOT_FACES,
-    TEAPOT_PARTS,
-    TRAINING_DESIGNS,
-    TeapotDesign,
-    teapot_vertices,
-)
+from vig_world.assets.designs.design import TRAINING_DESIGNS, TeapotDesign
+from vig_world.assets.designs.teapot import MIRROR, PART_NAMES, TEAPOT_FACES, TEAPOT_PARTS, teapot_vertices
 
 NEW = TRAINING_DESIGNS[23:]
 ABOVE = [design for design in NEW if design.handle == "above"]

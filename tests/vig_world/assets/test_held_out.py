@@ -12,7 +12,9 @@ from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig.scene.object_class import TRANSFER_FILE
 from vig_world.assets.coded_designs import PARAMETERS_FILE
-from vig_world.assets.designs import HELD_OUT_DESIGNS, drawn_designs, teapot_vertices
+from vig_world.assets.designs.design import HELD_OUT_DESIGNS
+from vig_world.assets.designs.drawn import drawn_designs
+from vig_world.assets.designs.teapot import teapot_vertices
 from vig_world.assets.held_out import DESIGNS_FILE, held_out_designs_of, save_coded
 
 

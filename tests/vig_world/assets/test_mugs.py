@@ -9,25 +9,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from vig_world.assets.designs.crossings import crossings
-from vig_world.assets.mugs import (
-    HELD_OUT_MUGS,
-    MUG_FACES,
-    MUG_MIRROR,
-    MUG_PARTS,
-    PART_NAMES,
-    TRAINING_MUGS,
-    VALIDATION_MUGS,
-    MugDesign,
-    draw_mug,
-    drawn_mugs,
-    flaws,
-    mug_vertices,
-)
+from vig_world.assets.designs.soundness import crossings
 from vig_world.assets.mugs import drawn as drawn_module
-from vig_world.assets.mugs.drawn import MIXING
-from vig_world.assets.mugs.mug import POINTS
-from vig_world.mesh import face_normals
+from vig_world.assets.mugs.design import HELD_OUT_MUGS, TRAINING_MUGS, VALIDATION_MUGS, MugDesign
+from vig_world.assets.mugs.drawn import MIXING, draw_mug, drawn_mugs
+from vig_world.assets.mugs.flaws import flaws
+from vig_world.assets.mugs.mug import MUG_FACES, MUG_MIRROR, MUG_PARTS, PART_NAMES, POINTS, mug_vertices
+from vig_world.mesh import face_edges, face_normals
 
 ALL_MUGS = TRAINING_MUGS + HELD_OUT_MUGS + VALIDATION_MUGS
 CLASSIC = TRAINING_MUGS[0]
@@ -52,7 +40,7 @@ def test_counts_names_and_types(shapes: np.ndarray) -> None:
 
 
 def test_one_closed_surface_with_the_hole_of_the_handle() -> None:
-    edges = np.concatenate([MUG_FACES[:, [0, 1]], MUG_FACES[:, [1, 2]], MUG_FACES[:, [2, 0]]])
+    edges = face_edges(MUG_FACES)
     directed = {(int(a), int(b)) for a, b in edges}
     assert len(directed) == len(edges), "an edge is used twice in the same direction"
     assert all((b, a) in directed for a, b in directed), "an edge lacks its second face"

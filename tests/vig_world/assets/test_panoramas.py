@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from vig.scene import EXPOSURE_L00, irradiance, rotate_z
-from vig_world.assets.panoramas import directions, light_parts, local_light, panorama
-from vig_world.assets.panoramas.light import exposed, grey, project_panorama
-from vig_world.assets.panoramas.painting import first_met, paint, seen
+from vig_world.assets.panoramas.light import exposed, grey, light_parts, local_light, project_panorama
+from vig_world.assets.panoramas.painting import directions, first_met, paint, panorama, seen
 from vig_world.assets.panoramas.rooms import Box, PanoramaRoom, Source
 
 

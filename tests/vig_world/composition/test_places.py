@@ -18,7 +18,7 @@ from vig_world.composition.stage import HAND_INSIDE, LAYOUT_SIZE, Actor, StagedR
 from vig_world.dataset.spec import Lens, Room
 from vig_world.library import Library
 from vig_world.raster.view import View
-from vig_world.rooms import Layout
+from vig_world.rooms.layout import Layout
 from vig_world.rotations import about_z
 
 AZIMUTH, LEVEL = 0.7, 0.4

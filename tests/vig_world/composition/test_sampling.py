@@ -15,7 +15,8 @@ from vig_world.composition import sampling
 from vig_world.composition.sampling import TOLERANCE, sample, target_occlusion
 from vig_world.dataset.spec import Placed, SceneSpec
 from vig_world.library import Library
-from vig_world.raster import Item, depth
+from vig_world.raster.draw import depth
+from vig_world.raster.items import Item
 from vig_world.raster.view import View
 from vig_world.renderers.build import build
 from vig_world.renderers.rasterized import render

@@ -20,7 +20,7 @@ from vig_world.dataset.spec import SceneSpec
 from vig_world.library import Library
 from vig_world.raster.view import View
 from vig_world.renderers.rasterized import render
-from vig_world.rooms import EMPTY
+from vig_world.rooms.unfurnished import EMPTY
 from vig_world.streams import stream
 
 SIZES = {

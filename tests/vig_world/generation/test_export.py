@@ -10,8 +10,9 @@ import pytest
 from PIL import Image
 
 from vig.io.errors import UserError
+from vig.photo.masks import run_lengths
 from vig_world.dataset import Dataset
-from vig_world.generation.coco import bounding_box, export_coco, run_lengths
+from vig_world.generation.coco import bounding_box, export_coco
 from vig_world.generation.webdataset import export_webdataset
 
 

@@ -16,9 +16,11 @@ from vig_world.assets.models import packaged_props
 from vig_world.assets.target import NO_DESIGN, shape_vertices
 from vig_world.assets.things import Material
 from vig_world.mesh import Mesh, vertex_normals
-from vig_world.raster import Item, PackedAsset, Target, TextureLevels, depth, draw
-from vig_world.raster.draw import SurfaceSamples
+from vig_world.raster.draw import SurfaceSamples, depth, draw
+from vig_world.raster.items import Item, Target
+from vig_world.raster.packed import PackedAsset
 from vig_world.raster.picture import Picture
+from vig_world.raster.pyramid import TextureLevels
 from vig_world.raster.rasterize import rasterize
 from vig_world.raster.view import View
 

@@ -7,8 +7,8 @@ from vig.scene import srgb8_from_linear
 from vig_native import engine
 from vig_world.assets.things import Material
 from vig_world.mesh import Mesh
-from vig_world.raster import PackedAsset, TextureLevels
-from vig_world.raster.packed import pack
+from vig_world.raster.packed import PackedAsset, pack
+from vig_world.raster.pyramid import TextureLevels
 from vig_world.raster.shadows import BOUNCE, directions, sky_weights, slopes, surface_points
 
 

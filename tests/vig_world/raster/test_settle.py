@@ -6,7 +6,10 @@ import pytest
 from tests.support import TEAPOT
 from vig.scene import ObjectClass
 from vig_world.assets.models import packaged_props
-from vig_world.raster import Item, ObjectPixels, PackedAsset, depth, settle
+from vig_world.raster.draw import depth
+from vig_world.raster.items import Item
+from vig_world.raster.packed import PackedAsset
+from vig_world.raster.settle import ObjectPixels, settle
 from vig_world.raster.view import View
 
 TOLERANCE = 0.01

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from vig_world.library import HALL_SIZES, HALLS, Library
-from vig_world.rooms import EMPTY, SPACE, draw_hall
+from vig_world.rooms.unfurnished import EMPTY, SPACE, draw_hall
 
 
 @pytest.mark.parametrize("size", [1.0, 8.0])

@@ -11,7 +11,8 @@ from vig_world.assets.shapes import box
 from vig_world.assets.things import ZONE_NAMES, Furniture, Material, Support
 from vig_world.library import Library
 from vig_world.mesh import Mesh, face_normals
-from vig_world.rooms import Layout, draw_layout
+from vig_world.rooms.draw import draw_layout
+from vig_world.rooms.layout import Layout
 from vig_world.rooms.shell import inside, walls_of
 
 COUNT = 64

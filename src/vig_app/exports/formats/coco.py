@@ -19,6 +19,7 @@ from vig.explanation import Explanation
 from vig.io.checks import reading
 from vig.io.files import atomic_write, write_json
 from vig.photo.decoding import opened
+from vig.photo.masks import run_lengths
 from vig_app.exports.formats.bop import OBJECT_ID, bop_box, score
 from vig_app.exports.run import FILE_NUMBERS, ExportedRun
 
@@ -27,9 +28,7 @@ RUN_FILE = "coco.json"
 
 
 def write(folder: Path, explanation: Explanation, photo: str) -> None:
-    """Write the photo; its id is the number at the end of the photo's name, 139 of
-    COCO_val2014_000000000139.jpg.
-    """
+    """Write the photo; its id is the number at the end of its name, 139 of COCO_val2014_000000000139.jpg."""
     height, width = explanation.mask.shape
     digits = re.search(r"([0-9]{1,18})\.\w+$", photo)
     image = (int(digits[1]) if digits else 0) or 1
@@ -86,12 +85,3 @@ def annotation_of(
         "visible_segmentation": run_lengths(visible),
         "score": score,
     }
-
-
-def run_lengths(mask: np.ndarray) -> dict[str, Any]:
-    """Return COCO's uncompressed run lengths of a mask (H, W) bool: down the columns, zeros first."""
-    flat = mask.ravel(order="F")
-    changes = np.flatnonzero(np.diff(flat)) + 1
-    starts = np.concatenate([[0], changes, [flat.size]])
-    counts = np.diff(starts).tolist()
-    return {"size": list(mask.shape), "counts": [0, *counts] if flat[0] else counts}

@@ -40,9 +40,7 @@ def write(folder: Path, explanation: Explanation, photo: str) -> None:
 
 
 def quaternion_of(rotation: np.ndarray) -> np.ndarray:
-    """Return x, y, z, w of a rotation matrix, w at least 0: the first eigenvector of Bar-Itzhack's matrix
-    (2000).
-    """
+    """Return x, y, z, w of a rotation, w >= 0: the first eigenvector of Bar-Itzhack's matrix (2000)."""
     (a, b, c), (d, e, f), (g, h, i) = rotation
     lower = [
         [a - e - i, 0, 0, 0],

@@ -52,9 +52,7 @@ def smooth(points: np.ndarray, width: float) -> np.ndarray:
 
 
 def squared_circle(angle: np.ndarray, squareness: float) -> np.ndarray:
-    """Return the radius at each angle of a section between the unit circle (0) and a rounded square round it
-    (1).
-    """
+    """Return radii by angle of a section between the unit circle (0) and a rounded square round it (1)."""
     square = (np.abs(np.cos(angle)) ** 6 + np.abs(np.sin(angle)) ** 6) ** (-1.0 / 6.0)
     return 1.0 + squareness * (square - 1.0)
 

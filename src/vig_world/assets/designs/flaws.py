@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from vig_world.assets.designs.design import TeapotDesign
-from vig_world.assets.designs.mixing import size_flaws
+from vig_world.assets.designs.soundness import size_flaws
 from vig_world.assets.designs.swept import HANDLE_LOFT, SPOUT_LOFT
 from vig_world.assets.designs.teapot import PART_NAMES, TEAPOT_FACES, TEAPOT_PARTS, teapot_vertices
 from vig_world.assets.designs.topology import Loft
@@ -62,9 +62,7 @@ def flaws(design: TeapotDesign) -> list[str]:
 
 
 def inside(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return whether points (N, 3) lie inside closed surfaces (N,): their winding number, by solid angles, is
-    1.
-    """
+    """Return whether points (N, 3) are in closed surfaces (N,): their winding number by solid angles is 1."""
     a, b, c = (vertices[faces[:, k]][None] - points[:, None] for k in range(3))
     la, lb, lc = (np.linalg.norm(x, axis=-1) for x in (a, b, c))
     triple = np.sum(a * np.cross(b, c), axis=-1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib import resources
 from typing import Any, TypeVar
@@ -51,9 +51,7 @@ class Mixing:
     def mixture(
         self, rng: np.random.Generator, choose: Callable[[tuple[str, ...]], Sequence[Any]]
     ) -> dict[str, Any]:
-        """Return a mixture of two of the designs `choose(group)` for each part: parameters, lengths as
-        ratios.
-        """
+        """Return a mixture of two designs of `choose(group)` for each part: parameters, lengths as ratios."""
         mixed: dict[str, Any] = {}
         for group in self.groups:
             designs = choose(group)
@@ -74,7 +72,7 @@ class Mixing:
     def relative(self, design: Any) -> dict[str, Any]:
         """Return a design's parameters, lengths that depend on the body's size as ratios."""
         d = asdict(design)
-        of = self._unit_of()
+        of = {key: unit for unit, keys in self.units for key in keys}
         return {key: value / float(d[of[key]]) if key in of else value for key, value in d.items()}
 
     def absolute(self, relative: Mapping[str, Any]) -> dict[str, Any]:
@@ -84,9 +82,6 @@ class Mixing:
             for key in keys:
                 d[key] = relative[key] * float(d[unit])
         return {key: _plain(value) for key, value in d.items()}
-
-    def _unit_of(self) -> dict[str, str]:
-        return {key: unit for unit, keys in self.units for key in keys}
 
 
 def first_sound(
@@ -116,12 +111,3 @@ def drawn_in_order(
 
 def _plain(value: Any) -> Any:
     return round(float(value), 5) if isinstance(value, float) else value
-
-
-def size_flaws(sizes: Iterable[tuple[str, float, tuple[float, float]]]) -> list[str]:
-    """Return a sentence on each size, metres, that is not within its limits; sizes: word, size, limits."""
-    return [
-        f"it is {1000 * size:.0f} mm {word}, not {1000 * least:.0f} to {1000 * most:.0f}"
-        for word, size, (least, most) in sizes
-        if not least <= size <= most
-    ]

@@ -115,9 +115,7 @@ def body_vertices(design: TeapotDesign) -> np.ndarray:
 
 
 def _lobed(design: TeapotDesign, vertices: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """Return the factor of the radius of each vertex (V,) by ribs and flat sides, where `depth` (V,) is 0 to
-    1.
-    """
+    """Return the factor of each vertex's radius (V,) by ribs and flat sides, where `depth` (V,) is 0 to 1."""
     d = design
     angle = np.arctan2(vertices[:, 1], vertices[:, 0])
     ribs = d.lobe_depth * np.cos(d.lobes * angle)
@@ -182,9 +180,7 @@ def knob_vertices(design: TeapotDesign) -> np.ndarray:
 
 
 def _revolve(loft: Loft, profile: np.ndarray, square: np.ndarray, aspect: float) -> np.ndarray:
-    """Return vertices (V, 3) of a profile (rings, 2) of (radius, height), with each ring's squareness
-    (rings,).
-    """
+    """Return vertices (V, 3) of a profile (rings, 2) of (radius, height) with squareness (rings,)."""
     rings = []
     for count, (radius, height), squareness in zip(loft.counts, profile, square, strict=True):
         angle = 2.0 * np.pi * np.arange(count) / count

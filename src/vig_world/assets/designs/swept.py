@@ -33,9 +33,7 @@ _DENSE_FRACTIONS = np.linspace(0.0, 1.0, 400)
 
 
 def spout_vertices(design: TeapotDesign, wall: BodyProfile) -> np.ndarray:
-    """Return the spout as a closed surface over SPOUT_LOFT, from inside the body to the mouth's dimple, (V,
-    3).
-    """
+    """Return the spout, a closed surface over SPOUT_LOFT, from in the body to the mouth's dimple, (V, 3)."""
     d = design
     base_slope, tip_slope = np.radians(d.spout_base_angle), np.radians(d.spout_tip_angle)
     base_radius = (1.0 + _SPOUT_FLARE) * d.spout_base_radius
@@ -160,9 +158,7 @@ def _grip(d: TeapotDesign, wall: BodyProfile) -> np.ndarray:
 def _inside(
     d: TeapotDesign, wall: BodyProfile, height: float, half_height: float, half_width: float
 ) -> float:
-    """Return the largest x at which an upright elliptic section round `height` lies wholly inside the
-    body.
-    """
+    """Return the largest x at which an upright elliptic section round `height` lies wholly in the body."""
     angle = np.linspace(0.0, np.pi, 33)
     radius = wall.radius(height + half_height * np.cos(angle))
     across = np.minimum(half_width * np.sin(angle) / d.belly_aspect, 0.95 * radius)

@@ -47,8 +47,7 @@ MIRROR: np.ndarray = np.concatenate(
 
 
 def teapot_vertices(design: TeapotDesign) -> np.ndarray:
-    """Return vertices of a design, (V, 3) float32 in metres, standing on z = 0 with the body's axis at x = y
-    = 0.
+    """Return vertices of a design, (V, 3) float32 in metres, standing on z = 0, the body's axis at x = y = 0.
 
     Exactly mirror symmetric in y (see MIRROR); the topology is TEAPOT_FACES for every design.
     """

@@ -20,15 +20,11 @@ class Loft:
 
     @property
     def starts(self) -> np.ndarray:
-        """Return the index of the first vertex of each ring, and the vertex count at the end: (rings +
-        1,).
-        """
+        """Return the index of each ring's first vertex, and the vertex count at the end: (rings + 1,)."""
         return np.concatenate([[0], np.cumsum(self.counts)])
 
     def faces(self) -> np.ndarray:
-        """Return outward counter-clockwise triangles, (F, 3) int32; they map onto each other under
-        `mirror`.
-        """
+        """Return outward counter-clockwise triangles, (F, 3) int32; `mirror` maps them onto each other."""
         triangles: list[tuple[int, int, int]] = []
         starts = self.starts
         for i, (lower, upper) in enumerate(pairwise(self.counts)):
@@ -40,9 +36,7 @@ class Loft:
         return np.array(triangles, np.int32)
 
     def mirror(self) -> np.ndarray:
-        """Return the index of each vertex's mirror image in y, (V,) int32: angle j of a ring goes to angle
-        -j.
-        """
+        """Return the index of each vertex's mirror image in y, (V,) int32: a ring's angle j goes to -j."""
         rings = [start + (-np.arange(n)) % n for start, n in zip(self.starts[:-1], self.counts, strict=True)]
         return np.concatenate(rings).astype(np.int32)
 
@@ -54,9 +48,7 @@ def symmetric(vertices: np.ndarray, mirror: np.ndarray) -> np.ndarray:
 
 
 def band(low: int, m: int, high: int, n: int) -> list[tuple[int, int, int]]:
-    """Return triangles between a ring of m vertices from index `low` and a ring of n >= m from `high` above
-    it.
-    """
+    """Return triangles between a ring of m vertices from index `low` and one of n >= m from `high` above."""
 
     def a(j: int) -> int:
         return low + j % m

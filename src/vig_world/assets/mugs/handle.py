@@ -28,17 +28,13 @@ _BLEND = 0.2
 
 
 def section(squareness: float) -> np.ndarray:
-    """Return the unit section (AROUND, 2) across (y) and in the plane, the latter upwards at the lower
-    end.
-    """
+    """Return a unit section (AROUND, 2) across (y) and in the plane, the latter upwards at the lower end."""
     reach = squared_circle(_ANGLE, squareness)
     return np.stack([reach * np.cos(_ANGLE), reach * np.sin(_ANGLE)], axis=1)
 
 
 def half_sizes(design: MugDesign, upper: bool) -> tuple[float, float]:
-    """Return half the width (across) and height (along the wall) of the handle where it meets the wall,
-    metres.
-    """
+    """Return half the width (across) and height (along the wall) of the handle at the wall, metres."""
     scale = design.handle_flare * (1.0 if upper else design.handle_taper)
     slope = np.radians(design.handle_rise if upper else design.handle_drop)
     height = 0.5 * scale * design.handle_thickness / max(float(np.cos(slope)), 0.6)
@@ -46,9 +42,7 @@ def half_sizes(design: MugDesign, upper: bool) -> tuple[float, float]:
 
 
 def centre_line(design: MugDesign, wall: Profile) -> np.ndarray:
-    """Return the dense centre line (N, 2) of (x, z), from its lower end to its upper one, both on the
-    wall.
-    """
+    """Return a dense centre line (N, 2) of (x, z), from its lower end to its upper one, both on the wall."""
     d = design
     bottom, top = (np.array([float(wall.radius(z)), z]) for z in (d.handle_bottom, d.handle_top))
     span, out = d.handle_top - d.handle_bottom, max(bottom[0], top[0]) + d.handle_reach
@@ -110,9 +104,7 @@ def handle_rings(design: MugDesign, wall: Profile, loops: tuple[np.ndarray, np.n
 
 
 def _fractions(even: np.ndarray, length: float, thickness: float) -> np.ndarray:
-    """Return fractions (RINGS + 2,) of the arc length, closer together at the ends and where the line
-    bends.
-    """
+    """Return fractions (RINGS + 2,) of the arc length, closer at the ends and where the line bends."""
     way = np.diff(even, axis=0)
     turn = np.abs(np.diff(np.unwrap(np.arctan2(way[:, 1], way[:, 0]))))
     bends = np.convolve(np.pad(turn, 11, mode="edge"), np.hanning(23), mode="valid")

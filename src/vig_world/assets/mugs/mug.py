@@ -35,9 +35,7 @@ _LOWER, _UPPER = (_UNDERSIDE + sum(_SPANS[:count]) + _HALF for count in (1, 3))
 
 
 def _loop(ring: int, sign: int) -> np.ndarray:
-    """Return vertices (AROUND,) of the loft on the loop round a ring's first vertex; sign -1 for the upper
-    loop.
-    """
+    """Return the loft's vertices (AROUND,) on the loop round a ring's first vertex; sign -1 for the upper."""
     across, up = (np.clip(AROUND // 4 - _away(place), -_HALF, _HALF) for place in (0, AROUND // 4))
     return _LOFT.starts[ring + sign * up] + across % _COLUMNS
 
@@ -110,8 +108,7 @@ POINTS = {
 
 
 def mug_vertices(design: MugDesign) -> np.ndarray:
-    """Return vertices of a design, (V, 3) float32 in metres, standing on z = 0 with the body's axis at x = y
-    = 0.
+    """Return vertices of a design, (V, 3) float32 in metres, standing on z = 0, the body's axis at x = y = 0.
 
     Exactly mirror symmetric in y (see MUG_MIRROR); the topology is MUG_FACES for every design.
     """
@@ -152,18 +149,14 @@ def wall_rows(design: MugDesign, outer: Profile) -> np.ndarray:
 
 
 def _half_angles(design: MugDesign, outer: Profile) -> np.ndarray:
-    """Return the angle (2,) about the axis from the middle of the lower and the upper loop to its side,
-    radians.
-    """
+    """Return angles (2,) about the axis from the middle of the lower and upper loop to its side, radians."""
     radii = [float(outer.radius(z)) for z in (design.handle_bottom, design.handle_top)]
     widths = [half_sizes(design, upper)[0] for upper in (False, True)]
     return np.arcsin(np.minimum(0.9, np.array(widths) / np.maximum(radii, 1e-6)))
 
 
 def _columns(count: int, half_angle: float) -> np.ndarray:
-    """Return angles (count,) about the axis of a ring's vertices, those by the handle as far apart as it is
-    wide.
-    """
+    """Return angles (count,) about the axis of a ring's vertices, by the handle as far apart as its width."""
     column = np.arange(count) * (_COLUMNS // count)
     column = np.where(column > _COLUMNS // 2, column - _COLUMNS, column)
     rest = (np.abs(column) - _HALF) / (_COLUMNS // 2 - _HALF)

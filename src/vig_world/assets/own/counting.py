@@ -7,7 +7,7 @@ from pathlib import Path
 
 from vig.io.checks import name_stand_in, parse_json
 from vig.io.errors import UserError
-from vig_world.assets.own.meshes import count_stl
+from vig_world.assets.own.meshes.stl import count_stl
 from vig_world.assets.own.siblings import MOST_BYTES
 
 MOST_FACES = 1_000_000

@@ -36,9 +36,7 @@ class OwnPanorama:
     path: Path
 
     def sharp(self) -> np.ndarray:
-        """Return the panorama at up to 256 x 512, read from its file again: (H, 2 H, 3) float32 linear
-        radiance.
-        """
+        """Return the panorama at up to 256 x 512, read from its file: (H, 2 H, 3) float32 linear radiance."""
         image = read_panorama(self.path)
         return resized(image, min(len(image), MOST_ROWS))
 
@@ -79,8 +77,7 @@ def read_envmaps(
 
 
 def bpy_panoramas(python: str | Path | None = None) -> Path:
-    """Return the folder of panoramas in the wheel `bpy` of an interpreter (None: this one); nothing is
-    imported.
+    """Return the folder of panoramas in the wheel `bpy` of an interpreter (None: this one); none is imported.
 
     Raises:
         UserError: When the interpreter cannot be run or has no such wheel.

@@ -15,16 +15,13 @@ FAMILIES = {  # by keywords in a name; earlier ones take precedence
 
 
 def family_of_file(name: str) -> str:
-    """Return the family that a file's name suggests by a keyword anywhere; `furniture` when it suggests
-    none.
-    """
+    """Return the family that a file's name suggests by a keyword anywhere; `furniture` without one."""
     words = Path(name).as_posix().lower().replace("-", "_").replace(" ", "_")
     return next((family for word, family in FAMILIES.items() if word in words), "furniture")
 
 
 def family_of_thing(name: str) -> str | None:
-    """Return the family of a thing by the keyword at the end of its name: `coffee_table`, but not
-    `desk_lamp`.
+    """Return the family of a thing by the keyword that ends its name: `coffee_table`, but not `desk_lamp`.
 
     Args:
         name: Lower-case words with `_` between.

@@ -18,7 +18,11 @@ from vig.io.checks import read_bytes
 from vig.io.errors import UserError
 from vig_world.assets.own.counting import refuse_huge
 from vig_world.assets.own.folder import files_of
-from vig_world.assets.own.meshes import read_gltf, read_obj, read_off, read_ply, read_stl
+from vig_world.assets.own.meshes.gltf import read_gltf
+from vig_world.assets.own.meshes.obj import read_obj
+from vig_world.assets.own.meshes.off import read_off
+from vig_world.assets.own.meshes.ply import read_ply
+from vig_world.assets.own.meshes.stl import read_stl
 from vig_world.assets.own.siblings import MOST_BYTES, Siblings
 from vig_world.assets.own.surfaces import SurfaceMesh, paint
 from vig_world.mesh import stacked
@@ -52,8 +56,7 @@ class MeshPiece:
 class Loaded:
     """Contents of a mesh file: pieces by material, and the bytes of all files read.
 
-    `notes` are sentences without a full stop on omitted content and on substitutes for materials
-    that were not read.
+    `notes` are sentences without a full stop on omitted content and on substitutes for materials not read.
     """
 
     pieces: list[MeshPiece]

@@ -45,9 +45,7 @@ def read_props(folder: str | Path) -> tuple[list[PropModel], list[str]]:
 
 
 def _called(name: str) -> str:
-    """Return the name of a thing: its file's stem, or its folder's name if the stem is generic, such as
-    `model`.
-    """
+    """Return a thing's name: its file's stem, or its folder's name if that is generic, such as `model`."""
     path = Path(name)
     return path.parent.name if path.stem.lower() in _GENERIC and path.parent.name else path.stem
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from vig_world.assets.own.load import MeshPiece
-from vig_world.mesh import stacked
+from vig_world.mesh import face_edges, stacked
 
 _UV_CELLS = 16
 """Vertices of one place stay apart where their texture coordinates fall into different cells of this many."""
@@ -69,14 +69,12 @@ def _clustered(piece: MeshPiece, low: np.ndarray, cell: float) -> MeshPiece:
 
 
 def signed_volume(pieces: list[MeshPiece]) -> float | None:
-    """Return the volume within the pieces' surface, negative when it is inside out; None when it is not
-    closed.
-    """
+    """Return the volume within the pieces' surface, negative when inside out; None when it is not closed."""
     points, faces = stacked(pieces)
     size = float(np.ptp(points, axis=0).max())
     _, place = np.unique(np.round(points / (1e-5 * size)).astype(np.int64), axis=0, return_inverse=True)
     corners = place.reshape(-1)[faces]
-    ends = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]]).astype(np.int64)
+    ends = face_edges(corners).astype(np.int64)
     ends = ends[ends[:, 0] != ends[:, 1]]
     there, back = ends @ [len(points), 1], ends @ [1, len(points)]
     if not np.array_equal(np.sort(there), np.sort(back)):  # each edge as often one way as the other
@@ -86,9 +84,7 @@ def signed_volume(pieces: list[MeshPiece]) -> float | None:
 
 
 def outward(pieces: list[MeshPiece], most: int) -> list[MeshPiece]:
-    """Return the pieces facing outwards, with at most `most` faces; open ones with a back side of their
-    own.
-    """
+    """Return the pieces facing outwards, with at most `most` faces; open ones with their own back side."""
     pieces = simplified(pieces, most)
     volume = signed_volume(pieces) if pieces else None
     if volume:

@@ -81,9 +81,7 @@ def _turned(pieces: list[MeshPiece], rotation: np.ndarray) -> list[MeshPiece]:
 
 
 def _guessed_up(pieces: list[MeshPiece], suffix: str, kind: SizedKind) -> tuple[str, bool]:
-    """Return which of y and z points up, by the side on which it can stand, and whether that is beyond
-    doubt.
-    """
+    """Return which of y and z points up, by the side on which it can stand, and whether that is certain."""
     steady = {up: _base(_turned(pieces, np.array(_UPRIGHT[up], np.float64))) for up in ("z", "y")}
     standing = [up for up, share in steady.items() if share > _STEADY]
     if len(standing) == 1:

@@ -112,8 +112,7 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def largest_rectangle(grid: np.ndarray) -> tuple[int, int, int, int]:
-    """Return the largest rectangle of true cells (H, W): first and end row, first and end column; zeros if
-    none.
+    """Return the largest rectangle of true cells (H, W): first and end row, first and end column; 0 if none.
 
     Per row, columns of true cells are the bars of a histogram, and a stack of rising bars gives the largest
     rectangle under it.
@@ -156,9 +155,7 @@ def _opened(
 
 
 def _front_is_open(corners: np.ndarray, centre: np.ndarray, half: np.ndarray, clearance: float) -> bool:
-    """Return whether most horizontal lines from above a rectangle towards -y meet none of the faces (F, 3,
-    3).
-    """
+    """Return whether most horizontal lines from above a rectangle towards -y meet no faces (F, 3, 3)."""
     height = centre[2] + 0.5 * min(clearance, _REACH)
     free = 0
     for share in (-0.7, -0.35, 0.0, 0.35, 0.7):
@@ -174,9 +171,7 @@ def _front_is_open(corners: np.ndarray, centre: np.ndarray, half: np.ndarray, cl
 
 
 def _behind(vertices: np.ndarray, faces: np.ndarray, low: np.ndarray, high: np.ndarray, z: float) -> float:
-    """Return metres from a rectangle's +y edge to the first face above it that looks towards -y; inf if
-    none.
-    """
+    """Return metres from a rectangle's +y edge to the first face above it that looks to -y; inf if none."""
     normals = face_normals(vertices, faces)
     corners = vertices[faces]
     facing = normals[:, 1] < -0.7 * np.linalg.norm(normals, axis=1)

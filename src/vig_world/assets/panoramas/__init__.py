@@ -3,13 +3,3 @@
 A room is drawn as boxes and light sources (`rooms`); rays from the viewpoint find the surfaces, each lit by
 the sources that it sees and by the light of all the room (`painting`).
 """
-
-from vig_world.assets.panoramas.light import light_parts, local_light
-from vig_world.assets.panoramas.painting import directions, panorama
-
-__all__ = [
-    "directions",
-    "light_parts",
-    "local_light",
-    "panorama",
-]

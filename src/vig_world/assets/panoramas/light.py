@@ -99,8 +99,7 @@ def exposed(light: np.ndarray) -> np.ndarray:
 def mirror(
     radiance: np.ndarray, angle: float, ground_albedo: float
 ) -> Callable[[np.ndarray, float], np.ndarray]:
-    """Return the radiance from unit directions (N, 3), as a mirror of some roughness shows it, above a level
-    ground.
+    """Return the radiance from unit directions (N, 3), as a rough mirror shows it, above a level ground.
 
     Args:
         radiance: (H, 2H, 3) equirectangular, as in `project_panorama`.

@@ -40,9 +40,7 @@ def panorama(rng: np.random.Generator, height: int = 64) -> Array:
 
 @lru_cache(maxsize=4)
 def directions(height: int) -> Array:
-    """Return unit directions (height, 2 height, 3) of the pixels: row 0 up, columns counter-clockwise from
-    +X.
-    """
+    """Return unit directions (height, 2 height, 3) of pixels: row 0 up, columns counter-clockwise from +X."""
     theta = (np.arange(height) + 0.5) * np.pi / height
     phi = (np.arange(2 * height) + 0.5) * np.pi / height
     ring = np.sin(theta)[:, None]
@@ -181,9 +179,7 @@ def _sunlight(room: PanoramaRoom, points: Array, normals: Array) -> Array:
 
 
 def _met(source: Source, points: Array, way: Array) -> tuple[Array, Array, Array]:
-    """Return how far along rays (N, 3) a rectangle's plane is, (N,), and its own coordinates there, within
-    +-1.
-    """
+    """Return how far along rays (N, 3) a rectangle's plane is (N,), and its coordinates there, within +-1."""
     assert source.over is not None
     against = way @ source.normal
     against = np.where(np.abs(against) < 1e-6, 1e-6, against)

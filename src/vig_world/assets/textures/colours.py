@@ -61,17 +61,13 @@ def accent(rng: np.random.Generator) -> Array:
 
 
 def near(base: ArrayLike, rng: np.random.Generator, spread: float = 0.15) -> Array:
-    """Return a colour (3,) close to `base` (3,): brightness and, half as much, tint scaled by up to 1 +-
-    spread.
-    """
+    """Return a colour (3,) like `base` (3,): brightness, half as much tint, scaled by up to 1 +- spread."""
     factor = 1 + rng.uniform(-spread, spread) + 0.5 * rng.uniform(-spread, spread, 3)
     return np.clip(np.asarray(base) * factor, DARKEST, BRIGHTEST).astype(np.float32)
 
 
 def shade(base: ArrayLike, rng: np.random.Generator, spread: float = 0.2) -> Array:
-    """Return a colour (3,) like `base` (3,) but brighter or darker by up to 1 +- spread; its tint stays,
-    nearly.
-    """
+    """Return a colour (3,) like `base` (3,), brighter or darker by up to 1 +- spread, nearly of its tint."""
     factor = (1 + rng.uniform(-spread, spread)) * (1 + rng.uniform(-0.025, 0.025, 3))
     return np.clip(np.asarray(base) * factor, DARKEST, BRIGHTEST).astype(np.float32)
 

@@ -24,8 +24,7 @@ def noise(
 ) -> Array:
     """Return periodic Gaussian noise (size, size) of mean 0 and deviation 1.
 
-    Amplitude falls as frequency^-slope above `cutoff` cycles; `stretch` > 1 draws the grain out along rows'
-    direction v.
+    Amplitude falls as frequency^-slope above `cutoff` cycles; `stretch` > 1 draws the grain out along v.
     """
     spectrum = np.fft.rfft2(rng.standard_normal((size, size), np.float32)) * _filter(
         size, slope, stretch, cutoff
@@ -62,9 +61,7 @@ def cells(
 def ellipse(
     x: Array, y: Array, centre: tuple[float, float], radii: tuple[float, float], angle: float = 0.0
 ) -> Array:
-    """Return the coverage of an ellipse at points x, y (broadcast), its edge soft over a tenth of its
-    radius.
-    """
+    """Return an ellipse's coverage at points x, y (broadcast), its edge soft over a tenth of its radius."""
     dx, dy = x - centre[0], y - centre[1]
     c, s = np.cos(angle), np.sin(angle)
     distance = np.sqrt(((c * dx + s * dy) / radii[0]) ** 2 + ((c * dy - s * dx) / radii[1]) ** 2)

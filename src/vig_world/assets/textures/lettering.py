@@ -27,8 +27,7 @@ BLANK = 26
 
 @lru_cache(maxsize=64)
 def alphabet(height: int, small: bool, weight: float) -> NDArray[np.float32]:
-    """Return the coverage (27, height, width) of the letters a to z and a blank, each with its space on the
-    right.
+    """Return the coverage (27, height, width) of letters a to z and a blank, each with space on the right.
 
     Args:
         weight: Thickness of a stroke as a share of the height.
@@ -73,9 +72,7 @@ def title(rng: np.random.Generator, width: int, height: int) -> NDArray[np.float
 def paragraph(
     rng: np.random.Generator, width: int, height: int, letter: int, filled: float = 0.95
 ) -> NDArray[np.float32]:
-    """Return the coverage (height, width) of lines of small type, `letter` pixels high; ragged on the
-    right.
-    """
+    """Return the coverage (height, width) of lines of small type, `letter` pixels high; ragged at right."""
     glyphs = alphabet(letter, True, 0.16)
     step = letter + max(1, round(0.5 * letter))
     lines, columns = max(1, height // step), max(1, width // glyphs.shape[2])

@@ -105,9 +105,7 @@ def picture(rng: np.random.Generator, size: int, base: Array | None) -> Array:
 
 @kind(metres=(0.2, 0.4), periodic=False)
 def print_(rng: np.random.Generator, size: int, base: Array | None) -> Array:
-    """Return a label, a packet's face or a cover: bands of colour, a picture or an emblem, a name, small
-    print.
-    """
+    """Return a label, a packet's face or a cover: bands of colour, picture or emblem, a name, small print."""
     base = (shade(_WHITE, rng, 0.1) if rng.uniform() < 0.4 else colour(rng)) if base is None else base
     v, u = grid(size)
     second = partner(base, rng)

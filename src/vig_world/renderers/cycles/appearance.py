@@ -129,8 +129,7 @@ def coat_material(coat: Coat, texture: str) -> dict[str, Any]:
 def baked(
     coat: Coat, vertices: np.ndarray, model: ShapeModel, texels: int = TEXELS
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the albedo of a coat as a texture (h, w, 3), linear, row 0 on top, and corners' coordinates (F,
-    3, 2).
+    """Return a coat's albedo as a texture (h, w, 3), linear, row 0 on top; corners' coordinates (F, 3, 2).
 
     Each face has a square of `texels` a side to itself, of which it fills the lower left half but for a rim.
     """
@@ -155,17 +154,14 @@ def baked(
 
 
 def painted(albedo: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return the albedo (3,) with a painted decoration over it: (h, w, 3) linear, u round the axis, row 0 on
-    top.
-    """
+    """Return the albedo (3,) with a decoration over it: (h, w, 3) linear, u round the axis, row 0 on top."""
     layer = decoration(rng, DECORATION_SIZE)
     cover = layer[..., 3:]
     return ((1 - cover) * albedo + cover * layer[..., :3]).astype(np.float32)
 
 
 def cylindrical_uv(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return texture coordinates (F, 3, 2) of the faces' corners: u once round the +Z axis, v from foot to
-    top.
+    """Return texture coordinates (F, 3, 2) of faces' corners: u once round the +Z axis, v from foot to top.
 
     A face that crosses the seam goes on past u = 1, where the texture repeats.
     """
@@ -179,8 +175,6 @@ def cylindrical_uv(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def painted_faces(model: ShapeModel) -> np.ndarray:
-    """Return faces (F,) bool that a decoration covers: of the part `body`, or of the first where there is
-    none.
-    """
+    """Return faces (F,) bool that a decoration covers: of the part `body`, or else of the first."""
     part = model.part_names.index("body") if "body" in model.part_names else 0
     return (model.parts == part)[model.faces].all(axis=1)

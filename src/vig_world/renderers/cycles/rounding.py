@@ -89,9 +89,7 @@ def _edge_controls(
 
 
 def _pattern() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the weights of 10 control points and 3 corners for a cut patch's M points, and its
-    triangles.
-    """
+    """Return the weights of 10 control points and 3 corners for a cut patch's M points, and its triangles."""
     i, j = (grid.ravel() for grid in np.meshgrid(np.arange(CUTS + 1), np.arange(CUTS + 1), indexing="ij"))
     inside = i + j <= CUTS
     i, j = i[inside], j[inside]

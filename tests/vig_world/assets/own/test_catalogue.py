@@ -12,12 +12,13 @@ from PIL import Image
 
 from vig.io.errors import UserError
 from vig_train.building.reading import read_scans
-from vig_world.assets.own import read_furniture, read_props
 from vig_world.assets.own.catalogue import mesh_folder, read_sources, unpack
 from vig_world.assets.own.catalogue.choice import split_words
 from vig_world.assets.own.catalogue.reading import PROPERTIES, parse_properties
 from vig_world.assets.own.catalogue.zones import zones_of
+from vig_world.assets.own.furniture import read_furniture
 from vig_world.assets.own.furniture_families import family_of_thing
+from vig_world.assets.own.props import read_props
 from vig_world.assets.things import ZONE_NAMES
 
 Z_UP = "1 0 0 0 0 1 0 -1 0"

@@ -9,8 +9,7 @@ import OpenImageIO as oiio
 import pytest
 
 from vig.io.errors import UserError
-from vig_world.assets.own import bpy_panoramas, read_envmaps
-from vig_world.assets.own.envmaps import resized
+from vig_world.assets.own.envmaps import bpy_panoramas, read_envmaps, resized
 from vig_world.assets.panoramas.light import project_panorama
 
 

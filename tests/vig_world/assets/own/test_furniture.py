@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from vig.io.errors import UserError
-from vig_world.assets.own import read_furniture
+from vig_world.assets.own.furniture import read_furniture
 from vig_world.assets.own.supports import largest_rectangle
 
 

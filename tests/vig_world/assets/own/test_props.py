@@ -11,9 +11,8 @@ from PIL import Image
 
 from vig.io.errors import UserError
 from vig.scene import linear_from_srgb
-from vig_world.assets.own import read_props
 from vig_world.assets.own.counting import MOST_FACES as MOST_READ
-from vig_world.assets.own.props import MOST_FACES
+from vig_world.assets.own.props import MOST_FACES, read_props
 from vig_world.mesh import face_normals
 
 RED, BLUE = (200, 20, 20), (20, 20, 200)

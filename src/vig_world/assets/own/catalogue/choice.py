@@ -46,8 +46,7 @@ class Choice:
 
 
 def choice_of(source: str | Path) -> Choice | None:
-    """Return the choice that an argument names; None when it names a folder of meshes, or nothing that
-    exists.
+    """Return the choice an argument names; None when it names a folder of meshes, or nothing that exists.
 
     Args:
         source: `catalogue.sh3f`, a folder of catalogues, or either with `:word,word`.

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from vig_world.assets.own.meshes import plain_obj
 from vig_world.assets.own.meshes.mtl import library_names, picture_name, plain_lines
+from vig_world.assets.own.meshes.obj import plain_obj
 from vig_world.assets.own.siblings import readings
 
 _UPRIGHT = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], np.float64)

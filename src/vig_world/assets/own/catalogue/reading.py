@@ -63,9 +63,7 @@ class CatalogueModel:
         return size / 100
 
     def rotation(self) -> np.ndarray:
-        """Return the rotation (3, 3) from the file's axes to the catalogue's. UserError when it is not a
-        rotation.
-        """
+        """Return the rotation (3, 3) from the file's axes to the catalogue's. UserError when it is none."""
         text = self.fields.get("modelRotation", "1 0 0 0 1 0 0 0 1")
         matrix = np.array([_number(word) for word in text.split()])
         if len(matrix) == 9:

@@ -38,8 +38,7 @@ _DAY = 86_400.0
 
 
 def mesh_folder(source: str | Path) -> Path:
-    """Return the folder of meshes that an argument names: itself, or the unpacked models of furniture
-    catalogues.
+    """Return the folder of meshes an argument names: itself, or the unpacked models of furniture catalogues.
 
     Models are unpacked to the user's cache folder when they are first asked for: an OBJ file each, in metres,
     Z up, front -Y, of the catalogue's size, with materials and pictures, a `vig.toml` with its family and
@@ -192,9 +191,7 @@ def _settings(model: CatalogueModel) -> str:
 
 
 def _inside(path: str) -> str:
-    """Return a model's path in the zip, without the slash that it begins with. UserError when it leads
-    elsewhere.
-    """
+    """Return a model's path in the zip, without its first slash. UserError when it leads elsewhere."""
     plain = path.removeprefix("/")
     if not _is_plain(plain):
         raise UserError(f"expected a path within the catalogue; got '{path[:100]}'.")

@@ -227,9 +227,7 @@ class _Reader:
         return values
 
     def _numbers(self, number: int) -> np.ndarray:
-        """Return an accessor's values (count, size) as floats: whole numbers as fractions where it says
-        so.
-        """
+        """Return an accessor's values (count, size) as floats: whole numbers as fractions if it says so."""
         accessor = self.tree["accessors"][number]
         values = self._raw(accessor)
         if accessor["componentType"] == 5126:
@@ -273,9 +271,7 @@ class _Reader:
         return SurfaceMesh(positions, faces, uv, surface, colours, linear=True)
 
     def _check_bounds(self, accessor: dict[str, Any], positions: np.ndarray) -> None:
-        """Raise ValueError where positions lie elsewhere than the file states: they were not read as
-        they are.
-        """
+        """Raise ValueError where positions lie elsewhere than the file states: they were misread."""
         if not len(positions) or "min" not in accessor or "max" not in accessor:
             return
         low, high = np.array(accessor["min"], float), np.array(accessor["max"], float)

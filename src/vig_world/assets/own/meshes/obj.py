@@ -91,9 +91,7 @@ def plain_obj(data: bytes) -> bytes:
 
 
 def _absolute(corner: bytes, counts: dict[bytes, int]) -> bytes:
-    """Return a corner v/vt/vn with its indices counted from 1; ValueError for 0 and for one not defined
-    yet.
-    """
+    """Return a corner v/vt/vn with its indices counted from 1; ValueError for 0 and one not defined yet."""
     parts = corner.split(b"/")
     for place, (part, kind) in enumerate(zip(parts, (b"v", b"vt", b"vn"), strict=False)):
         if not part:

@@ -12,9 +12,7 @@ _HEADER = re.compile(r"(ST)?(C)?(N)?(4)?(n)?OFF\b", re.ASCII)
 
 
 def read_off(data: bytes) -> tuple[np.ndarray, np.ndarray]:
-    """Return vertices (V, 3) float64 and triangles (F, 3); ValueError for a damaged file or one of another
-    kind.
-    """
+    """Return vertices (V, 3) float64 and triangles (F, 3); ValueError for a damaged file or another kind."""
     text = data.removeprefix(b"\xef\xbb\xbf").decode("latin-1")
     lines = [line for line in (row.split("#", 1)[0].strip() for row in text.splitlines()) if line]
     header = _HEADER.match(lines[0]) if lines else None

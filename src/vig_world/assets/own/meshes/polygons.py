@@ -14,8 +14,7 @@ def owners(polygons: Sequence[np.ndarray], places: np.ndarray) -> np.ndarray:
 
 
 def triangulated(vertices: np.ndarray, polygons: Sequence[np.ndarray]) -> np.ndarray:
-    """Return triangles (F, 3) of polygons, each a row of indices of vertices (V, 3), the corners in their
-    order.
+    """Return triangles (F, 3) of polygons, each a row of indices of vertices (V, 3), corners in order.
 
     A convex polygon becomes a fan; one whose fan would turn over somewhere is cut into ears.
     """
@@ -24,9 +23,7 @@ def triangulated(vertices: np.ndarray, polygons: Sequence[np.ndarray]) -> np.nda
 
 
 def triangles_of(vertices: np.ndarray, polygons: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Triangulate as `triangulated` does; also return the places (F, 3) of the triangles' corners in all
-    polygons' corners.
-    """
+    """Triangulate like `triangulated`; also return where (F, 3) corners lie among all polygons' corners."""
     lengths = np.array([len(polygon) for polygon in polygons], np.int64)
     starts = np.concatenate([[0], np.cumsum(lengths)])
     flat = np.concatenate([lengths[:0], *(np.asarray(polygon, np.int64) for polygon in polygons)])

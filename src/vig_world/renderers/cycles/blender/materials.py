@@ -28,9 +28,7 @@ def float_image(name: str, pixels: np.ndarray) -> bpy.types.Image:
 def make(
     name: str, about: dict[str, Any], images: dict[str, bpy.types.Image], one_sided: bool
 ) -> bpy.types.Material:
-    """Return a material as `vig_world.renderers.cycles.appearance` describes it; one-sided ones have no
-    back.
-    """
+    """Return a material as `vig_world.renderers.cycles.appearance` has it; one-sided ones have no back."""
     result = bpy.data.materials.new(name)
     result.use_nodes = True
     result.cycles.emission_sampling = "NONE"  # panes and shades are large and dim: to aim at them adds noise

@@ -1,6 +1,8 @@
-"""Self-intersections of a triangle mesh."""
+"""Checks that designs of any kind share: surfaces that cross, and sizes out of their limits."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -38,9 +40,7 @@ def crossings(vertices: np.ndarray, faces: np.ndarray) -> int:
 def _near(
     middles: np.ndarray, halves: np.ndarray, centres: np.ndarray, reaches: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return numbers (N,), (N,) of edges and faces whose balls meet; those of large faces are looked for
-    apart.
-    """
+    """Return numbers (N,), (N,) of edges and faces whose balls meet; large faces are looked for apart."""
     candidates = []
     limit = np.quantile(reaches, 0.9)
     for chosen in (np.flatnonzero(reaches <= limit), np.flatnonzero(reaches > limit)):
@@ -53,3 +53,12 @@ def _near(
         close = np.linalg.norm(middles[edge] - centres[face], axis=1) <= halves[edge] + reaches[face]
         candidates.append((edge[close], face[close]))
     return np.concatenate([each[0] for each in candidates]), np.concatenate([each[1] for each in candidates])
+
+
+def size_flaws(sizes: Iterable[tuple[str, float, tuple[float, float]]]) -> list[str]:
+    """Return a sentence on each size, metres, that is not within its limits; sizes: word, size, limits."""
+    return [
+        f"it is {1000 * size:.0f} mm {word}, not {1000 * least:.0f} to {1000 * most:.0f}"
+        for word, size, (least, most) in sizes
+        if not least <= size <= most
+    ]

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks import turning
+from benchmarks.turning import HIDDEN, OPEN, Turning, draw_turning
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
-from vig_world.composition import turning
 from vig_world.composition.sampling import CompositionError, sample, turned
-from vig_world.composition.turning import HIDDEN, OPEN, Turning, draw_turning
 from vig_world.dataset.spec import SceneSpec
 from vig_world.library import Library
 from vig_world.renderers.rasterized import render
