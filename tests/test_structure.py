@@ -51,8 +51,8 @@ PLACES = [f"{package}.{name}" for package, names in ORDER.items() for name in na
 
 # The budget. A commit may lower a number; one that raises it says in CHANGELOG what was taken out for it.
 LINES = {
-    "vig_native": 7_945, "vig_renderer": 1_716, "vig": 14_232, "vig_app": 7_065, "vig_world": 18_534,
-    "vig_train": 12_130, "vig_paper": 2_719,
+    "vig_native": 7_945, "vig_renderer": 1_716, "vig": 14_232, "vig_app": 7_048, "vig_world": 18_534,
+    "vig_train": 12_146, "vig_paper": 2_719,
 }  # fmt: skip
 CONSTANTS = 1_224
 REACHED_LINES = {"vig.explainer": 12_365, "vig_app.cli.fit": 17_491}

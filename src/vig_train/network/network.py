@@ -8,13 +8,7 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from vig.recognition.network import (
-    KERNELS,
-    LOG_VARIANCE,
-    MASK_CLASSES,
-    STRIDES,
-    NetworkSettings,
-)
+from vig.recognition.network import KERNELS, LOG_VARIANCE, MASK_CLASSES, STRIDES, NetworkSettings
 from vig.scene import regressed_layout
 from vig_train.network.decoder import (
     CELLS,

@@ -22,14 +22,7 @@ from vig.scene import Symmetry
 from vig_train.network.network import DenseHeads, RecognitionNetwork, bfloat16
 from vig_train.network.weights import packed
 from vig_train.training.checkpoint import Scale
-from vig_train.training.class_network import (
-    CHUNK,
-    LEARNING_RATE,
-    PASSES,
-    SIZES,
-    Features,
-    read_features,
-)
+from vig_train.training.class_network import CHUNK, LEARNING_RATE, PASSES, SIZES, Features, read_features
 from vig_train.training.loop import Trainer
 from vig_train.training.losses import LOSS_WEIGHTS, dense_losses
 
@@ -100,10 +93,7 @@ class HeadsTraining:
         return self.out / f"member-{number}.safetensors"
 
     def run(
-        self,
-        network: RecognitionNetwork,
-        processes: int,
-        advance: Callable[[int], None] = lambda steps: None,
+        self, network: RecognitionNetwork, processes: int, advance: Callable[[int], None] = lambda steps: None
     ) -> Scale:
         """Train all members, each on one core, and put them into a network; returns the targets' scale.
 
@@ -143,12 +133,7 @@ def _prepare(training: HeadsTraining) -> Callable[[int], None]:
     return work
 
 
-def _train_member(
-    member: _Member,
-    features: Features,
-    scale: Scale,
-    training: HeadsTraining,
-) -> None:
+def _train_member(member: _Member, features: Features, scale: Scale, training: HeadsTraining) -> None:
     targets, count = features.targets, len(features.coarse)
     batch = min(256, count)  # rows of features
     steps = count // batch

@@ -17,15 +17,7 @@ import torch
 
 from vig.photo import Window
 from vig.renderer.drawing import vertex_irradiance
-from vig.scene import (
-    EXPOSURE_L00,
-    IMAGE_SIZE,
-    SHAPE_LIMIT,
-    Camera,
-    Latents,
-    ObjectClass,
-    ShapeModel,
-)
+from vig.scene import EXPOSURE_L00, IMAGE_SIZE, SHAPE_LIMIT, Camera, Latents, ObjectClass, ShapeModel
 from vig_train.training.cutouts import model_cutouts
 from vig_train.training.grounds import cast_shadow, draw_ground
 from vig_train.training.layers import Environment, Layer, continue_border, photograph, place_of
