@@ -22,7 +22,7 @@ from vig.inference import (
     without_network,
 )
 from vig.inference.calibration import FILE as CALIBRATION_FILE
-from vig.inference.presence import lower_by_presence
+from vig.inference.presence import judge_presence
 from vig.inference.settings import for_tracking
 from vig.io.checks import number_of
 from vig.io.errors import UserError
@@ -230,7 +230,7 @@ class Explainer:
         if too_wide:
             fit = replace(fit, reason=fit.reason + TOO_WIDE)
         if present < 1.0:
-            fit = lower_by_presence(fit, present, self.object_class.name)
+            fit = judge_presence(fit, present, self.object_class.name)
         return Explanation(
             coded, window, fit, self.object_class, settings.camera_distance_ratio, focal_from, hints
         )

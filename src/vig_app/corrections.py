@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
@@ -15,7 +14,7 @@ from vig.explainer import Box, Explainer, checked_focal
 from vig.explanation import Explanation
 from vig.hints import Hints, PlainHints
 from vig.inference import PixelLabel
-from vig.inference.presence import lower_confidence
+from vig.inference.presence import judge_presence
 from vig.io.checks import decode, read_json, reading
 from vig.io.errors import UserError
 from vig.io.files import write_json
@@ -29,42 +28,18 @@ REMEDY = "It was corrected by hand and stays; move it away to fit without it."
 FORMAT = 1
 
 
-@dataclass(frozen=True)
-class Found:
-    """Whose box is not a user's: an object that vig found, with this probability of presence, and fitted with
-    this confidence, None where there is none.
-    """
-
-    present: float | None
-    confidence: float | None
-
-    @staticmethod
-    def of(explanation: Explanation) -> Found:
-        """Return the probabilities of an explanation whose outline the box is round."""
-        numbers = explanation.present, explanation.confidence
-        return Found(*(None if math.isnan(number) else number for number in numbers))
-
-    def lower(self, explanation: Explanation) -> Explanation:
-        """Return a new explanation of the object with no more confidence than before: its box is the same."""
-        fit = explanation.fit
-        if self.confidence is not None and fit.confidence > self.confidence:
-            fit = lower_confidence(fit, self.confidence / fit.confidence, explanation.object_class.name)
-        return replace(
-            explanation, fit=replace(fit, present=math.nan if self.present is None else self.present)
-        )
-
-
 @dataclass(frozen=True, kw_only=True)
 class State(PlainHints):
     """All that a user knows of a photo; places are in its pixels, angles in degrees.
 
-    `camera` is fx, fy, cx, cy of its lens; `found` means that the box is not the user's.
+    `camera` is fx, fy, cx, cy of its lens; `found` is the probability of presence
+    of an object that vig found, whose box is not the user's.
     """
 
     box: Box | None = None
     focal: float | None = None
     camera: tuple[float, float, float, float] | None = None
-    found: Found | None = None
+    found: float | None = None
 
     def hints(self, width: int, height: int, others: np.ndarray | None = None) -> Hints:
         """Return the library's hints; in pixels `others` (H, W) bool other objects are visible."""
@@ -108,7 +83,8 @@ class State(PlainHints):
         exif = not given and focal is not None and explainer.settings.camera_distance_ratio is None
         explanation = replace(explanation, focal_from="exif") if exif else explanation
         if self.found is not None and (explanation.hints or Hints()).clues() is None:
-            explanation = self.found.lower(explanation)
+            fit = judge_presence(explanation.fit, self.found, explainer.object_class.name)
+            explanation = replace(explanation, fit=fit)
         return explanation if others is None else replace(explanation, others=others)
 
     def write(

@@ -20,6 +20,7 @@ from scipy.ndimage import binary_dilation
 
 import vig
 from vig.inference.confidence import unsure
+from vig.inference.settings import OtherView
 from vig.photo import Window
 from vig.recognition.find import Candidate
 from vig.scene import srgb8_from_linear
@@ -185,24 +186,38 @@ def test_the_camera_is_rolled_as_window_and_fit_are(explainer: vig.Explainer, ph
     assert explanation.camera.roll == pytest.approx(fitted)
 
 
-@pytest.mark.parametrize(("present", "verdict"), [(0.97, "trusted"), (0.65, "ambiguous"), (0.55, "absent")])
+@pytest.mark.parametrize(("present", "verdict"), [(0.71, "trusted"), (0.69, "ambiguous"), (0.49, "absent")])
 def test_what_is_not_surely_found_is_not_trusted(
     explainer: vig.Explainer, photo: np.ndarray, present: float, verdict: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     explained = vig.explainer.explain
 
     def trusting(*given: Any) -> Any:
-        return (replace(fit, verdict=vig.Verdict.TRUSTED) for fit in explained(*given))
+        sure = {"confidence": 0.9, "mask_confidence": 0.8, "mask_trusted": True}
+        return (
+            replace(
+                fit,
+                verdict=vig.Verdict.TRUSTED,
+                alternatives=(OtherView(fit.latents, fit.framing, 0.06),),
+                **sure,
+            )
+            for fit in explained(*given)
+        )
 
     window = Window.of(photo.shape[1], photo.shape[0], BOX)
     monkeypatch.setattr(vig.explainer, "explain", trusting)
     monkeypatch.setattr(vig.explainer, "find", lambda photo, recognizer, clues: Candidate(window, present))
     found = explainer.explain(photo)
     assert str(found.verdict) == verdict and found.present == pytest.approx(present)
-    assert ("view" in found.trusted) == (found.confidence >= found.fit.view_threshold)
-    assert ("mask" in found.trusted) == (found.mask_confidence >= found.fit.mask_threshold)
+    assert found.trusted == (("view", "mask") if verdict == "trusted" else ())
     assert bool(found.amodal.any()) == (verdict != "absent")
-    assert str(explainer.explain(photo, BOX).verdict) == "trusted"
+    # Those of a view and a mask of an object that is there: whether it is, is another question.
+    assert (found.confidence, found.mask_confidence) == ((0.0, 0.0) if verdict == "absent" else (0.9, 0.8))
+    given = explainer.explain(photo, BOX)
+    assert str(given.verdict) == "trusted"
+    if verdict == "ambiguous":
+        assert found.reason == "what was found in the photo may be no teapot; give a box if it is one"
+        assert [view.probability for view in found.alternatives] == [0.06]
 
 
 @pytest.mark.parametrize(
@@ -220,7 +235,7 @@ def test_the_reason_says_what_the_confidence_says(
     )
     monkeypatch.setattr(vig.explainer, "find", lambda photo, recognizer, clues: Candidate(window, 0.8))
     found = explainer.explain(photo)
-    assert found.confidence == pytest.approx(0.6 * 0.8)
+    assert found.confidence == 0.6 and found.present == 0.8
     assert found.reason == f"its view is right with a probability of {found.confidence:.0%} only{more}"
 
 

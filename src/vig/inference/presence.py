@@ -6,37 +6,30 @@ from dataclasses import replace
 
 import numpy as np
 
-from vig.inference.confidence import unsure
 from vig.inference.settings import Fit, Verdict
 
-LEAST_PRESENT = 0.6
+LEAST_PRESENT = 0.5
 """Probability of presence below which the object counts as absent, and a place as none of several or of a
-lost one: chosen on the photographs of docs/results.md, whose own objects reach .69 and more, small crops of
-decorated mugs .54."""
+lost one."""
 
 
-def lower_by_presence(fit: Fit, present: float, name: str) -> Fit:
-    """Return a fit whose place was found, not given; the object is of the class with this probability."""
+def judge_presence(fit: Fit, present: float, name: str) -> Fit:
+    """Return a fit whose place was found, not given; the object is of the class with this probability.
+
+    The confidence remains that of the view of an object that is there; 0 where it counts as absent.
+    """
+    # 0.7: probability of presence from which views and masks are trusted; chosen on the photos of
+    # docs/results.md
+    sure = present >= 0.7
+    judged = replace(fit, present=present, mask_trusted=fit.mask_trusted and sure)
     if present < LEAST_PRESENT:
         reason = f"no {name} was found in the photo; give a box if there is one"
         nothing = np.zeros_like(fit.visible)
         hidden = np.zeros_like(fit.mask)
-        absent = replace(fit, verdict=Verdict.ABSENT, reason=reason, confidence=0.0, alternatives=())
-        absent = replace(absent, present=present, mask_confidence=0.0, mask_trusted=False)
+        absent = replace(judged, verdict=Verdict.ABSENT, reason=reason, confidence=0.0, alternatives=())
+        absent = replace(absent, mask_confidence=0.0)
         return replace(absent, visible=nothing, coverage=nothing, mask=hidden, mask_by_pixel=hidden)
-    return replace(lower_confidence(fit, present, name), present=present)
-
-
-def lower_confidence(fit: Fit, factor: float, name: str) -> Fit:
-    """Return a fit that may show no object of the class, its probabilities times a factor."""
-    confidence, mask_confidence = factor * fit.confidence, factor * fit.mask_confidence
-    views = tuple(replace(view, probability=factor * view.probability) for view in fit.alternatives)
-    sure = fit.mask_trusted and mask_confidence >= fit.mask_threshold
-    doubted = replace(fit, confidence=confidence, mask_confidence=mask_confidence, alternatives=views)
-    doubted = replace(doubted, mask_trusted=sure)
-    if fit.verdict is Verdict.TRUSTED and not confidence >= fit.view_threshold:
+    if fit.verdict is Verdict.TRUSTED and not sure:
         reason = f"what was found in the photo may be no {name}; give a box if it is one"
-        doubted = replace(doubted, verdict=Verdict.AMBIGUOUS, reason=reason)
-    elif fit.reason == unsure(fit.confidence, fit.view_threshold):
-        doubted = replace(doubted, reason=unsure(confidence, fit.view_threshold))
-    return doubted
+        return replace(judged, verdict=Verdict.AMBIGUOUS, reason=reason)
+    return judged

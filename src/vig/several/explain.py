@@ -11,7 +11,7 @@ import numpy as np
 
 from vig.explainer import Box, Explainer, Lens, Photo, lens_of
 from vig.explanation import Explanation
-from vig.inference.presence import LEAST_PRESENT
+from vig.inference.presence import LEAST_PRESENT, judge_presence
 from vig.io.errors import UserError
 from vig.parallel import on_one_core
 from vig.photo import ImagePyramid, Window
@@ -98,7 +98,7 @@ def explain_found(
     ]
     scene = on_one_core(partial(fit_jointly, alone, chosen))
     objects = [
-        replace(each, fit=replace(each.fit, present=present))
+        replace(each, fit=judge_presence(each.fit, present, each.object_class.name))
         for each, (_, _, present) in zip(scene.objects, places, strict=True)
     ]
     return replace(scene, objects=tuple(objects))

@@ -106,7 +106,8 @@ def _tile(row: Mapping[str, Any], path: Path, pixels: int) -> Image.Image:
         name = f"{name[: LETTERS // 2 - 1]}...{name[2 - LETTERS // 2 :]}"
     confidence = row["confidence"]
     pen.text((2, side + 2), name, fill=TEXT, font=font)
-    words = verdict if confidence is None else f"{verdict}, {confidence:.0%} likely right"
+    sure = confidence is not None and verdict != "absent"
+    words = f"{verdict}, {confidence:.0%} likely right" if sure else verdict
     pen.text((2, side + 17), words, fill=VERDICT_COLOURS[verdict], font=font)
     return tile
 

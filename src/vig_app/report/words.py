@@ -60,9 +60,8 @@ def summary(described: dict[str, Any]) -> str:
     confidence, hidden = described["confidence"], described["hidden_fraction"]
     if described["verdict"] == "absent":
         return (
-            f"{described['class']}: in the photo with a probability of {described['present']:.0%}, below the"
-            f" {LEAST_PRESENT:.0%} needed;"
-            " below is the fit at the likeliest place, which was rejected"
+            f"{described['class']}: in the photo with a probability of {_rounded_down(described):.0%}, below"
+            f" the {LEAST_PRESENT:.0%} needed; below is the fit at the likeliest place, which was rejected"
         )
     if confidence is None:
         confidences = "how sure was not learned"
@@ -71,6 +70,8 @@ def summary(described: dict[str, Any]) -> str:
         confidences = (
             f"the view is right with a probability of {confidence:.0%}, the mask of {mask_right:.0%}"
         )
+    if described["present"] is not None:
+        confidences = f"in the photo with a probability of {described['present']:.0%}; if so, {confidences}"
     view, mask = (part in described["trusted"] for part in ("view", "mask"))
     trusted = {
         (True, True): "its view and its mask are trusted",
@@ -82,12 +83,17 @@ def summary(described: dict[str, Any]) -> str:
     return f"{described['class']}: {trusted} ({confidences}){hidden_share}"
 
 
+def _rounded_down(described: dict[str, Any]) -> float:
+    """Return the probability of presence in whole percent, at most: below a bound it never reads as that."""
+    return math.floor(100 * described["present"]) / 100
+
+
 def probabilities(described: dict[str, Any]) -> list[tuple[str, float]]:
     """Return the answer's probabilities with labels, as far as they were learned; then other views'."""
     named = (("in the photo", "present"), ("view right", "confidence"), ("mask right", "mask_confidence"))
     known = [(name, described[key]) for name, key in named if described[key] is not None]
     if described["verdict"] == "absent":
-        return [(f"in the photo ({LEAST_PRESENT:.0%} needed)", described["present"])]
+        return [(f"in the photo ({LEAST_PRESENT:.0%} needed)", _rounded_down(described))]
     others = [
         (f"or azimuth {view['azimuth_deg']:.0f}°", view["probability"]) for view in described["alternatives"]
     ]

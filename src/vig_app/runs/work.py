@@ -24,7 +24,7 @@ from vig.photo.masks import read_mask
 from vig.recognition.object_map import box_overlap
 from vig.several import explain_found, explain_together
 from vig.several.scene import SceneExplanation
-from vig_app.corrections import CORRECTIONS, REMEDY, Correction, Found, State, place_of
+from vig_app.corrections import CORRECTIONS, REMEDY, Correction, State, place_of
 from vig_app.exports import export_explanation, remove_exports
 from vig_app.report.folder import FILES, OPTIONAL_FILES, save_explanation, save_scene
 from vig_app.results import COLUMNS, row_of_record
@@ -166,7 +166,7 @@ class Work:
             save_scene(scene, beside, task.photo.name, settings.export, settings.files, settings.full_size)
             for name, explanation, place in zip(scene.names, scene.objects, places, strict=True):
                 box: Any = explanation.box and tuple(map(float, explanation.box))
-                found = None if task.objects else Found.of(explanation)
+                found = None if task.objects else explanation.present
                 given = State(box=box, focal=task.focal, camera=_lens(task, explanation), found=found)
                 state = states.get(name, given)
                 state.write(beside / name, task.photo, explanation.object_class, name in states, place)

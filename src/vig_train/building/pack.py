@@ -19,11 +19,7 @@ from vig_world.assets.held_out import HeldOutDesigns
 from vig_world.assets.own.load import has_one_colour
 from vig_world.assets.source_meshes import FILE, SourceMesh, save
 
-TRAINED_FILES = (
-    WEIGHTS_FILE,
-    "calibration.json",
-    "reliability.png",
-)
+TRAINED_FILES = (WEIGHTS_FILE, "calibration.json", "reliability.png")
 """Files of a pack that `vig class train` writes."""
 CARD_SECTIONS = ("## Recognition", "## On photographs")
 """Sections of a card, written by `vig class train` and `vig class check`."""
@@ -115,10 +111,7 @@ def save_shape_sheets(shapes: ClassShapes, sheets: Path) -> None:
         pairs = [
             pair
             for number in refused
-            for pair in (
-                registered.meshes[number].triangles,
-                (registered.vertices[number], template.faces),
-            )
+            for pair in (registered.meshes[number].triangles, (registered.vertices[number], template.faces))
         ]
         labels = [label for number in refused for label in (str(number + 1), f"{number + 1}: template")]
         pictures.save_mesh_sheet(sheets / "5-refused.png", pairs, labels=labels)

@@ -6,16 +6,18 @@ import contextlib
 import json
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from math import inf
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
+from scipy.stats import binomtest
 
 from vig import Explainer
 from vig.explanation import Explanation
+from vig.inference.calibration import CONFIDENCE_FEATURES, FILE, FitCalibration
 from vig.io.checks import decode, read_json, reading
 from vig.io.errors import UserError
 from vig.io.printing import end
@@ -23,6 +25,7 @@ from vig.io.progress import Meter
 from vig.photo.masks import read_mask
 from vig.scene import ObjectClass, angle_difference
 from vig.scene.object_class import PACKAGED
+from vig_train.calibration.learning import PRECISION, lowest_threshold
 from vig_train.cli.common import check_ranges, check_writable
 from vig_train.cli.settings import CheckClass
 from vig_train.packs.card import replace_section, table_lines
@@ -66,6 +69,12 @@ class PhotoErrors:
     outline_iou: float
     visible_iou: float
     verdict: str
+    features: np.ndarray = field(default_factory=lambda: np.zeros(len(CONFIDENCE_FEATURES)))
+
+    @property
+    def view_deg(self) -> float:
+        """Return the error of the view: of its elevation where any turn looks the same."""
+        return self.elevation_deg if np.isnan(self.azimuth_deg) else self.azimuth_deg
 
 
 CheckRow = dict[str, Any]
@@ -82,16 +91,24 @@ def check_class(settings: CheckClass) -> int:
         pack = None  # its card is not the user's
     if pack is not None:
         check_writable(pack)
+    if settings.calibrate and (pack is None or not (pack / FILE).exists() or len(labels) < 30):
+        raise UserError(
+            "expected 30 labels or more, and a calibrated pack that is not vig's own; got"
+            f" {len(labels)} labels and '{settings.pack}'. Copy a packaged class to calibrate it."
+        )
     with contextlib.redirect_stdout(sys.stderr) if settings.json else contextlib.nullcontext():
         errors = _errors(settings, object_class, labels)
     groups = sorted({error.shape for error in errors if error.shape})
     rows = [row_of("all", errors, settings.tolerance)]
     rows += [row_of(g, [e for e in errors if e.shape == g], settings.tolerance) for g in groups]
-    table = table_of(rows, settings)
+    table, changes = table_of(rows, settings), None
+    if settings.calibrate and pack is not None:
+        changes = recalibrate(pack / FILE, errors, settings.tolerance)
+        table += f"\n\n{changes}"
     if pack is not None:
         replace_section(pack, object_class, f"{HEADING}\n\n{table}\n")
     if settings.json:
-        print(json.dumps({"rows": rows, "folder": pack and str(pack)}, indent=2))
+        print(json.dumps({"rows": rows, "folder": pack and str(pack), "calibration": changes}, indent=2))
         return 0
     print(table)
     if pack is not None:
@@ -137,13 +154,10 @@ def _errors(
             workers=settings.workers or 1,
             skip=skipped.__setitem__,
         )
-        remaining = iter(enumerate(labels))
-        for explanation in explanations:
-            number, label = next(remaining)
-            while number in skipped:
-                number, label = next(remaining)
+        used = (number for number in range(len(labels)) if number not in skipped)
+        for explanation, number in zip(explanations, used, strict=False):
             try:
-                errors.append(errors_of(explanation, label, settings.photos, object_class))
+                errors.append(errors_of(explanation, labels[number], settings.photos, object_class))
             except UserError as error:  # a silhouette that cannot be used
                 skipped[number] = error
             meter.advance(1)
@@ -169,10 +183,8 @@ def errors_of(
         outline = _iou(explanation.amodal | explanation.mask, whole)
     if seen is not None:
         visible = _iou(explanation.mask, _mask_of(folder, label, seen, explanation))
-    side = "other"
-    for name, middle in (("right", 0.0), ("left", 180.0)):
-        if abs((label.azimuth_deg - middle + 180) % 360 - 180) <= SIDE:
-            side = name
+    front = abs((label.azimuth_deg + 180) % 360 - 180)
+    side = "right" if front <= SIDE else "left" if 180 - front <= SIDE else "other"
     return PhotoErrors(
         label.photo,
         label.shape,
@@ -182,6 +194,7 @@ def errors_of(
         outline,
         visible,
         str(explanation.verdict),
+        explanation.fit.confidence_features,
     )
 
 
@@ -198,12 +211,12 @@ def _iou(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def row_of(name: str, errors: Sequence[PhotoErrors], tolerance: float) -> CheckRow:
-    """Return a row of the table. Where any turn looks the same a view is right by its elevation."""
+    """Return a row of the table."""
     columns: dict[str, Any] = {
         key: np.array([vars(error)[key] for error in errors]) for key in vars(errors[0])
     }
-    azimuth, elevation, side = (columns[key] for key in ("azimuth_deg", "elevation_deg", "side"))
-    view = np.where(np.isnan(azimuth), elevation, azimuth)
+    azimuth, side = columns["azimuth_deg"], columns["side"]
+    view = np.array([error.view_deg for error in errors])
     trusted = columns["verdict"] == "trusted"
     row: CheckRow = {"photos": name, "count": len(errors), "azimuth_deg": _median_known(azimuth)}
     for most in (15, 30):
@@ -216,6 +229,52 @@ def row_of(name: str, errors: Sequence[PhotoErrors], tolerance: float) -> CheckR
         "trusted": int(trusted.sum()),
         "trusted_right": float((view[trusted] <= tolerance).mean()) if trusted.any() else None,
     }
+
+
+def recalibrate(path: Path, errors: Sequence[PhotoErrors], tolerance: float) -> str:
+    """Set temperature and threshold of a calibration's confidence in views by photos; returns what changed.
+
+    The temperature divides the log odds that a view is right (Guo et al. 2017); the threshold falls where the
+    photos show that it may, and rises where too many trusted views are wrong. Intervals hold 90 %.
+    """
+    before, right = FitCalibration.load(path), np.array([each.view_deg <= tolerance for each in errors])
+    groups = np.unique([each.shape or each.photo for each in errors], return_inverse=True)[1]
+
+    def confidence(calibration: FitCalibration) -> np.ndarray:
+        return np.array([calibration.confidence(each.features) for each in errors])
+
+    temperatures, cooled, values = np.geomspace(0.2, 5.0, 129), [], []
+    for each in temperatures:
+        weights, bias = before.view_weights / each, before.view_bias / each
+        cooled.append(replace(before, view_weights=weights, view_bias=bias))
+        stated = confidence(cooled[-1]).clip(1e-6, 1 - 1e-6)
+        # 0.3: deviation, a priori, of the log of the temperature about that of 1
+        prior = 0.5 * (np.log(each) / 0.3) ** 2
+        values.append(np.log(np.where(right, stated, 1 - stated)).sum() - prior)
+    # 1.353: half of the 90 % quantile of chi squared with one degree of freedom
+    best, likely = int(np.argmax(values)), temperatures[np.array(values) >= max(values) - 1.353]
+    stated, threshold = confidence(cooled[best]), before.threshold
+    lowest = lowest_threshold(stated, right, np.ones(len(right)), groups)
+    trusted = stated >= threshold
+    if lowest < threshold or (trusted.any() and _interval(right[trusted])[1] < PRECISION):
+        threshold = lowest
+    after = replace(cooled[best], threshold=threshold)
+    after.save(path)
+    words = f"Confidence in views, set by {len(right)} photos: temperature {temperatures[best]:.2f}"
+    words += f" ({likely[0]:.2f} to {likely[-1]:.2f})"
+    for name, calibration in (("before", before), ("now", after)):
+        trusted = confidence(calibration) >= calibration.threshold
+        words += f"; {name} trusted from {calibration.threshold:.2f}, {trusted.mean():.0%} of them"
+        if trusted.any():
+            low, high = _interval(right[trusted])
+            words += f", of which right {right[trusted].mean():.0%} ({low:.0%} to {high:.0%})"
+    return words + "."
+
+
+def _interval(right: np.ndarray) -> tuple[float, float]:
+    """Return the 90 % interval (Wilson 1927) of the share of N fits that are right (N,) bool."""
+    low, high = binomtest(int(right.sum()), len(right)).proportion_ci(0.9, "wilson")
+    return float(low), float(high)
 
 
 def _median_known(values: np.ndarray) -> float | None:

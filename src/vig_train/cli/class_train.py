@@ -26,11 +26,7 @@ def train_class(settings: TrainClass) -> int:
     check_writable(settings.pack)
     with contextlib.redirect_stdout(sys.stderr) if settings.json else contextlib.nullcontext():
         training = ClassTraining(
-            settings.pack,
-            settings.minutes,
-            settings.seed,
-            settings.workers,
-            props=str(settings.props or ""),
+            settings.pack, settings.minutes, settings.seed, settings.workers, props=str(settings.props or "")
         )
         errors = training.run()
     if settings.json:

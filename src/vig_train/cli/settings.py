@@ -151,6 +151,8 @@ class CheckClass:
     """Leave the boxes out: the object is to be found."""
     tolerance: float = 15.0
     """Error of azimuth, degrees, up to which a trusted view counts as right."""
+    calibrate: bool = False
+    """Also set temperature and threshold of the confidence in views, in the pack, by 30 photos or more."""
     workers: int | None = None
     """Processes; one by default."""
     json: bool = False

@@ -91,10 +91,7 @@ class HeadsTraining:
         return self.out / f"member-{number}.safetensors"
 
     def run(
-        self,
-        network: RecognitionNetwork,
-        processes: int,
-        advance: Callable[[int], None] = lambda steps: None,
+        self, network: RecognitionNetwork, processes: int, advance: Callable[[int], None] = lambda steps: None
     ) -> Scale:
         """Train all members, each on one core, and put them into a network; returns the targets' scale.
 
@@ -133,12 +130,7 @@ def _prepare(training: HeadsTraining) -> Callable[[int], None]:
     return work
 
 
-def _train_member(
-    member: _Member,
-    features: Features,
-    scale: Scale,
-    training: HeadsTraining,
-) -> None:
+def _train_member(member: _Member, features: Features, scale: Scale, training: HeadsTraining) -> None:
     targets, count = features.targets, len(features.coarse)
     batch = min(256, count)  # rows of features
     steps = count // batch

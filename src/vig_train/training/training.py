@@ -90,12 +90,7 @@ class TrainingSettings:
         count = sum(map(len, datasets))
         described = asdict(self) | {"count": count, "data": data, "start": str(self.start)}
         described["drawing"] = None if self.drawing is None else self.drawing.described()
-        left_out = {
-            "threads": self.threads,
-            "symmetry": Symmetry.NONE,
-            "mirror": True,
-            "mask_alone": False,
-        }
+        left_out = {"threads": self.threads, "symmetry": Symmetry.NONE, "mirror": True, "mask_alone": False}
         return json.dumps({k: value for k, value in described.items() if (k, value) not in left_out.items()})
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -95,6 +96,23 @@ def test_what_is_unlikely_beside_the_best_is_not_looked_at() -> None:
         counts.second = second
         find(disc(300, 300, 190, 190, 90), counts)  # type: ignore[arg-type]
         assert counts.seen == looks
+
+
+def test_the_presence_falls_with_the_share_of_the_object_of_which_the_network_is_unsure() -> None:
+    """Where it gives .7 to each pixel, 3 / 7 of the object are expected to be wrong; of a sharp mask a
+    thousandth, the least that counts. All else is the same.
+    """
+
+    class Unsure(SeesDiscs):
+        def __call__(self, photos: np.ndarray, twice: bool = True) -> Prediction:
+            seen = super().__call__(photos, twice)
+            bright = 0.7 * seen.mask[..., 0]
+            return replace(seen, mask=np.stack([bright, np.zeros_like(bright), 1 - bright], -1))
+
+    photo = disc(300, 300, 190, 190, 90)
+    sure, unsure = (find(photo, seeing).present for seeing in (SeesDiscs(), Unsure()))  # type: ignore[arg-type]
+    apart = math.log(sure / (1 - sure)) - math.log(unsure / (1 - unsure))
+    assert apart == pytest.approx(math.log(3 / 7 / 1e-3), rel=1e-3)
 
 
 @pytest.fixture(scope="module")

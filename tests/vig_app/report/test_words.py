@@ -29,8 +29,11 @@ def test_a_views_probability_says_of_what_it_is() -> None:
 
 def test_what_was_rejected_is_not_told_as_found(described: dict) -> None:
     absent = described | {"verdict": "absent", "present": 0.02, "trusted": []}
-    assert "in the photo with a probability of 2%, below the 60% needed" in words.summary(absent)
-    assert words.probabilities(absent) == [("in the photo (60% needed)", 0.02)]
+    assert "in the photo with a probability of 2%, below the 50% needed" in words.summary(absent)
+    assert words.probabilities(absent) == [("in the photo (50% needed)", 0.02)]
+    nearly = absent | {"present": 0.4999}  # is not said to be the 50% that are needed
+    assert "in the photo with a probability of 49%, below the 50% needed" in words.summary(nearly)
+    assert words.probabilities(nearly) == [("in the photo (50% needed)", 0.49)]
     assert "trusted" not in words.summary(absent)
     assert "rejected" in dict(words.table_rows(absent))["its elevation"]
     assert "rejected" not in dict(words.table_rows(described))["its elevation"]

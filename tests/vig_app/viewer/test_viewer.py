@@ -23,7 +23,7 @@ from vig.hints import Stroke
 from vig.inference import PixelLabel
 from vig.io.errors import UserError
 from vig_app.cli.main import main
-from vig_app.corrections import Found, State
+from vig_app.corrections import State
 from vig_app.examples import example_photos
 from vig_app.results import write_table
 from vig_app.viewer import Session
@@ -380,17 +380,17 @@ def test_what_vig_view_refuses(
 
 
 def test_a_box_that_vig_found_is_no_users(explainer: vig.Explainer, tmp_path: Path) -> None:
-    """A fit within it is no more certain than the run that found it, until a user says where it is."""
+    """A fit within it is trusted no more than where it was found, until a user says where it is."""
     photo = example_photos()[0].photo
     box = Session(explainer, photo).explanation.box
-    found = State(box=box, found=Found(0.7, 0.01))
+    found = State(box=box, found=0.6)
     found.write(tmp_path / "1-teapot", photo, explainer.object_class)
     _, _, state = State.read(tmp_path / "1-teapot")
     assert state == found
     ghost = Session(explainer, photo, state)
     explained = ghost.explanation
-    assert explained.confidence == pytest.approx(0.01) and explained.present == 0.7
+    assert explained.present == 0.6
     assert explained.verdict is vig.Verdict.AMBIGUOUS and "may be no teapot" in explained.reason
-    assert ghost.correct(changed(azimuth_deg=explained.azimuth_deg)).confidence < 0.02
+    assert ghost.correct(changed(azimuth_deg=explained.azimuth_deg)).verdict is vig.Verdict.AMBIGUOUS
     assert ghost.correct(ghost.boxed(*box)).verdict is vig.Verdict.TRUSTED
     assert ghost.state.found is None

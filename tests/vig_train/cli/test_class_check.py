@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 import vig
+from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration
 from vig.io.errors import UserError
 from vig.scene.object_class import PACKAGED
 from vig_train.cli.class_check import (
@@ -18,6 +19,7 @@ from vig_train.cli.class_check import (
     PhotoErrors,
     check_class,
     read_labels,
+    recalibrate,
     row_of,
 )
 from vig_train.cli.settings import CheckClass
@@ -186,3 +188,59 @@ def test_one_silhouette_that_does_not_fit_ends_no_run(
     check_class(CheckClass("teapot", tmp_path, json=True))
     said = capsys.readouterr()
     assert json.loads(said.out)["rows"][0]["count"] == 1 and "left out a.png" in said.err
+
+
+def test_temperature_and_threshold_are_those_of_the_photos(tmp_path: Path) -> None:
+    """A calibration states twice the log odds at which views are right: where it says .98, which is
+    sigmoid(4), they are right with a probability of sigmoid(2) = .88.
+    """
+    rng = np.random.default_rng(7)
+    count = len(CONFIDENCE_FEATURES)
+    weights, none, latents = 2.0 * np.eye(count)[0], np.zeros(count), np.ones((2, 3))
+    path = tmp_path / "calibration.json"
+    FitCalibration(weights, 0.5, none, 20.0, none, 0.0, 0.9, 0.7, latents, latents).save(path)
+    errors = []
+    for odds in rng.uniform(-2, 6, 2000):
+        error = 1.0 if rng.random() < 1 / (1 + np.exp(-odds)) else 90.0
+        features = np.append((odds - 0.25), np.zeros(count - 1))
+        errors.append(PhotoErrors(f"{len(errors)}.png", "", "other", error, 1.0, 1.0, 1.0, "", features))
+    words = recalibrate(path, errors, 15.0)
+    after = FitCalibration.load(path)
+    assert after.view_weights[0] == pytest.approx(1.0, rel=0.1) and after.view_bias == pytest.approx(
+        0.25, rel=0.1
+    )
+    assert "temperature 2.0" in words or "temperature 1.9" in words or "temperature 2.1" in words
+    stated = np.array([after.confidence(error.features) for error in errors])
+    right = np.array([error.azimuth_deg == 1.0 for error in errors])
+    assert right[stated >= after.threshold].mean() >= 0.95 and after.threshold < 0.9
+    assert f"now trusted from {after.threshold:.2f}" in words and "before trusted from 0.90" in words
+    assert (after.mask_threshold, after.in_distribution_bias) == (0.7, 20.0)
+    again = recalibrate(path, errors, 15.0)  # by the same photos nothing is left to change
+    assert "temperature 1.00" in again and FitCalibration.load(path).threshold == pytest.approx(
+        after.threshold
+    )
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_few_labels_or_a_packaged_class_set_no_threshold(
+    labelled: tuple[Path, list[dict[str, object]]], small_pack: Callable[[], Path], own: bool
+) -> None:
+    pack = small_pack() if own else PACKAGED / "teapot"
+    before = (pack / "calibration.json").read_bytes()
+    with pytest.raises(UserError, match="expected 30 labels or more, and a calibrated pack"):
+        check_class(CheckClass(str(pack), labelled[0], calibrate=True))
+    assert (pack / "calibration.json").read_bytes() == before
+
+
+def test_thirty_photos_calibrate_a_pack(
+    labelled: tuple[Path, list[dict[str, object]]], small_pack: Callable[[], Path], tmp_path: Path
+) -> None:
+    folder, labels = labelled
+    (tmp_path / "many.json").write_text(json.dumps([labels[0] | {"shape": ""}] * 30))
+    pack = small_pack()
+    before = FitCalibration.load(pack / "calibration.json")
+    check_class(CheckClass(str(pack), folder, tmp_path / "many.json", calibrate=True))
+    changed = FitCalibration.load(pack / "calibration.json")
+    # All views are right: the confidence rises, and nothing is against the threshold.
+    assert changed.view_bias / before.view_bias > 1 and changed.threshold <= before.threshold
+    assert "Confidence in views, set by 30 photos: temperature" in (pack / "card.md").read_text()
