@@ -26,7 +26,8 @@ from vig.inference.presence import judge_presence
 from vig.inference.settings import for_tracking
 from vig.io.checks import number_of
 from vig.io.errors import UserError
-from vig.known_object import KnownObject, Place
+from vig.known_object import Keypoints, KnownObject, Place, assumed_lens
+from vig.known_object import find as find_known
 from vig.known_object.packs import pack_of_mesh
 from vig.parallel import map_in_processes, on_one_core
 from vig.photo import ImagePyramid, Intrinsics, Window, focal_of
@@ -195,6 +196,11 @@ class Explainer:
         told = hints or Hints()
         roll = told.views()[2]
         if self.known is not None and window is None and self.known.is_sought(told):
+            if box is None and told.clues() is None and told.pose is None:
+                if seen := self.explain_seen(coded, Keypoints.of(coded), lens, 1):
+                    return seen[0]
+                name = self.object_class.name
+                raise UserError(f"expected a {name} in the photo; found none. Give a box or a mask.")
             place = Place.of(None if box is None else checked_box(box), told)
             intrinsics = None if lens is None else Intrinsics.of(lens[0], width, height)
             window, fit, ratio = self.known.explain(pyramid, place, intrinsics, told)
@@ -234,6 +240,24 @@ class Explainer:
         return Explanation(
             coded, window, fit, self.object_class, settings.camera_distance_ratio, focal_from, hints
         )
+
+    def explain_seen(
+        self, photo: np.ndarray, keypoints: Keypoints, lens: Lens | None, most: int
+    ) -> list[Explanation]:
+        """Return up to `most` explanations of a known object in a photo, as `coded_photo` gives it, found by
+        the photo's keypoints, the likeliest first.
+        """
+        assert self.known is not None
+        height, width = photo.shape[:2]
+        intrinsics = assumed_lens(width, height) if lens is None else Intrinsics.of(lens[0], width, height)
+        found = find_known(self.known, ImagePyramid(photo), keypoints, intrinsics, most)
+        return [
+            Explanation(
+                photo, each.window, judge_presence(each.fit, each.present, self.object_class.name),
+                self.object_class, each.ratio, "assumed" if lens is None else lens[1],
+            )
+            for each in found
+        ]  # fmt: skip
 
     def explain_many(
         self,

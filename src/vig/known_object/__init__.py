@@ -1,10 +1,20 @@
 """One known object: its textured mesh, and its pose in a photo, in any rotation."""
 
 from vig.known_object.find import Found, find
-from vig.known_object.fit import KnownObject
+from vig.known_object.fit import KnownObject, assumed_lens
 from vig.known_object.follow import PoseFollower
 from vig.known_object.keypoints import Keypoints
 from vig.known_object.picture import Place
 from vig.known_object.surface import FILE, Surface
 
-__all__ = ["FILE", "Found", "Keypoints", "KnownObject", "Place", "PoseFollower", "Surface", "find"]
+__all__ = [
+    "FILE",
+    "Found",
+    "Keypoints",
+    "KnownObject",
+    "Place",
+    "PoseFollower",
+    "Surface",
+    "assumed_lens",
+    "find",
+]

@@ -91,8 +91,7 @@ class KnownObject:
                 `DISTINCT` of its azimuth and elevation are tried.
         """
         height, width = pyramid.shape[:2]
-        if lens is None:
-            lens = Intrinsics.of(ASSUMED_FOCAL * max(width, height), width, height)
+        lens = lens or assumed_lens(width, height)
         x, y, w, h = place.box
         Window.of(width, height, place.box)  # which refuses boxes beside the photo
         side = MARGIN * max(w, h)
@@ -315,6 +314,11 @@ class KnownObject:
         return deviation, np.array([x, y, z, about_z], np.float32)
 
 
+def assumed_lens(width: int, height: int) -> Intrinsics:
+    """Return the lens of a photo of which none is known."""
+    return Intrinsics.of(ASSUMED_FOCAL * max(width, height), width, height)
+
+
 def _verdict(poses: Poses, outlined: bool, one_colour: bool) -> tuple[Verdict, str]:
     """Return the verdict on the best of some poses, and why.
 
@@ -326,10 +330,10 @@ def _verdict(poses: Poses, outlined: bool, one_colour: bool) -> tuple[Verdict, s
     lead = float(poses.scores[0] - rivals.max()) if len(rivals) else math.inf
     if one_colour:
         return Verdict.AMBIGUOUS, "a mesh of one colour tells too little to trust a pose"
-    if len(poses.scores) == 1:
-        return Verdict.AMBIGUOUS, "no other pose was tried"
     if not outlined:
         return Verdict.AMBIGUOUS, "without a mask no pose of a known object is trusted"
+    if len(poses.scores) == 1:
+        return Verdict.AMBIGUOUS, "no other pose was tried"
     if poses.scores[0] >= TRUSTED_SCORE and lead >= TRUSTED_LEAD:
         return Verdict.TRUSTED, "the surface explains the photo, and no other pose does as well"
     if lead < TRUSTED_LEAD:

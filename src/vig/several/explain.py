@@ -18,10 +18,11 @@ from vig.photo import ImagePyramid, Window
 from vig.photo.images import coded_photo
 from vig.recognition.find import apart, find_several
 from vig.several.joint import fit_jointly
+from vig.several.known import find_known_together, fit_known_jointly
 from vig.several.scene import SceneExplanation
 from vig_renderer.defaults import with_default_settings
 
-MOST_OBJECTS = 16
+MOST_OBJECTS = 24
 """Objects of one photo, at most."""
 
 
@@ -56,7 +57,8 @@ def explain_together(
         _with_source(explainer.explain(picture, box, camera=lens and lens[0]), lens)
         for explainer, box in zip(explainers, boxes, strict=True)
     ]
-    return on_one_core(partial(fit_jointly, alone, explainers))
+    jointly = fit_known_jointly if _known(explainers) else fit_jointly
+    return on_one_core(partial(jointly, alone, explainers))
 
 
 @with_default_settings
@@ -87,10 +89,16 @@ def explain_found(
     if not isinstance(most, int) or not 1 <= most <= MOST_OBJECTS:
         raise UserError(f"expected 1 to {MOST_OBJECTS} objects; got {most}. Give a number within.")
     picture, lens = coded_photo(photo), lens_of(photo, focal, camera)
+    names = " or ".join(each.object_class.name for each in explainers)
+    nothing = UserError(f"expected a {names} in the photo; found none. Give boxes.")
+    if _known(explainers):
+        known = on_one_core(partial(find_known_together, picture, explainers, most, lens))
+        if known is None:
+            raise nothing
+        return known
     places = on_one_core(partial(find_together, picture, explainers, most))
     if not places:
-        names = " or ".join(each.object_class.name for each in explainers)
-        raise UserError(f"expected a {names} in the photo; found none. Give boxes.")
+        raise nothing
     chosen = [explainer for explainer, _, _ in places]
     alone = [
         _with_source(explainer.explain_followed(picture, window, camera=lens and lens[0]), lens)
@@ -102,6 +110,20 @@ def explain_found(
         for each, (_, _, present) in zip(scene.objects, places, strict=True)
     ]
     return replace(scene, objects=tuple(objects))
+
+
+def _known(explainers: Sequence[Explainer]) -> bool:
+    """Return whether all are of meshes with colours; UserError where some are and others are not."""
+    known = [each.known is not None and not each.known.surface.one_colour for each in explainers]
+    if any(known) and not all(known):
+        names = [
+            each.object_class.name for each, of_mesh in zip(explainers, known, strict=True) if not of_mesh
+        ]
+        raise UserError(
+            "expected explainers of meshes with colours alone, or of others alone; got both. Explain"
+            f" {', '.join(names)} apart."
+        )
+    return all(known)
 
 
 def _explainers(value: Any) -> list[Explainer]:

@@ -55,7 +55,7 @@ def fit_jointly(alone: Sequence[Explanation], explainers: Sequence[Explainer]) -
             zip(explainers, cuts, predictions, strict=True)
         )
     ]
-    return SceneExplanation(tuple(_exclusive(refitted, occludes)), occludes)
+    return SceneExplanation(tuple(exclusive(refitted, occludes)), occludes)
 
 
 def order(alone: Sequence[Explanation], predictions: Sequence[Prediction]) -> np.ndarray:
@@ -254,7 +254,7 @@ def _without(cut: np.ndarray, infront: np.ndarray, elsewhere: np.ndarray) -> np.
     return painted
 
 
-def _exclusive(explanations: Sequence[Explanation], occludes: np.ndarray) -> list[Explanation]:
+def exclusive(explanations: Sequence[Explanation], occludes: np.ndarray) -> list[Explanation]:
     """Return explanations with masks that exclude each other: a pixel of two is that of the one before."""
     masks = [each.mask for each in explanations]
     result = []

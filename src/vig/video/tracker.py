@@ -15,9 +15,9 @@ import numpy as np
 from vig.explainer import Box, Explainer, Photo
 from vig.explanation import Explanation
 from vig.hints import Hints
-from vig.inference.settings import UNIFORM_TURN
+from vig.inference.settings import UNIFORM_TURN, Verdict
 from vig.io.errors import UserError
-from vig.known_object import PoseFollower
+from vig.known_object import Keypoints, PoseFollower
 from vig.parallel import on_one_core
 from vig.photo import ImagePyramid
 from vig.photo.images import coded_photo
@@ -153,7 +153,14 @@ class Tracker:
         """Start in a picture (H, W, 3)."""
         began, hints = time.perf_counter(), None if mask is None else Hints(mask=mask)
         if (known := self.explainer.known) is not None and not known.surface.one_colour:
-            explanation = self.explainer.explain(picture, box=box, hints=hints, camera=self._K)
+            if mask is None and box is None:
+                lens = None if self._K is None else (self._K, "given")
+                seen = self.explainer.explain_seen(picture, Keypoints.of(picture), lens, 1)
+                if not seen or seen[0].verdict is Verdict.ABSENT:
+                    return None
+                explanation = seen[0]
+            else:
+                explanation = self.explainer.explain(picture, box=box, hints=hints, camera=self._K)
             assert explanation.window.lens is not None
             pose = explanation.camera_from_object
             self._known = PoseFollower(known, explanation.window.lens, pose)

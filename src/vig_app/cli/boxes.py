@@ -13,9 +13,9 @@ from vig.known_object.packs import pack_of_mesh
 from vig.several import MOST_OBJECTS
 from vig_app.cli.naming import by_photo
 from vig_app.cli.options import HintOptions, PlaceOptions, given
-from vig_app.corrections import corrected_in
 
 REMEDY = 'Write {"photo.jpg": [x, y, w, h]}, or a list of these or of {"box": [x, y, w, h], "class": "mug"}.'
+MESHES = (".glb", ".gltf", ".obj", ".ply", ".off", ".stl")
 Objects = tuple[tuple[str, Box], ...]
 """Class and box of each object of a photo."""
 
@@ -52,25 +52,13 @@ def boxes_of(
     return boxes
 
 
-def check_place(
-    place: PlaceOptions, hints: HintOptions, track: bool = False, folders: Sequence[Path] = ()
-) -> None:
-    """Raise UserError where nothing locates the object of --mesh, before the mesh is made ready;
-    corrections by hand in folders of earlier results do.
-    """
-    places = (place.box, place.boxes, place.objects, hints.mask, hints.marks)
-    if place.mesh is None or places != (None,) * 5 or any(map(corrected_in, folders)):
-        return
-    box = "x,y,w,h in pixels round the whole object, such as --box 120,80,300,240"
-    if track:
+def check_place(place: PlaceOptions, track: bool = False) -> None:
+    """Raise UserError where nothing locates the object of --mesh in the first frame."""
+    if track and place.mesh is not None and place.box is None and place.boxes is None:
         raise UserError(
-            "expected --box with --mesh, as no network knows this object to find it; got none. Give that of"
-            f" the first frame, {box}."
+            "expected --box with --mesh and --track; got none. Give that of the first frame, x,y,w,h in"
+            " pixels round the whole object, such as --box 120,80,300,240."
         )
-    raise UserError(
-        "expected --box or --mask with --mesh, as no network knows this object to find it; got neither. Give"
-        f" --box {box}, or --mask m.png, white where it is seen; of many --boxes FILE or --mask FOLDER."
-    )
 
 
 def classes_of(place: PlaceOptions, say: Callable[[str], None]) -> tuple[str, ...]:
@@ -78,6 +66,8 @@ def classes_of(place: PlaceOptions, say: Callable[[str], None]) -> tuple[str, ..
 
     say: Is called with lines on a mesh that is made ready.
     """
+    if place.meshes:
+        return _packs_of(place, say)
     if place.mesh is not None:
         if place.object_class != PlaceOptions.object_class or place.objects is not None:
             raise UserError("expected --mesh, --class or --objects; got two of them. Give one.")
@@ -92,6 +82,35 @@ def classes_of(place: PlaceOptions, say: Callable[[str], None]) -> tuple[str, ..
             f"expected one --class, or --objects with several; got '{first}'. Give each box its class."
         )
     return first, *others
+
+
+def _packs_of(place: PlaceOptions, say: Callable[[str], None]) -> tuple[str, ...]:
+    """Return the class packs of --meshes; what is no mesh of use is told and left out."""
+    alone = (place.mesh, place.length, place.up, place.box) == (None,) * 4
+    if not alone or place.object_class != PlaceOptions.object_class:
+        raise UserError("expected --meshes without --mesh, --length, --up, --box and --class; got one.")
+    files = [
+        file
+        for path in place.meshes
+        for file in (sorted(path.iterdir()) if path.is_dir() else [path])
+        if not path.is_dir() or file.suffix.lower() in MESHES
+    ]
+    packs: dict[str, Path] = {}
+    for file in files:
+        try:
+            pack = str(pack_of_mesh(file, None, lambda line: None))
+        except UserError as error:
+            say(f"'{file.name}' is left out: {error}")
+            continue
+        if pack in packs:
+            say(f"'{file.name}' is left out: it is the same as '{packs[pack].name}'")
+        else:
+            packs[pack] = file
+    if not packs:
+        raise UserError(
+            f"expected --meshes of {' '.join(MESHES)} files, or folders of them; got none of use."
+        )
+    return tuple(packs)
 
 
 def parse_box(text: str) -> Box:

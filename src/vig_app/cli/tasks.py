@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +15,9 @@ from vig.io.printing import note
 from vig.likelihood import LIKELIHOODS
 from vig.photo.video import is_video
 from vig.recognition import WEIGHTS_FILE
-from vig_app.cli.boxes import boxes_of, check_place, classes_of
+from vig.scene import ObjectClass
+from vig.several import MOST_OBJECTS
+from vig_app.cli.boxes import Objects, boxes_of, check_place, classes_of
 from vig_app.cli.hints import cameras_of, hints_of, mask_of
 from vig_app.cli.naming import listed
 from vig_app.cli.options import FitCommand, ModelOptions, RunOptions, VideoOptions, given
@@ -43,17 +45,19 @@ def plan_of(command: FitCommand) -> Plan:
         photos = photos_of(command.images, run.out)
     folders = result_folders(photos, run.out)
     boxes = boxes_of(place, photos, command.hints)
-    check_place(place, command.hints, command.video.track, folders)
+    check_place(place, command.video.track)
     object_class, *others = classes_of(place, say)
     for name in (object_class, *others):
         if is_quick(Path(name)):
             say(f"'{name}' has a quick recognizer; `vig class train {name}` makes a better one")
         is_pack = (Path(name) / "class.json").is_file()
-        if place.mesh is None and is_pack and not (Path(name) / WEIGHTS_FILE).exists():
+        if place.mesh is None and not place.meshes and is_pack and not (Path(name) / WEIGHTS_FILE).exists():
             say(
                 f"no network was trained for '{name}': each photo needs --box or --mask, and views are tried"
                 f" all round; `vig class train {name}` trains one"
             )
+    most = place.objects or (MOST_OBJECTS if place.meshes else 0)
+    named = {ObjectClass.load(Path(pack)).name: pack for pack in (object_class, *others) if place.meshes}
     hints, mask = hints_of(command.hints, photos), mask_of(command.hints.mask, photos)
     cameras = cameras_of(command.camera, photos)
     hinted = given(command.hints, command.camera) or place.box is not None or place.boxes is not None
@@ -69,13 +73,23 @@ def plan_of(command: FitCommand) -> Plan:
         say(f"corrected in vig view, taken as it is there (or remove {CORRECTIONS}): {listed(taken)}")
     tasks = tuple(
         Task(
-            photo, folder, box, command.camera.focal, hints, mask(photo), objects, place.objects or 0, camera,
-            by_hand[folder],
+            photo, folder, box, command.camera.focal, hints, mask(photo), _of_packs(objects, named), most,
+            camera, by_hand[folder],
         )
         for photo, folder, (box, objects), camera in zip(photos, folders, boxes, cameras, strict=True)
     )  # fmt: skip
     explain = explain_settings(command.model)
     return Plan(tasks, RunSettings(object_class, explain, run.export, tuple(others), files, run.full_size))
+
+
+def _of_packs(objects: Objects, named: Mapping[str, str]) -> Objects:
+    """Return objects with the packs of --meshes in place of their names; UserError for others."""
+    for name, _ in objects if named else ():
+        if name not in named:
+            raise UserError(
+                f"expected --boxes with the names of meshes, {listed(sorted(named))}; got '{name}'."
+            )
+    return tuple((named.get(name, name), box) for name, box in objects)
 
 
 def explain_settings(model: ModelOptions) -> ExplainSettings:

@@ -78,7 +78,7 @@ def _track_live(command: FitCommand, live: str) -> int:
         raise UserError(f"expected --timeout in seconds, above 0; got {video.timeout:g}.")
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _interrupt)
-    check_place(command.place, command.hints, track=True)
+    check_place(command.place, track=True)
     source, nothing = [Path(live)], (lambda line: None)
     ((box, _),), (camera,) = (
         boxes_of(command.place, source, command.hints),

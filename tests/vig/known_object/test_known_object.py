@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from vig.known_object import FILE, KnownObject, Surface
 from vig.known_object.picture import WEIGHTS, Picture
 from vig.known_object.search import Poses, Stage
 from vig.scene.light import linear_from_srgb, srgb8_from_linear
+from vig.several import explain_found, explain_together
 from vig_native import engine
 
 WIDTH, HEIGHT, FOCAL = 320, 240, 400.0
@@ -24,9 +26,9 @@ K = np.array([[FOCAL, 0, 150.0], [0, FOCAL, 125.0], [0, 0, 1]])
 SIDES = np.array([0.12, 0.08, 0.05])
 
 
-def carton() -> Surface:
+def carton(seed: int = 5, cells: int = 4) -> Surface:
     """A box with another print on each side."""
-    rng = np.random.default_rng(5)
+    rng = np.random.default_rng(seed)
     vertices, faces, uv, texels = [], [], [], []
     for axis in range(3):
         for sign in (-1, 1):
@@ -36,7 +38,11 @@ def carton() -> Surface:
             faces.append(np.array([[0, 1, 2], [0, 2, 3]]) + len(vertices) * 4)
             vertices.append(np.array(corners) * SIDES / 2 + [0, 0, SIDES[2] / 2])
             uv.append([[0, 0], [1, 0], [1, 1], [0, 1]])
-            texels.append(np.kron(rng.integers(20, 235, (4, 4, 3)), np.ones((8, 8, 1))).reshape(-1, 3))
+            texels.append(
+                np.kron(
+                    rng.integers(20, 235, (cells, cells, 3)), np.ones((32 // cells, 32 // cells, 1))
+                ).reshape(-1, 3)
+            )
     return Surface(
         np.concatenate(vertices).astype(np.float32),
         np.concatenate(faces).astype(np.int32),
@@ -55,18 +61,22 @@ def pack(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def photo_of(pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def photo_of(
+    pose: np.ndarray, surface: Surface | None = None, scale: int = 1
+) -> tuple[np.ndarray, np.ndarray]:
     """A photo (H, W, 3) uint8 with noise behind the object, and the pixels that it covers."""
-    surface, nothing = carton(), np.zeros((HEIGHT, WIDTH, 3), np.float32)
-    per_pixel = pose[2, 3] / FOCAL
-    camera = FOCAL, K[0, 2], K[1, 2]
+    surface = surface or carton()
+    nothing = np.zeros((scale * HEIGHT, scale * WIDTH, 3), np.float32)
+    per_pixel = pose[2, 3] / FOCAL / scale
+    camera = scale * FOCAL, scale * K[0, 2], scale * K[1, 2]
     weights = WEIGHTS.of_box(1.0, 1.0)
     given = engine.pose_photo(nothing, nothing[..., 0], camera, None, None, False, per_pixel, weights)
     middle = pose[:3, :3] @ surface.middle + pose[:3, 3]
     arrays = (np.ascontiguousarray(part, np.float32) for part in (pose[:3, :3], middle))
     coverage, colour, normal, *_ = engine.draw_pose(surface.mesh, given, *arrays)
     lit = colour * np.exp(-0.2 + normal @ [0.3, 0.4, -0.2])[..., None]
-    behind = np.random.default_rng(1).random((HEIGHT // 8, WIDTH // 8, 3)).repeat(8, 0).repeat(8, 1)
+    side = 8 * scale
+    behind = np.random.default_rng(1).random((HEIGHT // 8, WIDTH // 8, 3)).repeat(side, 0).repeat(side, 1)
     mixed = lit * coverage[..., None] + 0.6 * behind * (1 - coverage[..., None])
     return srgb8_from_linear(mixed), coverage > 0.5
 
@@ -219,9 +229,12 @@ def test_hints_narrow_the_search(pack: Path) -> None:
     assert off(marked.camera_from_object, pose)[0] < 4 and marked.hidden_fraction == 0
 
 
-def test_without_a_place_or_with_a_damaged_surface(pack: Path, tmp_path: Path) -> None:
+def test_without_a_place_or_with_a_damaged_surface(
+    pack: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     photo, _ = photo_of(pose_at(0))
-    with pytest.raises(UserError, match="expected a box or a mask"):
+    with monkeypatch.context() as patch, pytest.raises(UserError, match="expected a box or a mask"):
+        patch.setitem(sys.modules, "cv2", None)
         Explainer(pack).explain(photo)
     toy("fin").save(tmp_path)
     assert KnownObject.of(Explainer(tmp_path).object_class) is None
@@ -249,7 +262,44 @@ def test_a_known_object_is_followed_and_found_again_after_it_was_hidden(pack: Pa
     turned, moved = np.array(errors).T
     followed = [0, 1, 2, 3, 4, 5, 9, 10, 11, 12, 13]
     assert turned[followed].max() < 6 and moved[followed].max() < 0.02
-    with pytest.raises(UserError, match="expected a box or a mask"):
-        Tracker(pack, K=K)(photo)
     with pytest.raises(UserError, match="frames of one size"):
         tracker(photo[:100])
+
+
+def test_a_whole_photo_is_searched(tmp_path: Path) -> None:
+    """Two cartons with fine print, one before the other and each found; with boxes, too."""
+    pytest.importorskip("cv2")
+    photo, explainers, poses, whole = np.zeros((0,)), [], [], []
+    for number, (seed, shift) in enumerate(((3, (-0.02, 0, 0.5)), (8, (0.05, 0.02, 0.7)))):
+        folder, surface = tmp_path / f"carton{number}", carton(seed, 16)
+        toy("fin").save(folder)
+        surface.save(folder)
+        explainers.append(Explainer(folder))
+        pose = pose_at(seed)
+        pose[:3, 3] = np.array(shift) - pose[:3, :3] @ [0, 0, SIDES[2] / 2]
+        drawn, mask = photo_of(pose, surface, 3)
+        photo = drawn if number == 0 else np.where(whole[0][..., None], photo, drawn)
+        poses.append(pose)
+        whole.append(mask)
+    assert (whole[0] & whole[1]).any()
+    lens = K * np.array([[3], [3], [1]])
+    for scene in (
+        explain_found(photo, explainers, 4, camera=lens),
+        explain_together(photo, explainers, [box_round(mask) for mask in whole], camera=lens),
+    ):
+        assert len(scene.objects) == 2
+        front, back = sorted(scene.objects, key=lambda each: each.camera_from_object[2, 3])
+        assert off(front.camera_from_object, poses[0])[0] < 5
+        assert off(back.camera_from_object, poses[1])[0] < 5
+        assert scene.occludes.sum() == 1
+        seen = whole[1] & ~whole[0]
+        assert (back.mask & seen).sum() > 0.8 * (back.mask | seen).sum()
+    alone = explainers[0].explain(photo, camera=lens)
+    assert off(alone.camera_from_object, poses[0])[0] < 5 and alone.present > 0.7
+    tracked = Tracker(folder, K=lens)(photo)
+    assert Tracker(folder, K=lens)(np.full_like(photo, 90)) is None
+    assert tracked is not None and off(tracked.camera_from_object, poses[1])[0] < 5
+    with pytest.raises(UserError, match="alone"):
+        explain_found(photo, [*explainers, Explainer("mug")], 4)
+    with pytest.raises(UserError, match="found none"):
+        explain_found(photo[:40, :40], explainers, 4)

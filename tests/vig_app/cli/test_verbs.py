@@ -7,7 +7,6 @@ import shutil
 import subprocess
 import sys
 import time
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
@@ -17,10 +16,9 @@ from PIL import Image
 
 import vig
 from vig.likelihood import LIKELIHOODS
-from vig_app.cli.boxes import check_place
 from vig_app.cli.hints import cameras_of
 from vig_app.cli.main import main
-from vig_app.cli.options import CameraOptions, HintOptions, ModelOptions, PlaceOptions
+from vig_app.cli.options import CameraOptions, ModelOptions
 from vig_app.corrections import State
 from vig_app.examples import example_photos
 from vig_app.exports import export_run
@@ -73,8 +71,6 @@ def test_chosen_files_have_the_mask_of_an_export_and_links_that_lead_somewhere(t
 @pytest.mark.parametrize(
     ("where", "remedy"),
     [
-        (["photo.png"], "or --mask m.png"),
-        (["."], "or --mask m.png"),
         ([".", "--track"], "that of the first frame"),
         (["--track", "--live", "0"], "that of the first frame"),
     ],
@@ -87,15 +83,6 @@ def test_a_mesh_without_a_place_is_refused_before_it_is_made_ready(
     error = refused(capsys, "fit", *where, "--mesh", "cup.glb", "--out", "out")
     assert error.count("\n") == 1 and "--box 120,80,300,240" in error and remedy in error
     assert not Path("out").exists()
-
-
-def test_a_mesh_is_placed_by_what_was_corrected(tmp_path):
-    place = PlaceOptions(mesh=tmp_path / "cup.glb")
-    teapot, state = vig.ObjectClass.load("teapot"), State(box=(1.0, 2.0, 3.0, 4.0))
-    for corrected in (False, True):
-        state.write(tmp_path, tmp_path / "photo.png", teapot, corrected)
-        with nullcontext() if corrected else pytest.raises(vig.UserError, match="expected --box or --mask"):
-            check_place(place, HintOptions(), folders=[tmp_path])
 
 
 def test_a_fit_ends_with_what_to_do_next(capsys, tmp_path):
@@ -202,6 +189,8 @@ def test_options_of_a_fit_are_heeded(capsys, tmp_path):
         ("fit photo.png --box=-45,0,50,50", "box"),
         ("fit photo.png --class spaceship", "teapot"),
         ("fit photo.png --likelihood no-such", "robust"),
+        ("fit photo.png --meshes a.glb --mesh b.glb", "expected --meshes without --mesh"),
+        ("fit photo.png --meshes none.glb", "'none.glb' is left out"),
         ("fit photo.png --up -z", "expected --up with --mesh"),  # which the parser takes for an option
         ("fit photo.png --files mask.png picture.png", "thumbnail.jpg"),
         ("fit photo.png --files mask.png picture.png", "got 'picture.png'"),
