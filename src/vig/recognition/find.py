@@ -284,5 +284,5 @@ def _present(at_place: float, prediction: Prediction) -> float:
     # the logs of how well the window is filled and of the blur, in the log odds that it shows an object: a
     # logistic regression (`python -m benchmarks.presence`), rounded, for all classes. Two were chosen on the
     # photos of docs/results.md: the map's weight (1.0 by the regression, which finds fewer decorated mugs)
-    # and the bias, .2 below that of the regression with this weight
+    # and the bias, .1 below that of the regression with this weight
     return 0.0 if features is None else float(sigmoid(np.dot((-3.6, 0.5, 0.45, 0.6, -1.0), features)))
