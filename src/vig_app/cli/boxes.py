@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 from vig.explainer import Box, checked_box
 from vig.io.checks import MOST_TABLE, read_json, reading
 from vig.io.errors import UserError
+from vig.known_object import Surface
 from vig.known_object.packs import pack_of_mesh
 from vig.several import MOST_OBJECTS
 from vig_app.cli.naming import by_photo
@@ -95,17 +97,21 @@ def _packs_of(place: PlaceOptions, say: Callable[[str], None]) -> tuple[str, ...
         for file in (sorted(path.iterdir()) if path.is_dir() else [path])
         if not path.is_dir() or file.suffix.lower() in MESHES
     ]
-    packs: dict[str, Path] = {}
-    for file in files:
+    packs, known = [], dict[bytes, str]()
+    for number, file in enumerate(files, 1):
         try:
-            pack = str(pack_of_mesh(file, None, lambda line: None))
-        except UserError as error:
+            content = hashlib.sha256(file.read_bytes()).digest()
+            if content in known:
+                raise UserError(f"it is the same as '{known[content]}'")
+            pack = pack_of_mesh(file, None, lambda line: None)
+            if Surface.load(pack).one_colour:
+                raise UserError("it has one colour alone")
+        except (OSError, UserError) as error:
             say(f"'{file.name}' is left out: {error}")
             continue
-        if pack in packs:
-            say(f"'{file.name}' is left out: it is the same as '{packs[pack].name}'")
-        else:
-            packs[pack] = file
+        known[content] = file.name
+        packs.append(str(pack))
+        say(f"{number} of {len(files)}: '{file.name}' is ready")
     if not packs:
         raise UserError(
             f"expected --meshes of {' '.join(MESHES)} files, or folders of them; got none of use."

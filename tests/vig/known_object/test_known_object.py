@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from tests.toys import toy
@@ -19,6 +21,7 @@ from vig.known_object.picture import WEIGHTS, Picture
 from vig.known_object.search import Poses, Stage
 from vig.scene.light import linear_from_srgb, srgb8_from_linear
 from vig.several import explain_found, explain_together
+from vig_app.cli.main import main
 from vig_native import engine
 
 WIDTH, HEIGHT, FOCAL = 320, 240, 400.0
@@ -303,3 +306,54 @@ def test_a_whole_photo_is_searched(tmp_path: Path) -> None:
         explain_found(photo, [*explainers, Explainer("mug")], 4)
     with pytest.raises(UserError, match="found none"):
         explain_found(photo[:40, :40], explainers, 4)
+
+
+def ended(command: list[str]) -> object:
+    with pytest.raises(SystemExit) as ending:
+        main(command)
+    return ending.value.code
+
+
+def test_meshes_of_a_folder_are_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By the command line; copies, plain meshes and other files are left out."""
+    pytest.importorskip("cv2")
+    monkeypatch.chdir(tmp_path)
+    meshes = tmp_path / "meshes"
+    meshes.mkdir()
+    for name, content in (
+        ("a.glb", "a"),
+        ("b.glb", "b"),
+        ("copy.glb", "a"),
+        ("plain.glb", "p"),
+        ("x.txt", ""),
+    ):
+        (meshes / name).write_text(content)
+        folder = tmp_path / "packs" / name
+        toy(Path(name).stem).save(folder)
+        surface = carton({"a.glb": 3, "b.glb": 8}.get(name, 1), 16)
+        if name == "plain.glb":
+            surface = replace(surface, texels=np.full_like(surface.texels, 90))
+        surface.save(folder)
+    monkeypatch.setattr("vig_app.cli.boxes.pack_of_mesh", lambda file, *_: tmp_path / "packs" / file.name)
+    pose = pose_at(3)
+    photo, mask = photo_of(pose, carton(3, 16), 3)
+    Image.fromarray(photo).save("photo.png")
+    lens = "--K", "1200,1200,450,375"
+    command = ["fit", "photo.png", "--meshes", "meshes", *lens, "--files", "mask.png", "--out", "found"]
+    assert ended(command) == 0
+    said = capsys.readouterr()
+    assert "'copy.glb' is left out: it is the same as 'a.glb'" in said.err
+    assert "'plain.glb' is left out: it has one colour" in said.err and "x.txt" not in said.err
+    assert [path.name for path in Path("found/photo").glob("*-*")] == ["1-a"]
+    boxes = {"photo.png": [{"box": box_round(mask), "class": "a"}]}
+    Path("boxes.json").write_text(json.dumps(boxes, default=float))
+    assert ended([*command[:-1], "boxed", "--boxes", "boxes.json"]) == 0
+    for out in ("found", "boxed"):
+        written = json.loads(Path(out, "photo", "1-a", "explanation.json").read_text())
+        assert off(np.array(written["pinhole"]["camera_from_object"]), pose)[0] < 5
+    boxes["photo.png"][0]["class"] = "c"
+    Path("boxes.json").write_text(json.dumps(boxes, default=float))
+    assert ended([*command, "--boxes", "boxes.json"]) == 2
+    assert "expected --boxes with the names of meshes, a, b; got 'c'" in capsys.readouterr().err

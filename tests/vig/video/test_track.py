@@ -142,7 +142,7 @@ def test_the_track_does_not_jump_to_another_pot(video: Video, explainer: vig.Exp
         wide = np.full((150, 330, 3), 128, np.uint8)
         at, other_at = 20 - 2 * number, 190 + 2 * number
         wide[:, other_at : other_at + 120] = other
-        wide[:, at : at + 120] = video.frames[number % 3][:, :120]
+        wide[:, at : at + 120] = video.frames[number % 2][:, :120]
         if number in (3, 4, 5):
             wide[:, at : at + 130] = (40, 90, 60)
         frames.append(wide)
