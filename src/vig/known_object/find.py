@@ -14,6 +14,7 @@ from vig.known_object.keypoints import Keypoints, Sighting
 from vig.known_object.picture import WEIGHTS
 from vig.known_object.search import Stage
 from vig.photo import ImagePyramid, Intrinsics, Window
+from vig.scene.functions import sigmoid
 
 RANKING = (Stage(1, 80, 0, (0.0, 0.0, 0.0), math.inf),)
 """Compares poses as they are: without an outline a search makes those of keypoints no better."""
@@ -47,7 +48,8 @@ def find(
     back = np.eye(4)
     back[:3, 3] = -known.surface.middle
     found = []
-    for group in _places(known.keypoints.sightings(photo, lens), known.keypoints.radius)[: most + 1]:
+    # 6: of one object; those with less weight are mostly none
+    for group in _places(known.keypoints.sightings(photo, lens), known.keypoints.radius)[: min(most + 1, 6)]:
         expected = np.stack([each.pose @ back for each in group[:6]])
         try:
             window, fit, ratio, pose = known.follow(pyramid, expected, RANKING, lens)
@@ -58,7 +60,7 @@ def find(
             continue
         score = fit.evidence / WEIGHTS.pixels
         odds = ODDS[0] + ODDS[1] * math.log(group[0].weight) + ODDS[2] * score
-        found.append(Found(window, fit, ratio, 1 / (1 + math.exp(-odds)), pose))
+        found.append(Found(window, fit, ratio, float(sigmoid(np.array(odds))), pose))
     return sorted(found, key=lambda each: -each.present)[:most]
 
 

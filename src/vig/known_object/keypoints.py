@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -152,10 +153,8 @@ class ViewKeypoints:
         else:
             arrays = _made(views, rotations)
             if folder is not None:
-                try:
+                with suppress(OSError, UserError):  # a pack that others own
                     write_arrays(folder / FILE, arrays)
-                except OSError:
-                    pass  # a pack that others own
         descriptor = arrays["descriptor"].astype(np.float32)
         keypoints = Keypoints(arrays["place"], arrays["angle"], arrays["size"], descriptor)
         return ViewKeypoints(keypoints, arrays["view"], arrays["point"], rotations, views.radius)

@@ -46,7 +46,9 @@ def boxes_of(
             by_name = {name: _read(entry, place.object_class) for name, entry in entries.items()}
         of_photo = by_photo(by_name, photos, "boxes", place.boxes)
         boxes = [of_photo.get(photo, (None, ())) for photo in photos]
-    if place.objects is not None or any(objects for _, objects in boxes):
+    if place.meshes and any(box is not None for box, _ in boxes):
+        raise UserError(f"expected --boxes that name meshes; got one without a name. {REMEDY}")
+    if place.objects is not None or place.meshes or any(objects for _, objects in boxes):
         for name in given(hints):
             raise UserError(
                 f"expected --{name} with one object a photo; got several objects. Fit that object alone."
@@ -55,7 +57,9 @@ def boxes_of(
 
 
 def check_place(place: PlaceOptions, track: bool = False) -> None:
-    """Raise UserError where nothing locates the object of --mesh in the first frame."""
+    """Raise UserError where --track is of several meshes, or nothing locates that of --mesh at first."""
+    if track and place.meshes:
+        raise UserError("expected --track of one object; got --meshes. Name one with --mesh.")
     if track and place.mesh is not None and place.box is None and place.boxes is None:
         raise UserError(
             "expected --box with --mesh and --track; got none. Give that of the first frame, x,y,w,h in"

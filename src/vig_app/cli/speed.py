@@ -37,6 +37,7 @@ class Extra:
 
 EXTRAS = {
     "heic": Extra(("pillow_heif",), "photos of iPhones"),
+    "match": Extra(("cv2",), "objects of meshes found in whole photos"),
     "video": Extra(("av",), "videos, cameras and streams"),
     "world": Extra(
         (

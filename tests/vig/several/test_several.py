@@ -142,7 +142,7 @@ def test_what_cannot_be_explained_is_refused(
 ):
     teapot, box, grey = explainers["teapot"], boxes_of(group)[0], np.full((120, 160, 3), 90, np.uint8)
     given: list[vig.Explainer]
-    for given, boxes in (([teapot], [box, box]), ([], []), ([teapot] * 17, [box] * 17)):
+    for given, boxes in (([teapot], [box, box]), ([], []), ([teapot] * 25, [box] * 25)):
         with pytest.raises(UserError, match=f"1 to {MOST_OBJECTS} objects"):
             explain_together(group.photo, given, boxes)
     with pytest.raises(UserError, match="got a str in it"):
@@ -260,13 +260,13 @@ def test_a_folder_of_other_boxes_is_not_taken_for_done(photo: Path):
         ({"photo.png": []}, [], "something in it"),
         ({"photo.png": [[1, 2, 3]]}, [], "boxes by the photos"),
         ({"photo.png": [{"class": "mug"}]}, [], "box"),
-        ({"photo.png": [[0, 0, 50, 50]] * 17}, [], "more than 16"),
+        ({"photo.png": [[0, 0, 50, 50]] * 25}, [], "more than 24"),
         ([], [], "boxes by the photos"),
         ({"photo.png": [[0, 0, 50, 50]] * 2}, ["--azimuth", "0"], "one object"),
         ({"photo.png": [{"box": [0, 0, 50, 50], "Class": "mug"}]}, [], "'Class'"),
         ({"photo.png": [{"box": [0, 0, 50, 50], "class": "nothing"}]}, [], "got 'nothing'"),
         ({"photo.png": [[0, 0, 50, 50], [0, 0, 5000, 50]]}, [], "in the photo"),
-        (None, ["--objects", "0"], "1 to 16"),
+        (None, ["--objects", "0"], "1 to 24"),
         (None, ["--objects", "2", "--box", "1,1,50,50"], "two of them"),
         (None, ["--class", "teapot,mug"], "one --class"),
     ],
