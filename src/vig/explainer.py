@@ -96,8 +96,9 @@ class Explainer:
     ) -> Explainer:
         """Return an explainer of the object of a mesh file, in any rotation.
 
-        It is ready in some 15 seconds, and kept in the user's cache. Each photo needs a box or a mask. A mesh
-        of one colour is fitted standing without a mask, and every mesh where the hints state a roll.
+        It is ready in some 15 seconds, and kept in the user's cache. Without a box or hints the object is
+        found by its print (`pip install "vig[match]"`). A mesh of one colour needs a box or a mask; without a
+        mask it is fitted standing, and so is every mesh where the hints state a roll.
 
         Args:
             mesh: The file: .glb .gltf .obj .ply .off .stl.
@@ -195,8 +196,10 @@ class Explainer:
             settings = for_tracking(settings)
         told = hints or Hints()
         roll = told.views()[2]
-        if self.known is not None and window is None and self.known.is_sought(told):
-            if box is None and told.clues() is None and told.pose is None:
+        sought = self.known is not None and window is None and self.known.is_sought(told)
+        placed = box is not None or told.clues() is not None
+        if self.known is not None and window is None and (sought or not placed):
+            if sought and not placed and hints is None:
                 if seen := self.explain_seen(coded, Keypoints.of(coded), lens, 1):
                     return seen[0]
                 name = self.object_class.name
@@ -244,8 +247,8 @@ class Explainer:
     def explain_seen(
         self, photo: np.ndarray, keypoints: Keypoints, lens: Lens | None, most: int
     ) -> list[Explanation]:
-        """Return up to `most` explanations of a known object in a photo, as `coded_photo` gives it, found by
-        the photo's keypoints, the likeliest first.
+        """Return up to `most` explanations of a known object in a photo (H, W, 3), as `coded_photo` gives it,
+        found by the photo's keypoints, the likeliest first.
         """
         assert self.known is not None
         height, width = photo.shape[:2]

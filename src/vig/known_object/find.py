@@ -56,7 +56,7 @@ def find(
         except UserError:  # it would be beside the photo
             continue
         # 0.3: share that must be seen: of HOPE's objects 3 % showed less, of other things a third
-        if fit.visible.sum() < 0.3 * fit.coverage.sum():
+        if not fit.visible.sum() > 0.3 * fit.coverage.sum():
             continue
         score = fit.evidence / WEIGHTS.pixels
         odds = ODDS[0] + ODDS[1] * math.log(group[0].weight) + ODDS[2] * score

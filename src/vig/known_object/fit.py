@@ -24,7 +24,6 @@ from vig.scene.camera import FOCAL_OVER_WIDTH, angle_difference, view_of
 from vig_native import engine
 from vig_renderer.harmonics import COSINE_LOBE, L_COUNT, Y00, Y1
 
-Box = tuple[float, float, float, float]
 MARGIN = 1.3
 """Side of the window that is searched over the longer side of the object's box."""
 ASSUMED_FOCAL = 0.9

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vig.io.checks import check_arrays, read_tensors, reading
+from vig.io.checks import check_arrays, check_indices, read_tensors, reading
 from vig.io.errors import UserError
 from vig.io.files import write_arrays
 from vig.known_object.search import VIEW_DISTANCE, Views, towards
@@ -69,7 +69,8 @@ class Keypoints:
         shrunk = min(1.0, MOST_LENGTH / max(picture.shape[:2]))
         grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
         if shrunk < 1:
-            grey = cv2.resize(grey, None, fx=shrunk, fy=shrunk, interpolation=cv2.INTER_AREA)
+            size = [max(1, round(side * shrunk)) for side in grey.shape[::-1]]
+            grey = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
         # 0.02: of OpenCV's .04, as print in shadow has little contrast
         found, shares = cv2.SIFT_create(contrastThreshold=0.02).detectAndCompute(grey, None)  # type: ignore[attr-defined]
         shares = np.zeros((0, 128), np.float32) if shares is None else shares
@@ -150,6 +151,7 @@ class ViewKeypoints:
             with reading(folder / FILE, "keypoints of an object", "Remove it, it is made again."):
                 arrays, _ = read_tensors(folder / FILE)
                 check_arrays(arrays, _TABLE)
+                check_indices("view", arrays["view"], DIRECTIONS)
         else:
             arrays = _made(views, rotations)
             if folder is not None:

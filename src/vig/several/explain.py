@@ -57,7 +57,7 @@ def explain_together(
         _with_source(explainer.explain(picture, box, camera=lens and lens[0]), lens)
         for explainer, box in zip(explainers, boxes, strict=True)
     ]
-    jointly = fit_known_jointly if _known(explainers) else fit_jointly
+    jointly = partial(fit_known_jointly, boxes=boxes) if _known(explainers) else fit_jointly
     return on_one_core(partial(jointly, alone, explainers))
 
 

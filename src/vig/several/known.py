@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from vig.explainer import Explainer, Lens
+from vig.explainer import Box, Explainer, Lens
 from vig.explanation import Explanation
 from vig.hints import Hints
 from vig.inference.hints import PixelLabel
@@ -34,7 +34,9 @@ def find_known_together(
     return in_depth(chosen, lambda index, hidden: chosen[index]) if chosen else None
 
 
-def fit_known_jointly(alone: Sequence[Explanation], explainers: Sequence[Explainer]) -> SceneExplanation:
+def fit_known_jointly(
+    alone: Sequence[Explanation], explainers: Sequence[Explainer], boxes: Sequence[Box]
+) -> SceneExplanation:
     """Return the joint explanation of known objects from explanations of each at its box alone."""
 
     def again(index: int, hidden: np.ndarray) -> Explanation:
@@ -42,7 +44,7 @@ def fit_known_jointly(alone: Sequence[Explanation], explainers: Sequence[Explain
         marks = np.zeros(hidden.shape, np.uint8)
         marks[hidden] = PixelLabel.IN_FRONT
         told = replace(one.hints or Hints(), marks=marks)
-        explained = explainers[index].explain(one.picture, one.box, hints=told, camera=one.window.lens)
+        explained = explainers[index].explain(one.picture, boxes[index], hints=told, camera=one.window.lens)
         return replace(explained, focal_from=one.focal_from, hints=one.hints)
 
     return in_depth(alone, again)

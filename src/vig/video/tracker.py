@@ -155,7 +155,8 @@ class Tracker:
         if (known := self.explainer.known) is not None and not known.surface.one_colour:
             if mask is None and box is None:
                 lens = None if self._K is None else (self._K, "given")
-                seen = self.explainer.explain_seen(picture, Keypoints.of(picture), lens, 1)
+                look = partial(self.explainer.explain_seen, picture, Keypoints.of(picture), lens, 1)
+                seen = on_one_core(look)
                 if not seen or seen[0].verdict is Verdict.ABSENT:
                     return None
                 explanation = seen[0]

@@ -46,7 +46,7 @@ def boxes_of(
             by_name = {name: _read(entry, place.object_class) for name, entry in entries.items()}
         of_photo = by_photo(by_name, photos, "boxes", place.boxes)
         boxes = [of_photo.get(photo, (None, ())) for photo in photos]
-    if place.meshes and any(box is not None for box, _ in boxes):
+    if place.meshes and place.boxes is not None and any(box is not None for box, _ in boxes):
         raise UserError(f"expected --boxes that name meshes; got one without a name. {REMEDY}")
     if place.objects is not None or place.meshes or any(objects for _, objects in boxes):
         for name in given(hints):
@@ -95,6 +95,8 @@ def _packs_of(place: PlaceOptions, say: Callable[[str], None]) -> tuple[str, ...
     alone = (place.mesh, place.length, place.up, place.box) == (None,) * 4
     if not alone or place.object_class != PlaceOptions.object_class:
         raise UserError("expected --meshes without --mesh, --length, --up, --box and --class; got one.")
+    if missing := [path for path in place.meshes if not path.exists()]:
+        raise UserError(f"expected --meshes, files or folders of {' '.join(MESHES)}; got no '{missing[0]}'.")
     files = [
         file
         for path in place.meshes
@@ -104,11 +106,13 @@ def _packs_of(place: PlaceOptions, say: Callable[[str], None]) -> tuple[str, ...
     packs, known = [], dict[bytes, str]()
     for number, file in enumerate(files, 1):
         try:
-            content = hashlib.sha256(file.read_bytes()).digest()
+            pack = pack_of_mesh(file, None, lambda line: None)
+            surface = Surface.load(pack)
+            content = surface.vertices.tobytes() + surface.texels.tobytes()
+            content = hashlib.sha256(content).digest()
             if content in known:
                 raise UserError(f"it is the same as '{known[content]}'")
-            pack = pack_of_mesh(file, None, lambda line: None)
-            if Surface.load(pack).one_colour:
+            if surface.one_colour:
                 raise UserError("it has one colour alone")
         except (OSError, UserError) as error:
             say(f"'{file.name}' is left out: {error}")

@@ -73,7 +73,7 @@ class PlaceOptions:
     """A packaged class or the folder of a class pack; with --objects several, such as teapot,mug."""
     mesh: Path | None = None
     """In place of a class, a mesh of this exact object, at --box or --mask, in any rotation; upright with
-    --roll, or if of one colour without --mask. Without a place it is found (pip install "vig[match]").
+    --roll, or if of one colour without --mask. With print it is found without either (vig[match]).
     explanation.json then has camera_from_mesh, its pose."""
     meshes: tuple[Path, ...] = ()
     """In place of a class, meshes with colours of exact objects, or folders of them: each object is found in

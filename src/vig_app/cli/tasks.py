@@ -58,6 +58,8 @@ def plan_of(command: FitCommand) -> Plan:
             )
     most = place.objects or (MOST_OBJECTS if place.meshes else 0)
     named = {ObjectClass.load(Path(pack)).name: pack for pack in (object_class, *others) if place.meshes}
+    if place.meshes and place.boxes is not None and len(named) <= len(others):
+        raise UserError("expected --meshes of different names with --boxes; got two of one name. Rename one.")
     hints, mask = hints_of(command.hints, photos), mask_of(command.hints.mask, photos)
     cameras = cameras_of(command.camera, photos)
     hinted = given(command.hints, command.camera) or place.box is not None or place.boxes is not None

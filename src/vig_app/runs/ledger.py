@@ -13,6 +13,7 @@ from typing import Any
 from vig import __version__
 from vig.explainer import Explainer
 from vig.io.errors import UserError
+from vig.known_object.keypoints import FILE as KEYPOINTS
 from vig_app.results import checked_row
 from vig_app.runs.work import KEY, PARTIAL, Rows, RunSettings, Task
 
@@ -109,7 +110,9 @@ def key_of(task: Task, settings: str) -> str:
 def _pack_state(name: str | Path | None) -> Any:
     """Return a value that changes when a class pack does; the packaged classes change with the version."""
     folder = None if name is None else Path(name)
-    return str(name), sorted(map(_file_state, folder.iterdir())) if folder and folder.is_dir() else []
+    files = folder.iterdir() if folder and folder.is_dir() else ()
+    # Keypoints follow from the others, and are made when they are first needed.
+    return str(name), sorted(_file_state(file) for file in files if file.name != KEYPOINTS)
 
 
 def _file_state(path: Path) -> Any:

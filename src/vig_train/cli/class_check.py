@@ -98,6 +98,10 @@ def check_class(settings: CheckClass) -> int:
         )
     with contextlib.redirect_stdout(sys.stderr) if settings.json else contextlib.nullcontext():
         errors = _errors(settings, object_class, labels)
+    if settings.calibrate and len(errors) < 30:
+        raise UserError(
+            f"expected 30 labelled photos or more that can be used; got {len(errors)}. Label more."
+        )
     groups = sorted({error.shape for error in errors if error.shape})
     rows = [row_of("all", errors, settings.tolerance)]
     rows += [row_of(g, [e for e in errors if e.shape == g], settings.tolerance) for g in groups]

@@ -332,7 +332,7 @@ def test_meshes_of_a_folder_are_found(
         (meshes / name).write_text(content)
         folder = tmp_path / "packs" / name
         toy(Path(name).stem).save(folder)
-        surface = carton({"a.glb": 3, "b.glb": 8}.get(name, 1), 16)
+        surface = carton({"a.glb": 3, "b.glb": 8, "copy.glb": 3}.get(name, 1), 16)
         if name == "plain.glb":
             surface = replace(surface, texels=np.full_like(surface.texels, 90))
         surface.save(folder)
