@@ -1,6 +1,6 @@
 """One known object: its textured mesh, and its pose in a photo, in any rotation."""
 
-from vig.known_object.find import Found, find
+from vig.known_object.finding import Found, find
 from vig.known_object.fit import KnownObject, assumed_lens
 from vig.known_object.follow import PoseFollower
 from vig.known_object.keypoints import Keypoints

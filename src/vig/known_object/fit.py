@@ -105,12 +105,11 @@ class KnownObject:
         stages: Sequence[Stage],
         lens: Intrinsics,
         seek: bool = False,
-        hidden: np.ndarray | None = None,
     ) -> tuple[Window, Fit, float, np.ndarray]:
         """Return window, fit and ratio as `explain`, and the pose (4, 4), by a search near some poses.
 
         expected: (N, 4, 4) camera_from_object, the likeliest first. `seek`: the object may be elsewhere about
-        there, and turned. `hidden`: (H, W) bool, pixels that show something else.
+        there, and turned.
         """
         turns = expected[:, :3, :3]
         middles = turns @ self.surface.middle + expected[:, :3, 3]
@@ -124,7 +123,7 @@ class KnownObject:
         left, top = (low + high - side) / 2
         window = Window(float(left), float(top), side, lens=lens)
         (x, y), (w, h) = low.tolist(), (high - low).tolist()
-        place = Place((x, y, w, h), hidden=hidden)
+        place = Place((x, y, w, h))
         alone = np.ptp((points + middles[0]) @ lens.K.T / middles[0, 2], axis=0)[:2]
 
         def picture_of(pixels: int) -> Picture:

@@ -9,6 +9,8 @@ from pathlib import Path
 
 from vig.io.errors import UserError
 
+SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".off", ".stl")
+"""Of mesh files."""
 GROUP = "vig.meshes"
 """Entry points of functions that make a class pack of a mesh file: path, length, `say`, up in, folder out."""
 

@@ -11,13 +11,12 @@ from vig.explainer import Box, checked_box
 from vig.io.checks import MOST_TABLE, read_json, reading
 from vig.io.errors import UserError
 from vig.known_object import Surface
-from vig.known_object.packs import pack_of_mesh
+from vig.known_object.packs import SUFFIXES, pack_of_mesh
 from vig.several import MOST_OBJECTS
 from vig_app.cli.naming import by_photo
 from vig_app.cli.options import HintOptions, PlaceOptions, given
 
 REMEDY = 'Write {"photo.jpg": [x, y, w, h]}, or a list of these or of {"box": [x, y, w, h], "class": "mug"}.'
-MESHES = (".glb", ".gltf", ".obj", ".ply", ".off", ".stl")
 Objects = tuple[tuple[str, Box], ...]
 """Class and box of each object of a photo."""
 
@@ -91,17 +90,17 @@ def classes_of(place: PlaceOptions, say: Callable[[str], None]) -> tuple[str, ..
 
 
 def _packs_of(place: PlaceOptions, say: Callable[[str], None]) -> tuple[str, ...]:
-    """Return the class packs of --meshes; what is no mesh of use is told and left out."""
+    """Return the class packs of --meshes; say which files cannot be used, and leave them out."""
     alone = (place.mesh, place.length, place.up, place.box) == (None,) * 4
     if not alone or place.object_class != PlaceOptions.object_class:
         raise UserError("expected --meshes without --mesh, --length, --up, --box and --class; got one.")
     if missing := [path for path in place.meshes if not path.exists()]:
-        raise UserError(f"expected --meshes, files or folders of {' '.join(MESHES)}; got no '{missing[0]}'.")
+        raise UserError(f"expected --meshes, {' '.join(SUFFIXES)} or folders; got no '{missing[0]}'.")
     files = [
         file
         for path in place.meshes
         for file in (sorted(path.iterdir()) if path.is_dir() else [path])
-        if not path.is_dir() or file.suffix.lower() in MESHES
+        if not path.is_dir() or file.suffix.lower() in SUFFIXES
     ]
     packs, known = [], dict[bytes, str]()
     for number, file in enumerate(files, 1):
@@ -122,7 +121,7 @@ def _packs_of(place: PlaceOptions, say: Callable[[str], None]) -> tuple[str, ...
         say(f"{number} of {len(files)}: '{file.name}' is ready")
     if not packs:
         raise UserError(
-            f"expected --meshes of {' '.join(MESHES)} files, or folders of them; got none of use."
+            f"expected --meshes of {' '.join(SUFFIXES)} files, or folders of them; got none of use."
         )
     return tuple(packs)
 

@@ -9,10 +9,11 @@ import numpy as np
 
 from vig.io.errors import UserError
 from vig.io.progress import Meter
+from vig.known_object.packs import SUFFIXES
 from vig_world.assets.own.catalogue import mesh_folder, read_sources
 from vig_world.assets.own.copies import COPY, shape_copies
 from vig_world.assets.own.folder import fingerprint
-from vig_world.assets.own.load import SUFFIXES, MeshPiece, load, mesh_files
+from vig_world.assets.own.load import MeshPiece, load, mesh_files
 from vig_world.assets.own.simplify import simplified
 from vig_world.assets.source_meshes import MOST_FACES
 from vig_world.mesh import face_normals, stacked

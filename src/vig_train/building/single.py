@@ -11,13 +11,14 @@ import numpy as np
 
 from vig.io.errors import UserError
 from vig.known_object import Surface
+from vig.known_object.packs import SUFFIXES
 from vig.scene import ObjectClass, Symmetry
 from vig.scene.object_class import axis_name
 from vig_train.building.build import build_class, is_step
 from vig_train.building.settings import BuildSettings, axis_vector, fills_unit_cube
 from vig_world.asset_cache import asset_cache
 from vig_world.assets.own.folder import fingerprint
-from vig_world.assets.own.load import SUFFIXES, MeshPiece, load
+from vig_world.assets.own.load import MeshPiece, load
 from vig_world.assets.own.simplify import simplified
 
 MOST_FACES = 10_000

@@ -13,6 +13,7 @@ import numpy as np
 from PIL import Image
 
 from vig.io.errors import UserError
+from vig.known_object.packs import SUFFIXES
 from vig.scene import Camera, srgb_from_linear
 from vig_world import SPLITS, Split
 from vig_world.asset_cache import asset_cache
@@ -20,7 +21,7 @@ from vig_world.assets import own
 from vig_world.assets.models import packaged_props, vary
 from vig_world.assets.own.catalogue import mesh_folder
 from vig_world.assets.own.folder import files_of
-from vig_world.assets.own.load import SUFFIXES, load
+from vig_world.assets.own.load import load
 from vig_world.assets.own.props import standing_parts
 from vig_world.assets.own.settings import settings_of
 from vig_world.assets.own.standing import SizedKind

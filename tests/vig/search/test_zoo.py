@@ -39,7 +39,7 @@ MISSING = {
     ("gradient_descent", "cliff_infinite"): 0.01,
     ("momentum", "photo"): 0.1,
     ("gradient_descent", "photo"): 0.2,
-    ("conjugate_gradient", "ill_conditioned"): 0.01,
+    ("conjugate_gradient", "ill_conditioned"): 0.002,
     ("conjugate_gradient", "photo"): 0.2,
     ("unscaled", "photo"): 0.2,
 }

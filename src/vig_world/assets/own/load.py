@@ -16,6 +16,7 @@ import numpy as np
 
 from vig.io.checks import read_bytes
 from vig.io.errors import UserError
+from vig.known_object.packs import SUFFIXES
 from vig_world.assets.own.counting import refuse_huge
 from vig_world.assets.own.folder import files_of
 from vig_world.assets.own.meshes.gltf import read_gltf
@@ -27,7 +28,6 @@ from vig_world.assets.own.siblings import MOST_BYTES, Siblings
 from vig_world.assets.own.surfaces import SurfaceMesh, paint
 from vig_world.mesh import stacked
 
-SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".off", ".stl")
 UNREAD = tuple(
     ".fbx .usd .usda .usdc .usdz .dae .3mf .amf .step .stp .iges .igs .brep .blend .max .ma .mb .c4d .3ds"
     " .3dm .x3d .wrl .vrml .abc .lwo .skp .dxf .dwg .vtk .vtp .x_t .x_b .sldprt .ipt .fcstd .ifc .pcd .zip"

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from vig.io.errors import UserError
+from vig.known_object.packs import SUFFIXES
 from vig_world.assets.own.catalogue import mesh_folder, read_sources
 from vig_world.assets.own.folder import fingerprint
-from vig_world.assets.own.load import SUFFIXES, MeshPiece, load, mesh_files
+from vig_world.assets.own.load import MeshPiece, load, mesh_files
 from vig_world.assets.own.settings import FileSettings, settings_of
 from vig_world.assets.own.simplify import outward
 from vig_world.assets.own.standing import SizedKind, stand

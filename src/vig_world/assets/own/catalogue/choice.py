@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vig.io.errors import UserError
+from vig.known_object.packs import SUFFIXES as MESH_SUFFIXES
 from vig_world.assets.own.catalogue.reading import SUFFIX, CatalogueModel, read_catalogue
-from vig_world.assets.own.load import SUFFIXES as MESH_SUFFIXES
 
 _SHOWN = 12
 

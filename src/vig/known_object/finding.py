@@ -19,7 +19,7 @@ from vig.scene.functions import sigmoid
 RANKING = (Stage(1, 80, 0, (0.0, 0.0, 0.0), math.inf),)
 """Compares poses as they are: without an outline a search makes those of keypoints no better."""
 LEAST_WEIGHT = 0.5
-"""Of keypoints that agree on a pose, at least."""
+"""Least weight of a sighting, see `Sighting.weight`."""
 ODDS = (-0.16, 1.82, 0.53)
 """Log odds that what is found is the object: constant, per log weight of its keypoints, per score. Fitted to
 photos of HOPE under two of its lights."""
