@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -99,7 +100,12 @@ class Tracker:
         return self.step(frame) if self._follower or self._known else self.start(frame)
 
     def start(
-        self, frame: Photo, mask: np.ndarray | None = None, box: Box | None = None, K: Any = None
+        self,
+        frame: Photo,
+        mask: np.ndarray | None = None,
+        box: Box | None = None,
+        K: Any = None,
+        hints: Hints | None = None,
     ) -> TrackedPose | None:
         """Begin, or begin anew, by explaining the object as in a photo.
 
@@ -108,6 +114,7 @@ class Tracker:
             mask: (H, W) bool, the object's visible pixels, or
             box: x, y, width, height in pixels round the whole object; without either it is sought.
             K: Intrinsics in place of the tracker's.
+            hints: Further knowledge of this frame.
 
         Returns:
             The pose; None where neither is given and the frame does not show the object.
@@ -118,7 +125,9 @@ class Tracker:
         self._number += 1
         if (K := self._K if K is None else K) is not None:
             self._K = camera_as_shown(frame, K)
-        return self._begun(coded_photo(frame), mask, box)
+        if mask is not None:
+            hints = replace(hints or Hints(), mask=mask)
+        return self._begun(coded_photo(frame), hints, box)
 
     def step(self, frame: Photo) -> TrackedPose:
         """Return the pose in the next frame, from that of the last.
@@ -136,6 +145,10 @@ class Tracker:
             )
         self._number += 1
         if self._known is not None:
+            if self._known.missed % GIVEN_UP == GIVEN_UP - 1:
+                with suppress(UserError):  # without OpenCV it is sought about where it was lost alone
+                    if (pose := self._begun(picture)) is not None:
+                        return pose
             window, fit, ratio = on_one_core(partial(self._known.step, ImagePyramid(picture)))
             found = replace(self._found, picture=picture, window=window, fit=fit, camera_distance_ratio=ratio)
             return self._known_pose(found, began)
@@ -148,12 +161,12 @@ class Tracker:
         return self._pose(picture, explanation, sighting, began)
 
     def _begun(
-        self, picture: np.ndarray, mask: np.ndarray | None = None, box: Box | None = None
+        self, picture: np.ndarray, hints: Hints | None = None, box: Box | None = None
     ) -> TrackedPose | None:
         """Start in a picture (H, W, 3)."""
-        began, hints = time.perf_counter(), None if mask is None else Hints(mask=mask)
-        if (known := self.explainer.known) is not None and not known.surface.one_colour:
-            if mask is None and box is None:
+        began = time.perf_counter()
+        if (known := self.explainer.known) is not None and self.explainer.follows_surface(hints or Hints()):
+            if hints is None and box is None:
                 lens = None if self._K is None else (self._K, "given")
                 look = partial(self.explainer.explain_seen, picture, Keypoints.of(picture), lens, 1)
                 seen = on_one_core(look)
@@ -169,7 +182,7 @@ class Tracker:
             return self._known_pose(explanation, began)
         follower = Follower(self.explainer, hints=hints, camera=self._K)
         explanation, sighting = follower.explain(picture, box)
-        if sighting.lost and mask is None and box is None:
+        if sighting.lost and hints is None and box is None:
             return None
         window, (height, width) = explanation.window, picture.shape[:2]
         if self._K is None:

@@ -55,17 +55,6 @@ def boxes_of(
     return boxes
 
 
-def check_place(place: PlaceOptions, track: bool = False) -> None:
-    """Raise UserError where --track is of several meshes, or nothing locates that of --mesh at first."""
-    if track and place.meshes:
-        raise UserError("expected --track of one object; got --meshes. Name one with --mesh.")
-    if track and place.mesh is not None and place.box is None and place.boxes is None:
-        raise UserError(
-            "expected --box with --mesh and --track; got none. Give that of the first frame, x,y,w,h in"
-            " pixels round the whole object, such as --box 120,80,300,240."
-        )
-
-
 def classes_of(place: PlaceOptions, say: Callable[[str], None]) -> tuple[str, ...]:
     """Return the class, and others that `--class` names beside it; UserError where it names several in vain.
 

@@ -17,7 +17,7 @@ from vig.photo.video import is_video
 from vig.recognition import WEIGHTS_FILE
 from vig.scene import ObjectClass
 from vig.several import MOST_OBJECTS
-from vig_app.cli.boxes import Objects, boxes_of, check_place, classes_of
+from vig_app.cli.boxes import Objects, boxes_of, classes_of
 from vig_app.cli.hints import cameras_of, hints_of, mask_of
 from vig_app.cli.naming import listed
 from vig_app.cli.options import FitCommand, ModelOptions, RunOptions, VideoOptions, given
@@ -45,7 +45,6 @@ def plan_of(command: FitCommand) -> Plan:
         photos = photos_of(command.images, run.out)
     folders = result_folders(photos, run.out)
     boxes = boxes_of(place, photos, command.hints)
-    check_place(place, command.video.track)
     object_class, *others = classes_of(place, say)
     for name in (object_class, *others):
         if is_quick(Path(name)):

@@ -13,7 +13,7 @@ from vig.io.errors import UserError
 from vig.io.printing import end, note
 from vig.photo.video import is_video
 from vig.video import Track, Tracker
-from vig_app.cli.boxes import boxes_of, check_place, classes_of
+from vig_app.cli.boxes import boxes_of, classes_of
 from vig_app.cli.fit import Take, where_to_look, write_results
 from vig_app.cli.hints import cameras_of
 from vig_app.cli.naming import listed, note_order
@@ -24,7 +24,9 @@ from vig_app.results import TRACK
 from vig_app.runs.live import OVERLAY, run_live
 from vig_app.runs.tracked import run_tracked
 
-WITHOUT_TRACK = {"boxes", "objects", "cluster", "mask", "marks", "points", "azimuth", "pose", "workers"}
+WITHOUT_TRACK = {
+    "boxes", "objects", "meshes", "cluster", "mask", "marks", "points", "azimuth", "pose", "workers",
+}  # fmt: skip
 WITHOUT_LIVE = WITHOUT_TRACK | {
     "cameras", "visible", "elevation", "roll", "framing", "export", "files", "full_size", "log",
 }  # fmt: skip
@@ -78,7 +80,6 @@ def _track_live(command: FitCommand, live: str) -> int:
         raise UserError(f"expected --timeout in seconds, above 0; got {video.timeout:g}.")
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _interrupt)
-    check_place(command.place, track=True)
     source, nothing = [Path(live)], (lambda line: None)
     ((box, _),), (camera,) = (
         boxes_of(command.place, source, command.hints),

@@ -193,7 +193,7 @@ def test_options_of_a_fit_are_heeded(capsys, tmp_path):
         ("fit photo.png --meshes a.glb --roll 0", "expected --roll with one object"),
         ("fit photo.png --meshes . --box 1,2,3,4", "expected --meshes without --mesh"),
         ("fit photo.png --meshes none.glb", "got no 'none.glb'"),
-        ("fit . --track --meshes a.glb", "expected --track of one object"),
+        ("fit . --track --meshes a.glb", "expected --track without --meshes"),
         ("fit photo.png --up -z", "expected --up with --mesh"),  # which the parser takes for an option
         ("fit photo.png --files mask.png picture.png", "thumbnail.jpg"),
         ("fit photo.png --files mask.png picture.png", "got 'picture.png'"),
