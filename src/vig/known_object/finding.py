@@ -10,7 +10,7 @@ import numpy as np
 from vig.inference.settings import Fit
 from vig.io.errors import UserError
 from vig.known_object.fit import KnownObject
-from vig.known_object.keypoints import Keypoints, Sighting
+from vig.known_object.keypoints import Keypoints, Matches, Sighting
 from vig.known_object.picture import WEIGHTS
 from vig.known_object.search import Stage
 from vig.photo import ImagePyramid, Intrinsics, Window
@@ -49,7 +49,9 @@ def find(
     back[:3, 3] = -known.surface.middle
     found = []
     # 6: of one object; those with less weight are mostly none
-    for group in _places(known.keypoints.sightings(photo, lens), known.keypoints.radius)[: min(most + 1, 6)]:
+    for group in _places(Matches.of(photo, known.keypoints, lens).sightings(), known.keypoints.radius)[
+        : min(most + 1, 6)
+    ]:
         expected = np.stack([each.pose @ back for each in group[:6]])
         try:
             window, fit, ratio, pose = known.follow(pyramid, expected, RANKING, lens)

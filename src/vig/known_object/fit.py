@@ -12,7 +12,7 @@ import numpy as np
 
 from vig.hints import Hints
 from vig.inference.settings import UNIFORM_TURN, Fit, OtherView, Verdict
-from vig.known_object.keypoints import ViewKeypoints
+from vig.known_object.keypoints import Keypoints, Matches, ViewKeypoints
 from vig.known_object.picture import WEIGHTS, Picture, Place
 from vig.known_object.search import VIEW_PIXELS, Poses, Stage, Views, locate
 from vig.known_object.surface import FILE, Surface
@@ -28,6 +28,8 @@ MARGIN = 1.3
 """Side of the window that is searched over the longer side of the object's box."""
 ASSUMED_FOCAL = 0.9
 """Focal length over the photo's longer side where none is known: of phones and webcams."""
+KEYPOINT_PIXELS, MOST_STARTS = 300, 8
+"""Longer side of the object's box in which keypoints are sought, and poses of these that begin the search."""
 DISTINCT = math.radians(25.0)
 """Angle from which poses are different."""
 STEPS = np.array([0.05, 0.05, 0.05, 0.01, 0.01, 0.02])
@@ -155,13 +157,30 @@ class KnownObject:
         def picture_of(pixels: int) -> Picture:
             return self._picture(pyramid, window, place, round(MARGIN * pixels))
 
-        if told.pose is None:
-            poses = self.views.candidates(picture_of(VIEW_PIXELS), partial(_agrees, told.views()))
-        else:
+        if told.pose is not None:
             turn, shift = told.pose[:3, :3], told.pose[:3, 3]
             rotation, middle = window.turn @ turn, window.turn @ (turn @ self.surface.middle + shift)
             poses = Poses(*_contiguous(rotation[None], middle[None]), np.zeros(1))
-        return locate(self.surface, poses, picture_of)
+            return locate(self.surface, poses, picture_of)
+        agrees = partial(_agrees, told.views())
+        poses = self.views.candidates(picture_of(VIEW_PIXELS), agrees)
+        if self.surface.one_colour or not Keypoints.available():
+            return locate(self.surface, poses, picture_of)
+        matches = self._matches(picture_of(KEYPOINT_PIXELS))
+        starts = np.array([each.pose for each in matches.sightings()[:MOST_STARTS]]).reshape(-1, 4, 4)
+        starts = starts[agrees(starts[:, :3, :3])]
+        poses = locate(self.surface, poses.beside(starts), picture_of)
+        return poses.supported([len(matches.agreeing(pose)) for pose in poses.matrices])
+
+    def _matches(self, picture: Picture) -> Matches:
+        """Return the matches of what a picture may show of the object, before the picture's camera."""
+        n, (rows, columns) = len(picture.seen), picture.within
+        photo = Keypoints.of((picture.colour * picture.exposure).clip(0, 1))
+        column, row = photo.place.astype(int).T
+        shown = np.zeros((n, n), bool)
+        shown[rows, columns] = picture.seen[rows, columns] > 0.5
+        lens = Intrinsics.of((picture.focal, picture.focal, n / 2, n / 2), n, n)
+        return Matches.of(photo[shown[row, column]], self.keypoints, lens)
 
     def _picture(self, pyramid: ImagePyramid, window: Window, place: Place, size: int) -> Picture:
         """Return the window at a size in pixels."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from contextlib import suppress
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +53,11 @@ class Keypoints:
     angle: np.ndarray
     size: np.ndarray
     descriptor: np.ndarray
+
+    @staticmethod
+    def available() -> bool:
+        """Return whether OpenCV is installed, which finds them."""
+        return find_spec("cv2") is not None
 
     @staticmethod
     def of(picture: np.ndarray) -> Keypoints:
@@ -109,21 +115,6 @@ class Sighting:
 
 
 @dataclass(frozen=True)
-class _Matches:
-    """Pairs of keypoints of a photo and of the views.
-
-    Attributes:
-        photo: (M,) numbers of the photo's.
-        views: (M,) numbers of the views'.
-        weight: (M,) how far their descriptors are more alike than `SIMILAR`, and .02.
-    """
-
-    photo: np.ndarray
-    views: np.ndarray
-    weight: np.ndarray
-
-
-@dataclass(frozen=True)
 class ViewKeypoints:
     """Keypoints of a surface seen from all round.
 
@@ -161,43 +152,85 @@ class ViewKeypoints:
         keypoints = Keypoints(arrays["place"], arrays["angle"], arrays["size"], descriptor)
         return ViewKeypoints(keypoints, arrays["view"], arrays["point"], rotations, views.radius)
 
-    def sightings(self, photo: Keypoints, lens: Intrinsics) -> list[Sighting]:
-        """Return poses at which a photo shows the surface's keypoints, the likeliest first."""
-        matches, found = self._matches(photo), list[Sighting]()
-        for _, pose in sorted(self._seen(photo, matches, lens), key=lambda each: -each[0])[:40]:
-            sighting = self._fitted(pose, photo, matches, lens)
-            if sighting is not None and not any(each.is_like(sighting) for each in found):
-                found.append(sighting)
-        return sorted(found, key=lambda each: -each.weight)
 
-    def _matches(self, photo: Keypoints) -> _Matches:
-        """Return the pairs of keypoints that look alike."""
+@dataclass(frozen=True)
+class Matches:
+    """Pairs of keypoints of a photo and of a surface's views that look alike.
+
+    Attributes:
+        photo: Keypoints of the photo.
+        lens: Of the photo.
+        views: Keypoints of the views.
+        mine: (M,) numbers of the photo's.
+        its: (M,) numbers of the views'.
+        weight: (M,) how far their descriptors are more alike than `SIMILAR`, and .02.
+    """
+
+    photo: Keypoints
+    lens: Intrinsics
+    views: ViewKeypoints
+    mine: np.ndarray
+    its: np.ndarray
+    weight: np.ndarray
+
+    @staticmethod
+    def of(photo: Keypoints, views: ViewKeypoints, lens: Intrinsics) -> Matches:
+        """Return the pairs that look alike."""
         parts = [np.zeros((3, 0))]
         for start in range(0, len(photo.angle), 512):
-            alike = photo.descriptor[start : start + 512] @ self.keypoints.descriptor.T
+            alike = photo.descriptor[start : start + 512] @ views.keypoints.descriptor.T
             row, column = np.nonzero(alike > SIMILAR)
             cosine = alike[row, column]
             order = np.lexsort((-cosine, row))
             row, column, cosine = row[order], column[order], cosine[order]
             kept = np.arange(len(row)) - np.searchsorted(row, row) < MOST_ALIKE
             parts.append(np.stack([row + start, column, cosine - SIMILAR + 0.02])[:, kept])
-        photos, views, weight = np.concatenate(parts, axis=1)
-        return _Matches(photos.astype(int), views.astype(int), weight)
+        mine, its, weight = np.concatenate(parts, axis=1)
+        return Matches(photo, lens, views, mine.astype(int), its.astype(int), weight)
 
-    def _seen(self, photo: Keypoints, matches: _Matches, lens: Intrinsics) -> list[tuple[float, np.ndarray]]:
+    def sightings(self) -> list[Sighting]:
+        """Return poses at which the photo shows the surface's keypoints, the likeliest first."""
+        found = list[Sighting]()
+        for _, pose in sorted(self._seen(), key=lambda each: -each[0])[:40]:
+            sighting = self._fitted(pose)
+            if sighting is not None and not any(each.is_like(sighting) for each in found):
+                found.append(sighting)
+        return sorted(found, key=lambda each: -each.weight)
+
+    def agreeing(self, pose: np.ndarray, tolerance: float = 0.05) -> np.ndarray:
+        """Return the rows of matches that a pose (4, 4) explains, one for each of the photo's keypoints.
+
+        tolerance: Distance of a point from its keypoint, of the object's diameter in the photo.
+        """
+        radius, rotations = self.views.radius, self.views.rotations
+        seen = self.views.point[self.its] @ pose[:3, :3].T + pose[:3, 3]
+        flat = seen @ self.lens.K.T
+        error = np.linalg.norm(
+            flat[:, :2] / np.maximum(flat[:, 2:], 1e-6) - self.photo.place[self.mine], axis=1
+        )
+        sight = pose[:3, :3].T @ (pose[:3, 3] / np.linalg.norm(pose[:3, 3]))
+        facing = rotations[:, 2] @ sight > 0.6
+        # 400: pixels that the diameter counts for at most
+        size = min(2 * radius * self.lens.fx / pose[2, 3], 400.0)
+        near = (error < tolerance * size) & facing[self.views.view[self.its]] & (seen[:, 2] > 0)
+        inside = np.nonzero(near)[0]
+        inside = inside[np.argsort(error[inside], kind="stable")]
+        return inside[np.unique(self.mine[inside], return_index=True)[1]]
+
+    def _seen(self) -> list[tuple[float, np.ndarray]]:
         """Return (votes, pose) of views whose keypoints a photo shows about as they are in the view: turned,
         magnified and moved.
         """
-        number, found = self.view[matches.views], []
+        photo, its, number, found = self.photo, self.views.keypoints, self.views.view[self.its], []
         # Turn and magnification as one complex number, places as complex numbers.
-        turn = photo.angle[matches.photo] - self.keypoints.angle[matches.views]
-        factor = photo.size[matches.photo] / self.keypoints.size[matches.views] * np.exp(1j * turn)
-        at = photo.place[matches.photo] @ [1, 1j]
-        on = self.keypoints.place[matches.views] @ [1, 1j]
+        turn = photo.angle[self.mine] - its.angle[self.its]
+        factor = photo.size[self.mine] / its.size[self.its] * np.exp(1j * turn)
+        at = photo.place[self.mine] @ [1, 1j]
+        on = its.place[self.its] @ [1, 1j]
         middle = at - factor * on
         for view in np.unique(number):
             rows = np.nonzero(number == view)[0]
-            rows = np.sort(rows[np.argsort(-matches.weight[rows], kind="stable")[:120]])
+            rows = np.sort(rows[np.argsort(-self.weight[rows], kind="stable")[:120]])
             for _ in range(2):  # objects of one kind
                 if len(rows) < LEAST_MATCHES:
                     break
@@ -206,64 +239,53 @@ class ViewKeypoints:
                 ratio = factor[rows] / each
                 agree = (np.abs(np.log(np.abs(ratio))) < 0.5) & (np.cos(np.angle(ratio)) > 0.85)
                 agree &= error < np.minimum(0.06 * PIXELS * np.abs(each), 25)
-                first = np.unique(matches.photo[rows], return_index=True)[1]
-                votes = np.maximum.reduceat(agree * matches.weight[rows], first, axis=1)
+                first = np.unique(self.mine[rows], return_index=True)[1]
+                votes = np.maximum.reduceat(agree * self.weight[rows], first, axis=1)
                 sums = votes.sum(1) * ((votes > 0).sum(1) >= LEAST_MATCHES - 1)
                 best = int(sums.argmax())
                 if sums[best] <= 0:
                     break
                 inside = rows[agree[best]]
-                its, mine = on[inside] - on[inside].mean(), at[inside] - at[inside].mean()
-                fitted = (its.conj() * mine).sum() / max(float((np.abs(its) ** 2).sum()), 1e-9)
+                from_middle, to = on[inside] - on[inside].mean(), at[inside] - at[inside].mean()
+                fitted = (from_middle.conj() * to).sum() / max(float((np.abs(from_middle) ** 2).sum()), 1e-9)
                 if 0.1 < np.abs(fitted) < 20:
                     place = at[inside].mean() - fitted * on[inside].mean()
-                    found.append((float(sums[best]), self._pose(self.rotations[view], fitted, place, lens)))
-                rows = rows[~np.isin(matches.photo[rows], matches.photo[inside])]
+                    found.append((float(sums[best]), self._pose(self.views.rotations[view], fitted, place)))
+                rows = rows[~np.isin(self.mine[rows], self.mine[inside])]
         return found
 
-    def _pose(self, rotation: np.ndarray, factor: complex, place: complex, lens: Intrinsics) -> np.ndarray:
+    def _pose(self, rotation: np.ndarray, factor: complex, place: complex) -> np.ndarray:
         """Return the pose (4, 4) of a view that is turned and magnified, its middle at a place."""
+        lens = self.lens
         ray = np.array([(place.real - lens.cx) / lens.fx, (place.imag - lens.cy) / lens.fy, 1.0])
         c, s = factor.real / abs(factor), factor.imag / abs(factor)
         pose = np.eye(4)
         pose[:3, :3] = towards(ray[None])[0] @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ rotation
-        pose[:3, 3] = ray * lens.fx * VIEW_DISTANCE * self.radius / (Views.focal_of(PIXELS) * abs(factor))
+        pose[:3, 3] = (
+            ray * lens.fx * VIEW_DISTANCE * self.views.radius / (Views.focal_of(PIXELS) * abs(factor))
+        )
         return pose
 
-    def _fitted(
-        self, pose: np.ndarray, photo: Keypoints, matches: _Matches, lens: Intrinsics
-    ) -> Sighting | None:
+    def _fitted(self, pose: np.ndarray) -> Sighting | None:
         """Return a pose after fits to the matches of all views that agree with it, which are fewer each
         time; None where too few do.
         """
         import cv2
 
-        at, on = (a.astype(np.float64) for a in (photo.place[matches.photo], self.point[matches.views]))
-        view, inside = self.view[matches.views], np.zeros(0, int)
-        for tolerance in (
-            0.1,
-            0.05,
-            0.03,
-        ):  # of its diameter in the photo
-            seen = on @ pose[:3, :3].T + pose[:3, 3]
-            flat = seen @ lens.K.T
-            error = np.linalg.norm(flat[:, :2] / np.maximum(flat[:, 2:], 1e-6) - at, axis=1)
-            sight = pose[:3, :3].T @ (pose[:3, 3] / np.linalg.norm(pose[:3, 3]))
-            facing = self.rotations[:, 2] @ sight > 0.6
-            # 400: pixels that the diameter counts for at most
-            size = min(2 * self.radius * lens.fx / pose[2, 3], 400.0)
-            inside = np.nonzero((error < tolerance * size) & facing[view] & (seen[:, 2] > 0))[0]
-            inside = inside[np.argsort(error[inside], kind="stable")]
-            inside = inside[np.unique(matches.photo[inside], return_index=True)[1]]
+        radius = self.views.radius
+        at, on = (a.astype(np.float64) for a in (self.photo.place[self.mine], self.views.point[self.its]))
+        inside = np.zeros(0, int)
+        for tolerance in (0.1, 0.05, 0.03):
+            inside = self.agreeing(pose, tolerance)
             if len(inside) < LEAST_MATCHES:
                 return None
             start = cv2.Rodrigues(pose[:3, :3])[0], pose[:3, 3:].copy()
-            done, turn, shift = cv2.solvePnP(on[inside], at[inside], lens.K, None, *start, True)
-            if not done or not 2 * self.radius < shift[2, 0] < 1e3 * self.radius:
+            done, turn, shift = cv2.solvePnP(on[inside], at[inside], self.lens.K, None, *start, True)
+            if not done or not 2 * radius < shift[2, 0] < 1e3 * radius:
                 return None
             pose = np.eye(4)
             pose[:3, :3], pose[:3, 3] = cv2.Rodrigues(turn)[0], shift[:, 0]
-        return Sighting(float(matches.weight[inside].sum()), pose, frozenset(matches.photo[inside].tolist()))
+        return Sighting(float(self.weight[inside].sum()), pose, frozenset(self.mine[inside].tolist()))
 
 
 def _made(views: Views, rotations: np.ndarray) -> dict[str, np.ndarray]:

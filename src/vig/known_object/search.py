@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +22,8 @@ VIEW_DISTANCE = 6.0
 MOST_ASPECT = 0.35
 """A view is left out where the log ratio of its box's sides differs by more from the given box's, unless
 fewer than 200 remained."""
+SAME = math.radians(5.0)
+"""Angle below which poses that were refined are one."""
 APART = math.radians(16.0)
 """Least angle between views that are refined."""
 LOOSE_OUTLINE = 1.0
@@ -73,6 +75,35 @@ class Poses:
     def __getitem__(self, rows: slice | np.ndarray) -> Poses:
         """Return some of them."""
         return Poses(self.rotations[rows], self.translations[rows], self.scores[rows])
+
+    @property
+    def matrices(self) -> np.ndarray:
+        """Return them as (N, 4, 4)."""
+        poses = np.tile(np.eye(4), (len(self.scores), 1, 1))
+        poses[:, :3, :3], poses[:, :3, 3] = self.rotations, self.translations
+        return poses
+
+    def beside(self, others: np.ndarray) -> Poses:
+        """Return them and others (N, 4, 4), which have no score yet."""
+        return Poses(
+            np.concatenate([self.rotations, others[:, :3, :3]]).astype(np.float32),
+            np.concatenate([self.translations, others[:, :3, 3]]).astype(np.float32),
+            np.concatenate([self.scores, np.full(len(others), -np.inf)]),
+        )
+
+    def distinct(self, least: float = SAME) -> Poses:
+        """Return those that are turned by at least an angle, radians, against all before them."""
+        chosen: list[int] = []
+        for number, rotation in enumerate(self.rotations):
+            traces = np.einsum("ij,kij->k", rotation, self.rotations[chosen])
+            if (traces < 1 + 2 * math.cos(least)).all():
+                chosen.append(number)
+        return self[np.array(chosen)]
+
+    def supported(self, keypoints: Sequence[int]) -> Poses:
+        """Return them with 0.05 n added to each score, n of the keypoints that each explains."""
+        scores = self.scores + 0.05 * np.minimum(keypoints, 40)
+        return replace(self, scores=scores)[np.argsort(-scores, kind="stable")]
 
     def refined(self, surface: Surface, picture: Picture, stage: Stage) -> Poses:
         """Return the best `stage.count` after a search near each, the best first, and then the others."""
@@ -282,8 +313,9 @@ def locate(surface: Surface, poses: Poses, picture_of: Callable[[int], Picture])
 
     picture_of: Function that returns the photo at so many pixels of the box's longer side.
     """
-    for stage in STAGES:
+    stages = replace(STAGES[0], count=len(poses.scores)), *STAGES[1:]
+    for stage in stages:
         picture = picture_of(stage.pixels)
         poses = poses[: max(stage.count, STAGES[-2].count)].at_box(surface, picture)
-        poses = poses.refined(surface, picture, stage)
+        poses = poses.refined(surface, picture, stage).distinct()
     return poses

@@ -149,8 +149,11 @@ class Tracker:
                 with suppress(UserError):  # without OpenCV it is sought about where it was lost alone
                     if (pose := self._begun(picture)) is not None:
                         return pose
-            window, fit, ratio = on_one_core(partial(self._known.step, ImagePyramid(picture)))
-            found = replace(self._found, picture=picture, window=window, fit=fit, camera_distance_ratio=ratio)
+            seen, found = on_one_core(partial(self._known.step, ImagePyramid(picture))), self._found
+            if seen is not None:
+                window, fit, ratio = seen
+                found = replace(found, window=window, fit=fit, camera_distance_ratio=ratio)
+            found = replace(found, picture=picture)
             return self._known_pose(found, began)
         assert self._follower is not None
         missed = self._follower.missed
