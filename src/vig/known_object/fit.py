@@ -21,6 +21,7 @@ from vig.photo import ImagePyramid, Intrinsics, Window
 from vig.photo.window import DISTANCE_RATIO_BOUNDS
 from vig.scene import IMAGE_SIZE, Latents, ObjectClass, latent_layout
 from vig.scene.camera import FOCAL_OVER_WIDTH, angle_difference, view_of
+from vig.scene.functions import sigmoid
 from vig_native import engine
 from vig_renderer.harmonics import COSINE_LOBE, L_COUNT, Y00, Y1
 
@@ -32,11 +33,16 @@ KEYPOINT_PIXELS, MOST_STARTS = 300, 8
 """Longer side of the object's box in which keypoints are sought, and poses of these that begin the search."""
 DISTINCT = math.radians(25.0)
 """Angle from which poses are different."""
+MOST_LEAD = 4.0
+"""Lead that counts at most, and that of a pose without a rival."""
 STEPS = np.array([0.05, 0.05, 0.05, 0.01, 0.01, 0.02])
 """Differences by which a score's curvature is measured: radians about x, y, z; shares of the distance."""
-TRUSTED_SCORE, TRUSTED_LEAD = -8.5, 0.7
-"""Score, and lead over every other pose, from which a pose is trusted: chosen on photos of HOPE under one of
-its lights, 95 % of such rotations were within 15 degrees, 96 and 93 % under two others."""
+ODDS, BOX_ODDS = (-1.75, 0.19, 0.66, 1.05), (-3.33, 0.04, -0.01, 1.28)
+"""Log odds that a pose is right, its points a tenth of the diameter off at most: constant, per score, per
+lead over every other pose, per log of 1 + keypoints; with a mask, and without. Fitted to photos of HOPE under
+two of its lights."""
+TRUSTED = 0.91
+"""Probability from which a pose with a mask is trusted: .53 of these were, .95 of them right."""
 
 
 @dataclass(frozen=True)
@@ -97,8 +103,8 @@ class KnownObject:
         Window.of(width, height, place.box)  # which refuses boxes beside the photo
         side = MARGIN * max(w, h)
         window = Window(x + w / 2 - side / 2, y + h / 2 - side / 2, side, lens=lens)
-        poses = self._search(pyramid, window, place, told)
-        return self._fit(pyramid, window, place, poses, lens)
+        poses, keypoints = self._search(pyramid, window, place, told)
+        return self._fit(pyramid, window, place, poses, lens, keypoints)
 
     def follow(
         self,
@@ -149,10 +155,14 @@ class KnownObject:
         pose = np.eye(4)
         pose[:3, :3] = back @ poses.rotations[0]
         pose[:3, 3] = back @ poses.translations[0] - pose[:3, :3] @ self.surface.middle
-        return *self._fit(pyramid, window, place, poses, lens), pose
+        return *self._fit(pyramid, window, place, poses, lens, None), pose
 
-    def _search(self, pyramid: ImagePyramid, window: Window, place: Place, told: Hints) -> Poses:
-        """Return poses before the window's camera, the best first."""
+    def _search(
+        self, pyramid: ImagePyramid, window: Window, place: Place, told: Hints
+    ) -> tuple[Poses, int | None]:
+        """Return poses before the window's camera, the best first, and how many keypoints this one explains;
+        None where they were not sought.
+        """
 
         def picture_of(pixels: int) -> Picture:
             return self._picture(pyramid, window, place, round(MARGIN * pixels))
@@ -161,16 +171,17 @@ class KnownObject:
             turn, shift = told.pose[:3, :3], told.pose[:3, 3]
             rotation, middle = window.turn @ turn, window.turn @ (turn @ self.surface.middle + shift)
             poses = Poses(*_contiguous(rotation[None], middle[None]), np.zeros(1))
-            return locate(self.surface, poses, picture_of)
+            return locate(self.surface, poses, picture_of), None
         agrees = partial(_agrees, told.views())
         poses = self.views.candidates(picture_of(VIEW_PIXELS), agrees)
         if self.surface.one_colour or not Keypoints.available():
-            return locate(self.surface, poses, picture_of)
+            return locate(self.surface, poses, picture_of), None
         matches = self._matches(picture_of(KEYPOINT_PIXELS))
         starts = np.array([each.pose for each in matches.sightings()[:MOST_STARTS]]).reshape(-1, 4, 4)
         starts = starts[agrees(starts[:, :3, :3])]
         poses = locate(self.surface, poses.beside(starts), picture_of)
-        return poses.supported([len(matches.agreeing(pose)) for pose in poses.matrices])
+        poses = poses.supported([len(matches.agreeing(pose)) for pose in poses.matrices])
+        return poses, len(matches.agreeing(poses[:1].matrices[0]))
 
     def _matches(self, picture: Picture) -> Matches:
         """Return the matches of what a picture may show of the object, before the picture's camera."""
@@ -200,9 +211,18 @@ class KnownObject:
         return Picture(colour, seen, place.seen is not None, focal, box, extent)
 
     def _fit(
-        self, pyramid: ImagePyramid, window: Window, place: Place, poses: Poses, lens: Intrinsics
+        self,
+        pyramid: ImagePyramid,
+        window: Window,
+        place: Place,
+        poses: Poses,
+        lens: Intrinsics,
+        keypoints: int | None,
     ) -> tuple[Window, Fit, float]:
-        """Return window, fit and ratio of the best of some poses before the camera of `window`."""
+        """Return window, fit and ratio of the best of some poses before the camera of `window`.
+
+        keypoints: How many it explains; None where they were not sought.
+        """
         back = window.turn.T
         rotations, middles = back @ poses.rotations, poses.translations @ window.turn
         targets = middles + (rotations @ (self._target - self.surface.middle))
@@ -232,7 +252,7 @@ class KnownObject:
             for turn, target, far in zip(rotations, targets, distances / distances[0], strict=True)
         ]
         latents, framing = views[0]
-        verdict, reason = _verdict(poses, picture.outlined, self.surface.one_colour)
+        verdict, reason, right = _verdict(poses, keypoints, picture.outlined, self.surface.one_colour)
         if not (visible > 0.5).any():
             verdict, reason = Verdict.FAILED, Verdict.FAILED.value
         small = self._picture(pyramid, around, place, IMAGE_SIZE // 2).native(self.surface)
@@ -251,7 +271,7 @@ class KnownObject:
             coverage=coverage,
             verdict=verdict,
             reason=reason,
-            confidence=math.nan,
+            confidence=right,
             mask_confidence=math.nan,
             mask_trusted=False,
             confidence_features=np.zeros(0),
@@ -336,26 +356,34 @@ def assumed_lens(width: int, height: int) -> Intrinsics:
     return Intrinsics.of(ASSUMED_FOCAL * max(width, height), width, height)
 
 
-def _verdict(poses: Poses, outlined: bool, one_colour: bool) -> tuple[Verdict, str]:
-    """Return the verdict on the best of some poses, and why.
-
-    The limits hold for scores of surfaces with colours whose visible pixels are known (`outlined`) alone.
+def _verdict(
+    poses: Poses, keypoints: int | None, outlined: bool, one_colour: bool
+) -> tuple[Verdict, str, float]:
+    """Return the verdict on the best of some poses, why, and the probability that it is right, see `ODDS`;
+    NaN where its keypoints were not counted.
     """
-    best = poses.rotations[0]
-    cosines = (np.einsum("ij,kij->k", best, poses.rotations) - 1) / 2
-    rivals = poses.scores[cosines < math.cos(DISTINCT)]
-    lead = float(poses.scores[0] - rivals.max()) if len(rivals) else math.inf
     if one_colour:
-        return Verdict.AMBIGUOUS, "a mesh of one colour tells too little to trust a pose"
-    if not outlined:
-        return Verdict.AMBIGUOUS, "without a mask no pose of a known object is trusted"
+        return Verdict.AMBIGUOUS, "a mesh of one colour tells too little to trust a pose", math.nan
     if len(poses.scores) == 1:
-        return Verdict.AMBIGUOUS, "no other pose was tried"
-    if poses.scores[0] >= TRUSTED_SCORE and lead >= TRUSTED_LEAD:
-        return Verdict.TRUSTED, "the surface explains the photo, and no other pose does as well"
-    if lead < TRUSTED_LEAD:
-        return Verdict.AMBIGUOUS, "another pose explains the photo about as well"
-    return Verdict.AMBIGUOUS, "much of what the photo shows at this place is not explained by the surface"
+        return Verdict.AMBIGUOUS, "no other pose was tried", math.nan
+    if keypoints is None:
+        return Verdict.AMBIGUOUS, 'its print was not compared: pip install "vig[match]"', math.nan
+    cosines = (np.einsum("ij,kij->k", poses.rotations[0], poses.rotations) - 1) / 2
+    rivals = poses.scores[cosines < math.cos(DISTINCT)]
+    lead = min(float(poses.scores[0] - rivals.max()) if len(rivals) else math.inf, MOST_LEAD)
+    known = np.array([1.0, poses.scores[0], lead, math.log1p(keypoints)])
+    right = float(sigmoid(known @ (ODDS if outlined else BOX_ODDS)))
+    if not outlined:
+        return Verdict.AMBIGUOUS, "without a mask no pose of a known object is trusted", right
+    if right >= TRUSTED:
+        return Verdict.TRUSTED, "the surface explains the photo, and no other pose does as well", right
+    if lead < MOST_LEAD / 8:
+        return Verdict.AMBIGUOUS, "another pose explains the photo about as well", right
+    return (
+        Verdict.AMBIGUOUS,
+        "much of what the photo shows at this place is not explained by the surface",
+        right,
+    )
 
 
 def _agrees(view: tuple[float | None, ...], rotations: np.ndarray) -> np.ndarray:
