@@ -26,7 +26,7 @@ from vig.inference.presence import judge_presence
 from vig.inference.settings import for_tracking
 from vig.io.checks import number_of
 from vig.io.errors import UserError
-from vig.known_object import Keypoints, KnownObject, Place, assumed_lens
+from vig.known_object import KnownObject, Place, WholePhoto, assumed_lens
 from vig.known_object import find as find_known
 from vig.known_object.packs import pack_of_mesh
 from vig.parallel import map_in_processes, on_one_core
@@ -200,7 +200,7 @@ class Explainer:
         placed = box is not None or told.clues() is not None
         if self.known is not None and window is None and (sought or not placed):
             if sought and not placed and hints is None:
-                if seen := self.explain_seen(coded, Keypoints.of(coded), lens, 1):
+                if seen := self.explain_seen(WholePhoto(coded), lens, 1):
                     return seen[0]
                 name = self.object_class.name
                 raise UserError(f"expected a {name} in the photo; found none. Give a box or a mask.")
@@ -248,19 +248,20 @@ class Explainer:
         """Return whether a video's object is a known one that is followed in any rotation by its colours."""
         return self.known is not None and told.roll_deg is None and not self.known.surface.one_colour
 
-    def explain_seen(
-        self, photo: np.ndarray, keypoints: Keypoints, lens: Lens | None, most: int
-    ) -> list[Explanation]:
-        """Return up to `most` explanations of a known object in a photo (H, W, 3), as `coded_photo` gives it,
-        found by the photo's keypoints, the likeliest first.
+    def explain_seen(self, photo: WholePhoto, lens: Lens | None, most: int) -> list[Explanation]:
+        """Return up to `most` explanations of a known object that keypoints find, the likeliest first.
+
+        Raises:
+            UserError: The class is not of a mesh with its surface, or OpenCV is missing.
         """
-        assert self.known is not None
-        height, width = photo.shape[:2]
+        if self.known is None:
+            raise UserError("expected an explainer of a mesh, which keypoints find; got one of a class.")
+        height, width = photo.picture.shape[:2]
         intrinsics = assumed_lens(width, height) if lens is None else Intrinsics.of(lens[0], width, height)
-        found = find_known(self.known, ImagePyramid(photo), keypoints, intrinsics, most)
+        found = find_known(self.known, photo, intrinsics, most)
         return [
             Explanation(
-                photo, each.window, judge_presence(each.fit, each.present, self.object_class.name),
+                photo.picture, each.window, judge_presence(each.fit, each.present, self.object_class.name),
                 self.object_class, each.ratio, "assumed" if lens is None else lens[1],
             )
             for each in found

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from vig.inference.settings import Fit
 from vig.io.errors import UserError
 from vig.known_object.fit import KnownObject
-from vig.known_object.keypoints import Keypoints, Matches, Sighting
+from vig.known_object.keypoints import Keypoints, MatchedPose, Matches
 from vig.known_object.picture import WEIGHTS
 from vig.known_object.search import Stage
 from vig.photo import ImagePyramid, Intrinsics, Window
@@ -19,7 +20,7 @@ from vig.scene.functions import sigmoid
 RANKING = (Stage(1, 80, 0, (0.0, 0.0, 0.0), math.inf),)
 """Compares poses as they are: without an outline a search makes those of keypoints no better."""
 LEAST_WEIGHT = 0.5
-"""Least weight of a sighting, see `Sighting.weight`."""
+"""Least weight of a pose, see `MatchedPose.weight`."""
 ODDS = (-0.16, 1.82, 0.53)
 """Log odds that what is found is the object: constant, per log weight of its keypoints, per score. Fitted to
 photos of HOPE under two of its lights."""
@@ -41,20 +42,35 @@ class Found:
     pose: np.ndarray
 
 
-def find(
-    known: KnownObject, pyramid: ImagePyramid, photo: Keypoints, lens: Intrinsics, most: int
-) -> list[Found]:
+@dataclass(frozen=True, eq=False)
+class WholePhoto:
+    """A photo (H, W, 3), as `coded_photo` gives it, in which known objects are sought."""
+
+    picture: np.ndarray
+
+    @cached_property
+    def pyramid(self) -> ImagePyramid:
+        """Return it in several sizes."""
+        return ImagePyramid(self.picture)
+
+    @cached_property
+    def keypoints(self) -> Keypoints:
+        """Return its keypoints; UserError without OpenCV."""
+        return Keypoints.of(self.picture)
+
+
+def find(known: KnownObject, photo: WholePhoto, lens: Intrinsics, most: int) -> list[Found]:
     """Return up to `most` places of an object in a photo, the likeliest first."""
     back = np.eye(4)
     back[:3, 3] = -known.surface.middle
     found = []
     # 6: of one object; those with less weight are mostly none
-    for group in _places(Matches.of(photo, known.keypoints, lens).sightings(), known.keypoints.radius)[
+    for group in _places(Matches.of(photo.keypoints, known.keypoints, lens).poses(), known.keypoints.radius)[
         : min(most + 1, 6)
     ]:
         expected = np.stack([each.pose @ back for each in group[:6]])
         try:
-            window, fit, ratio, pose = known.follow(pyramid, expected, RANKING, lens)
+            window, fit, ratio, pose = known.follow(photo.pyramid, expected, RANKING, lens)
         except UserError:  # it would be beside the photo
             continue
         # 0.3: share that must be seen: of HOPE's objects 3 % showed less, of other things a third
@@ -66,10 +82,10 @@ def find(
     return sorted(found, key=lambda each: -each.present)[:most]
 
 
-def _places(sightings: list[Sighting], radius: float) -> list[list[Sighting]]:
-    """Return sightings of one place each, those of the likeliest first."""
-    places: list[list[Sighting]] = []
-    for each in sightings:
+def _places(poses: list[MatchedPose], radius: float) -> list[list[MatchedPose]]:
+    """Return poses of one place each, those of the likeliest first."""
+    places: list[list[MatchedPose]] = []
+    for each in poses:
         if each.weight < LEAST_WEIGHT:
             continue
         for place in places:

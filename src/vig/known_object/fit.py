@@ -12,6 +12,9 @@ import numpy as np
 
 from vig.hints import Hints
 from vig.inference.settings import UNIFORM_TURN, Fit, OtherView, Verdict
+from vig.io.errors import UserError
+from vig.known_object.align import PIXELS as ALIGN_PIXELS
+from vig.known_object.align import align
 from vig.known_object.keypoints import Keypoints, Matches, ViewKeypoints
 from vig.known_object.picture import WEIGHTS, Picture, Place
 from vig.known_object.search import VIEW_PIXELS, Poses, Stage, Views, locate
@@ -146,9 +149,14 @@ class KnownObject:
             grid = (np.arange(-reach, reach, alone.max() / 4) + side / 2) * len(picture.seen) / side
             places = np.stack(np.meshgrid(grid, grid), -1).reshape(-1, 2)
             poses = self.views.about(picture, poses.rotations[0], float(middles[0, 2]), places)
+            if not len(poses.scores):
+                raise UserError("expected a pose before the camera; got one that it does not see.")
+        elif len(stages) > 1:
+            picture = picture_of(ALIGN_PIXELS)
+            poses = poses.beside(np.stack([align(self.surface, picture, each) for each in poses.matrices]))
         for stage in stages:
             picture = picture_of(stage.pixels)
-            ranking = replace(stage, count=len(poses.scores), evaluations=0)
+            ranking = replace(stage, count=len(poses.scores), evaluations=0, lag=math.inf)
             poses = poses.refined(self.surface, picture, ranking).refined(self.surface, picture, stage)
         poses = poses[:1]
         back = window.turn.T
@@ -177,7 +185,7 @@ class KnownObject:
         if self.surface.one_colour or not Keypoints.available():
             return locate(self.surface, poses, picture_of), None
         matches = self._matches(picture_of(KEYPOINT_PIXELS))
-        starts = np.array([each.pose for each in matches.sightings()[:MOST_STARTS]]).reshape(-1, 4, 4)
+        starts = np.array([each.pose for each in matches.poses()[:MOST_STARTS]]).reshape(-1, 4, 4)
         starts = starts[agrees(starts[:, :3, :3])]
         poses = locate(self.surface, poses.beside(starts), picture_of)
         poses = poses.supported([len(matches.agreeing(pose)) for pose in poses.matrices])

@@ -37,15 +37,15 @@ class PoseFollower:
         lens: Of the camera.
         pose: (4, 4) camera_from_object in the last frame that showed it, metres.
         speed: (4, 4) by which a pose is multiplied from the left, from frame to frame.
-        usual: Share of its pixels that have its colours in frames that show it; None before the first.
+        usual: Share of its pixels that have its colours, see `explained_share`, in frames that show it.
         missed: Frames since the last that did.
     """
 
     known: KnownObject
     lens: Intrinsics
     pose: np.ndarray
+    usual: float
     speed: np.ndarray = field(default_factory=lambda: np.eye(4))
-    usual: float | None = None
     missed: int = 0
 
     def step(self, pyramid: ImagePyramid) -> tuple[Window, Fit, float] | None:
@@ -60,15 +60,19 @@ class PoseFollower:
         except UserError:
             self.missed, self.speed = self.missed + 1, np.eye(4)
             return None
-        covered = fit.coverage >= 0.5
-        explained = float((fit.mask_by_pixel & covered).sum() / max(1, covered.sum()))
-        usual = explained if self.usual is None else self.usual
+        explained, usual = explained_share(fit), self.usual
         if explained < (FOUND if lost else LOST) * usual:
             self.missed, self.speed = self.missed + 1, np.eye(4)
         else:
             self.speed = np.eye(4) if lost else _slowed(pose @ np.linalg.inv(self.pose))
             self.pose, self.missed, self.usual = pose, 0, 0.9 * usual + 0.1 * max(explained, usual / 2)
         return window, fit, ratio
+
+
+def explained_share(fit: Fit) -> float:
+    """Return the share of the pixels that an object covers that have its surface's colours."""
+    covered = fit.coverage >= 0.5
+    return float((fit.mask_by_pixel & covered).sum() / max(1, covered.sum()))
 
 
 def _slowed(motion: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ from vig.io.checks import check_arrays, check_indices, read_tensors, reading
 from vig.io.errors import UserError
 from vig.io.files import write_arrays
 from vig.known_object.search import VIEW_DISTANCE, Views, towards
+from vig.parallel import thread_count
 from vig.photo import Intrinsics
 from vig.scene.light import srgb8_from_linear
 from vig_native import engine
@@ -70,6 +71,7 @@ class Keypoints:
                 " mesh is found in a photo; got none. Give --box x,y,w,h round the whole object, or --mask,"
                 ' or pip install "vig[match]".'
             ) from None
+        cv2.setNumThreads(thread_count())
         if picture.dtype != np.uint8:
             picture = srgb8_from_linear(picture)
         shrunk = min(1.0, MOST_LENGTH / max(picture.shape[:2]))
@@ -94,7 +96,7 @@ class Keypoints:
 
 
 @dataclass(frozen=True)
-class Sighting:
+class MatchedPose:
     """A pose at which keypoints of a photo are those of an object.
 
     Attributes:
@@ -107,7 +109,7 @@ class Sighting:
     pose: np.ndarray
     keypoints: frozenset[int]
 
-    def is_like(self, other: Sighting) -> bool:
+    def is_like(self, other: MatchedPose) -> bool:
         """Return whether the other explains mostly the same, turned alike."""
         cosine = (np.trace(self.pose[:3, :3].T @ other.pose[:3, :3]) - 1) / 2
         shared = len(self.keypoints & other.keypoints)
@@ -188,13 +190,13 @@ class Matches:
         mine, its, weight = np.concatenate(parts, axis=1)
         return Matches(photo, lens, views, mine.astype(int), its.astype(int), weight)
 
-    def sightings(self) -> list[Sighting]:
+    def poses(self) -> list[MatchedPose]:
         """Return poses at which the photo shows the surface's keypoints, the likeliest first."""
-        found = list[Sighting]()
+        found = list[MatchedPose]()
         for _, pose in sorted(self._seen(), key=lambda each: -each[0])[:40]:
-            sighting = self._fitted(pose)
-            if sighting is not None and not any(each.is_like(sighting) for each in found):
-                found.append(sighting)
+            fitted = self._fitted(pose)
+            if fitted is not None and not any(each.is_like(fitted) for each in found):
+                found.append(fitted)
         return sorted(found, key=lambda each: -each.weight)
 
     def agreeing(self, pose: np.ndarray, tolerance: float = 0.05) -> np.ndarray:
@@ -266,7 +268,7 @@ class Matches:
         )
         return pose
 
-    def _fitted(self, pose: np.ndarray) -> Sighting | None:
+    def _fitted(self, pose: np.ndarray) -> MatchedPose | None:
         """Return a pose after fits to the matches of all views that agree with it, which are fewer each
         time; None where too few do.
         """
@@ -285,7 +287,7 @@ class Matches:
                 return None
             pose = np.eye(4)
             pose[:3, :3], pose[:3, 3] = cv2.Rodrigues(turn)[0], shift[:, 0]
-        return Sighting(float(self.weight[inside].sum()), pose, frozenset(self.mine[inside].tolist()))
+        return MatchedPose(float(self.weight[inside].sum()), pose, frozenset(self.mine[inside].tolist()))
 
 
 def _made(views: Views, rotations: np.ndarray) -> dict[str, np.ndarray]:

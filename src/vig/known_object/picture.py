@@ -19,6 +19,9 @@ LEAST_COLOUR: float = engine.LEAST_COLOUR
 """Added to colours before their logarithm: noise and haze of dark pixels."""
 LOG_OTHER = -0.75 - 1.5 * math.log(2 * math.pi)
 """Log density of log colours that neither the object's surface nor the surroundings explain."""
+MOST_SURROUNDINGS = -1.5
+"""Log density of a colour of the surroundings at most, as what covers the object is often seen beside it;
+chosen on HOPE under one light, and on generated videos."""
 
 
 Box = tuple[float, float, float, float]
@@ -163,7 +166,7 @@ class Picture:
         shares = (beside / max(float(beside.sum()), 1e-9))[None].astype(np.float64)
         density = engine.colour_density(((logs - darkest) / span).clip(0, 1).astype(np.float64), shares)[0]
         logs = np.log(0.8 * density / span**3 + 0.2 * math.exp(LOG_OTHER))
-        return np.asarray(logs, np.float32)
+        return np.asarray(np.minimum(logs, MOST_SURROUNDINGS), np.float32)
 
     @property
     def owned(self) -> np.ndarray:

@@ -89,7 +89,8 @@ def explain_found(
     if not isinstance(most, int) or not 1 <= most <= MOST_OBJECTS:
         raise UserError(f"expected 1 to {MOST_OBJECTS} objects; got {most}. Give a number within.")
     picture, lens = coded_photo(photo), lens_of(photo, focal, camera)
-    names = " or ".join(each.object_class.name for each in explainers)
+    names = " or ".join(each.object_class.name for each in explainers[:5])
+    names += f" or one of {len(explainers) - 5} others" if len(explainers) > 5 else ""
     nothing = UserError(f"expected a {names} in the photo; found none. Give boxes.")
     if _known(explainers):
         known = on_one_core(partial(find_known_together, picture, explainers, most, lens))

@@ -12,7 +12,7 @@ from vig.explanation import Explanation
 from vig.hints import Hints
 from vig.inference.hints import PixelLabel
 from vig.inference.presence import LEAST_PRESENT
-from vig.known_object import Keypoints
+from vig.known_object import WholePhoto
 from vig.several.joint import exclusive
 from vig.several.scene import SceneExplanation
 
@@ -23,8 +23,8 @@ def find_known_together(
     """Return the explanation of known objects that are found in a photo, as `coded_photo` gives it, the
     likeliest first; None where none is. Of two at one place the likelier is taken.
     """
-    keypoints = Keypoints.of(photo)
-    seen = [each for one in explainers for each in one.explain_seen(photo, keypoints, lens, most)]
+    whole = WholePhoto(photo)
+    seen = [each for one in explainers for each in one.explain_seen(whole, lens, most)]
     chosen: list[Explanation] = []
     for each in sorted(seen, key=lambda each: -each.present):
         if each.present < LEAST_PRESENT or len(chosen) == most:

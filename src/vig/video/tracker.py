@@ -18,7 +18,7 @@ from vig.explanation import Explanation
 from vig.hints import Hints
 from vig.inference.settings import UNIFORM_TURN, Verdict
 from vig.io.errors import UserError
-from vig.known_object import Keypoints, PoseFollower
+from vig.known_object import PoseFollower, WholePhoto, explained_share
 from vig.parallel import on_one_core
 from vig.photo import ImagePyramid
 from vig.photo.images import coded_photo
@@ -171,7 +171,7 @@ class Tracker:
         if (known := self.explainer.known) is not None and self.explainer.follows_surface(hints or Hints()):
             if hints is None and box is None:
                 lens = None if self._K is None else (self._K, "given")
-                look = partial(self.explainer.explain_seen, picture, Keypoints.of(picture), lens, 1)
+                look = partial(self.explainer.explain_seen, WholePhoto(picture), lens, 1)
                 seen = on_one_core(look)
                 if not seen or seen[0].verdict is Verdict.ABSENT:
                     return None
@@ -180,7 +180,8 @@ class Tracker:
                 explanation = self.explainer.explain(picture, box=box, hints=hints, camera=self._K)
             assert explanation.window.lens is not None
             pose = explanation.camera_from_object
-            self._known = PoseFollower(known, explanation.window.lens, pose)
+            usual = explained_share(explanation.fit)
+            self._known = PoseFollower(known, explanation.window.lens, pose, usual)
             self._size = picture.shape[1], picture.shape[0]
             return self._known_pose(explanation, began)
         follower = Follower(self.explainer, hints=hints, camera=self._K)

@@ -10,7 +10,7 @@ from typing import Any
 from vig.explainer import Box, checked_box
 from vig.io.checks import MOST_TABLE, read_json, reading
 from vig.io.errors import UserError
-from vig.known_object import Surface
+from vig.known_object import Keypoints, Surface
 from vig.known_object.packs import SUFFIXES, pack_of_mesh
 from vig.several import MOST_OBJECTS
 from vig_app.cli.naming import by_photo
@@ -85,10 +85,15 @@ def _packs_of(place: PlaceOptions, say: Callable[[str], None]) -> tuple[str, ...
         raise UserError("expected --meshes without --mesh, --length, --up, --box and --class; got one.")
     if missing := [path for path in place.meshes if not path.exists()]:
         raise UserError(f"expected --meshes, {' '.join(SUFFIXES)} or folders; got no '{missing[0]}'.")
+    if place.boxes is None and not Keypoints.available():
+        raise UserError(
+            "expected --boxes with --meshes, or the package opencv-python-headless, which finds them; got"
+            ' neither. pip install "vig[match]".'
+        )
     files = [
         file
         for path in place.meshes
-        for file in (sorted(path.iterdir()) if path.is_dir() else [path])
+        for file in (sorted(path.glob("*")) if path.is_dir() else [path])
         if not path.is_dir() or file.suffix.lower() in SUFFIXES
     ]
     packs, known = [], dict[bytes, str]()

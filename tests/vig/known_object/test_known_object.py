@@ -13,10 +13,10 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from tests.toys import toy
-from vig import Explainer, Hints, Tracker
+from vig import Explainer, Hints, Tracker, track
 from vig.inference import PixelLabel, Verdict
 from vig.io.errors import UserError
-from vig.known_object import FILE, KnownObject, Surface
+from vig.known_object import FILE, Keypoints, KnownObject, Surface
 from vig.known_object.picture import WEIGHTS, Picture
 from vig.known_object.search import Poses, Stage
 from vig.scene.light import linear_from_srgb, srgb8_from_linear
@@ -267,6 +267,58 @@ def test_a_known_object_is_followed_and_found_again_after_it_was_hidden(pack: Pa
     assert turned[followed].max() < 6 and moved[followed].max() < 0.02
     with pytest.raises(UserError, match="frames of one size"):
         tracker(photo[:100])
+
+
+def test_a_place_that_the_lens_does_not_see_is_lost(pack: Path) -> None:
+    pose = pose_at(1)
+    photo, mask = photo_of(pose)
+    tracker = Tracker(pack, K=K)
+    tracker.start(photo, box=box_round(mask))
+    assert tracker._known is not None
+    tracker._known.pose = pose
+    tracker._known.pose[:3, 3] = [9.0, 0, 0.02]
+    seen = tracker(photo)
+    assert seen.lost and np.isfinite(seen.camera_from_object).all() and seen.mask.shape == mask.shape
+
+
+def test_a_video_is_tracked_both_ways_from_where_the_object_is_found(tmp_path: Path) -> None:
+    pytest.importorskip("cv2")
+    surface, start = carton(3, 16), pose_at(3)
+    toy("fin").save(tmp_path)
+    surface.save(tmp_path)
+    frames, poses = [], []
+    for number in range(4):
+        pose = start.copy()
+        pose[:3, 3] += [0.004 * number, 0, 0]
+        frames.append(photo_of(pose, surface, 3)[0])
+        poses.append(pose)
+    frames[0] = np.full_like(frames[0], 90)
+    told: list[int] = []
+    followed = track(
+        frames, tmp_path, camera=K * np.array([[3], [3], [1]]), on_frame=lambda number, _: told.append(number)
+    )
+    assert [frame.lost for frame in followed.frames] == [True, False, False, False]
+    assert told == [1, 2, 3, 0] and [frame.number for frame in followed.frames] == [0, 1, 2, 3]
+    for frame, pose in list(zip(followed.frames, poses, strict=True))[1:]:
+        assert off(frame.camera_from_object, pose)[0] < 5
+    with pytest.raises(UserError, match="found none"):
+        track([frames[0]] * 2, tmp_path)
+
+
+def test_keypoints_tell_how_likely_a_pose_is(pack: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where they cannot be had no probability is stated and nothing is trusted."""
+    pytest.importorskip("cv2")
+    pose = pose_at(2)
+    photo, mask = photo_of(pose, None, 2)
+    given = {"box": box_round(mask), "camera": K * np.array([[2], [2], [1]])}
+    found = Explainer(pack).explain(photo, **given, hints=Hints(mask=mask))
+    boxed = Explainer(pack).explain(photo, **given)
+    assert found.verdict is Verdict.TRUSTED and 0.91 <= found.confidence <= 1
+    assert 0 <= boxed.confidence <= 1
+    monkeypatch.setattr(Keypoints, "available", lambda: False)
+    without = Explainer(pack).explain(photo, **given, hints=Hints(mask=mask))
+    assert off(without.camera_from_object, pose)[0] < 4 and without.verdict is Verdict.AMBIGUOUS
+    assert np.isnan(without.confidence) and "vig[match]" in without.reason
 
 
 def test_a_whole_photo_is_searched(tmp_path: Path) -> None:

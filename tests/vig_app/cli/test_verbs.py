@@ -68,23 +68,6 @@ def test_chosen_files_have_the_mask_of_an_export_and_links_that_lead_somewhere(t
     assert Image.open(result / "overlay.png").size == (2100, 2100)
 
 
-@pytest.mark.parametrize(
-    ("where", "remedy"),
-    [
-        ([".", "--track"], "that of the first frame"),
-        (["--track", "--live", "0"], "that of the first frame"),
-    ],
-)
-def test_a_mesh_without_a_place_is_refused_before_it_is_made_ready(
-    capsys, photo, tmp_path, monkeypatch, where, remedy
-):
-    """With an example of what to give."""
-    monkeypatch.chdir(photo.parent)
-    error = refused(capsys, "fit", *where, "--mesh", "cup.glb", "--out", "out")
-    assert error.count("\n") == 1 and "--box 120,80,300,240" in error and remedy in error
-    assert not Path("out").exists()
-
-
 def test_a_fit_ends_with_what_to_do_next(capsys, tmp_path):
     """The folder on standard output, the line after it on standard error."""
     shutil.copy(example_photos()[0].photo, tmp_path / "a b.png")

@@ -1,0 +1,62 @@
+"""A pose moved until the surface's texture lies on that of a photo."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vig.known_object.picture import LEAST_COLOUR, Picture
+from vig.known_object.surface import Surface
+from vig_native import engine
+
+PIXELS = 40
+"""Longer side of the object in the picture."""
+MOVES = np.array([0.02, 0.02, 0.02, 0.004, 0.004, 0.008])
+"""Differences of a pose by which its derivatives are taken: radians about x, y, z; shares of the distance."""
+SPREADS = (0.6, 0.4, 0.3, 0.2)
+"""Of log colours, beyond which a pixel counts less: of each round."""
+
+
+def align(surface: Surface, picture: Picture, pose: np.ndarray) -> np.ndarray:
+    """Return a pose (4, 4) after steps of Gauss-Newton on log colours, Cauchy's weights for what covers it.
+
+    picture: Its camera is that of the pose. Light is solved for, as in `score_pose` of vig_native/pose.h.
+    """
+    photo = picture.native(surface)
+    logs = np.log(picture.colour.clip(0, None) * np.float32(picture.exposure) + np.float32(LEAST_COLOUR))
+    for spread in SPREADS:
+        coverage, base, normal, light = _drawn(surface, photo, pose)
+        place = (coverage > 0.5) & (picture.seen > 0.5)
+        count = int(place.sum())
+        if count < 30:
+            break
+        columns = np.zeros((count, 3, 12))
+        for number, size in enumerate(MOVES):
+            covered, colour, *_ = _drawn(surface, photo, moved(pose, size * np.eye(6)[number]))
+            columns[..., number] = (colour - base)[place] / size * (covered[place] > 0.5)[:, None]
+        columns[..., 6:9] = np.eye(3)
+        columns[..., 9:] = normal[place][:, None]
+        error = (logs - base)[place] - light[:3] - (normal[place] @ light[3:])[:, None]
+        weight = 1 / (1 + (error**2).sum(1) / (3 * spread**2))
+        weighted = columns * weight[:, None, None]
+        rows = np.einsum("nci,ncj->ij", weighted, columns)
+        right = np.einsum("nci,nc->i", weighted, error)
+        rows[np.diag_indices(12)] += 0.01 * rows.diagonal() + 1e-6
+        pose = moved(pose, np.linalg.solve(rows, right)[:6].clip(-0.15, 0.15))
+    return pose
+
+
+def moved(pose: np.ndarray, by: np.ndarray) -> np.ndarray:
+    """Return a pose (4, 4) turned about its middle, radians (3,), and moved, shares (3,) of its distance."""
+    x, y, z = by[:3] / 2
+    skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    turned = pose.copy()
+    turned[:3, :3] = np.linalg.solve(np.eye(3) - skew, np.eye(3) + skew) @ pose[:3, :3]
+    turned[:3, 3] = pose[:3, 3] + by[3:] * pose[2, 3]
+    return turned
+
+
+def _drawn(surface: Surface, photo: object, pose: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return the covered share (n, n), log colours and normals (n, n, 3), and the light (6,)."""
+    rotation, middle = (np.ascontiguousarray(each, np.float32) for each in (pose[:3, :3], pose[:3, 3]))
+    coverage, colour, normal, _, light = engine.draw_pose(surface.mesh, photo, rotation, middle)
+    return coverage, np.log(colour + np.float32(LEAST_COLOUR)), normal, light
