@@ -32,8 +32,8 @@ ORDER = {
         "__main__",
     ),
     "vig_app": (
-        "examples", "demo", "results", "pictures", "glb", "exports", "report", "corrections", "runs",
-        "viewer", "cli",
+        "examples", "demo", "results", "pictures", "glb", "exports", "report", "corrections", "labels",
+        "runs", "viewer", "cli",
     ),
     "vig_world": (
         "extras", "asset_cache", "mesh", "rotations", "threads", "dataset", "streams", "assets", "rooms",

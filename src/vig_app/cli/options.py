@@ -67,6 +67,10 @@ class PlaceOptions:
     boxes: Path | None = None
     """A JSON file with a box for each photo: {"photo.jpg": [x, y, w, h], ...}, by the photos' file names; for
     several objects in one photo, a list of boxes, or of {"box": [x, y, w, h], "class": "mug"}."""
+    labels: Path | None = None
+    """Labels of the photos from an annotation tool, a file or folder of COCO, labelme or CVAT (XML 1.1 for
+    images): masks, boxes and named points of the class, by the photos' file names; of several objects in a
+    photo, with --objects, the boxes."""
     objects: int | None = None
     """Find up to so many objects in each photo, of any of the classes named, and explain them together."""
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"

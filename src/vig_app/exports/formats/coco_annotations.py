@@ -1,4 +1,4 @@
-"""COCO as annotation tools import it: visible and whole masks as two files of polygons, boxes and keypoints."""
+"""COCO for annotation tools: visible and whole masks as two files of polygons, boxes and keypoints."""
 
 from __future__ import annotations
 
