@@ -33,7 +33,7 @@ ORDER = {
     ),
     "vig_app": (
         "examples", "demo", "results", "pictures", "glb", "exports", "report", "corrections", "labels",
-        "runs", "viewer", "cli",
+        "runs", "viewer", "server", "cli",
     ),
     "vig_world": (
         "extras", "asset_cache", "mesh", "rotations", "threads", "dataset", "streams", "assets", "rooms",

@@ -55,6 +55,29 @@ class ViewCommand:
 
 
 @dataclass(frozen=True)
+class ServeCommand:
+    """Explain photos over HTTP, and pre-annotate in Label Studio (pip install "vig[serve]")."""
+
+    object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
+    """Packaged classes or folders of class packs, the default first, such as mug,teapot."""
+    host: str = "127.0.0.1"
+    """Address to listen at; beyond this machine, such as 0.0.0.0, a key is needed."""
+    port: int = 8000
+    """Port to listen at."""
+    key: str | None = None
+    """Key that requests must have as X-API-Key; by default that of the environment's VIG_KEY."""
+    megabytes: float = 25.0
+    """Size of a request at most."""
+    per_minute: int = 600
+    """Requests of one address in a minute at most."""
+    label_studio: str | None = None
+    """Address of the Label Studio whose photos may be fetched; its token is LABEL_STUDIO_API_KEY of the
+    environment."""
+    json: bool = False
+    """Print one JSON object with the address, instead of a line."""
+
+
+@dataclass(frozen=True)
 class Demo:
     """Explain the packaged example photos and print truth beside estimate."""
 

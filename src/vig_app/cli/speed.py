@@ -49,6 +49,7 @@ EXTRAS = {
     "train": Extra(("torch",), "training networks, the paper's experiments"),
     "torch": Extra(("torch",), "vig.renderer, the differentiable renderer"),
     "draco": Extra(("DracoPy",), "Draco-compressed glTF meshes"),
+    "serve": Extra(("fastapi", "multipart", "uvicorn"), "vig serve: photos explained over HTTP"),
     "usd": Extra(("pxr",), "vig fit --export usd"),
     "cluster": Extra(("ray",), "--cluster, --ray: several machines"),
     "cycles": Extra(
