@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from fastapi import FastAPI, File, Form, HTTPException, Request, UploadFile
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse, Response
+from PIL import Image
 from starlette.exceptions import HTTPException as StarletteError
 
 from vig import __version__
@@ -20,6 +21,7 @@ from vig.explainer import Explainer, checked_box
 from vig.explanation import Explanation
 from vig.hints import Hints
 from vig.io.errors import UserError
+from vig.photo.checks import check_pixels
 from vig.photo.images import read_picture
 from vig.photo.masks import read_mask
 from vig_app.server.label_studio import fetch, prediction
@@ -36,6 +38,8 @@ Box = Annotated[str, Form(description="x,y,w,h in pixels round the whole object"
 Mask = Annotated[UploadFile | None, File(description="white where the object is seen")]
 Class = Annotated[str, Form(alias="class", description="a class of /health")]
 """Fields of a form."""
+MOST_PIXELS = 50_000_000
+"""Pixels of a picture: more would take a gigabyte."""
 WAITING = 32
 """Requests that may wait for the one that is fitted."""
 
@@ -76,12 +80,17 @@ class Service:
         for path in (photo, mask):
             if path.exists():
                 try:
-                    read_picture(path, path.name, lambda path, image: image.load())
+                    read_picture(path, path.name, _check)
                 except UserError as error:
                     words = str(error).replace(f"{folder}/", "")
                     raise HTTPException(413 if "pixels" in words else 415, words) from None
         hints = Hints(mask=read_mask(mask)) if mask.exists() else None
         return explainer.explain(photo, checked_box(box.split(",")) if box else None, hints=hints)
+
+
+def _check(path: Path, image: Image.Image) -> None:
+    check_pixels(path, *image.size, MOST_PIXELS)
+    image.load()
 
 
 def app_of(service: Service, **limits: Any) -> FastAPI:

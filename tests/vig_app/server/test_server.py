@@ -88,6 +88,7 @@ def test_health_and_openapi_name_what_there_is(client: TestClient) -> None:
         (422, "expected a box", None, {"box": "1,2,3"}),
         (422, "expected a class of teapot; got 'dog'", None, {"class": "dog"}),
     ],
+    ids=["text", "cut", "huge", "box", "class"],
 )
 def test_what_cannot_be_explained_is_refused_in_a_line(
     client: TestClient, status: int, words: str, photo: bytes | None, fields: dict[str, str]
