@@ -17,13 +17,15 @@ from vig_app.exports import FORMATS
 
 @dataclass(frozen=True)
 class ExportCommand:
-    """Write the results of many photos as one file in the format of another tool."""
+    """Write the results of many photos as files in the format of another tool."""
 
     results: tyro.conf.Positional[Path]
     """Folder of `vig fit` of several photos."""
     to: tuple[Literal[FORMATS], ...]  # type: ignore[valid-type]
-    """bop: bop.csv, the poses as BOP's evaluation reads them. coco: coco.json, images, categories and
-    annotations with whole and visible masks. Others have files for each photo: vig fit --export."""
+    """bop: bop.csv, the poses as BOP's evaluation reads them. coco: coco.json, whole and visible masks as run
+    lengths, scores. coco-annotations: two files of polygons and keypoints for CVAT, Label Studio, FiftyOne.
+    cvat: its XML, masks and cuboids. labelme: a JSON file for each photo. yolo: segments and boxes.
+    Others have files for each photo: vig fit --export."""
     out: Path | None = None
     """Folder for the files; by default that of the results."""
     json: bool = False
@@ -130,6 +132,8 @@ class BopCommand:
 class Doctor:
     """Versions, a check of the native code, and what is slow here and why: what a bug report needs."""
 
+    clean: bool = False
+    """Remove vig's cache, such as the meshes of earlier fits; what is needed again is made anew."""
     json: bool = False
     """Print one JSON object."""
 
