@@ -140,8 +140,8 @@ def _parsed(verbs: list[Verb], arguments: list[str]) -> Any:
         with redirect_stderr(complaint):  # it prints and exits where it cannot parse them
             return app.cli(
                 prog="vig",
-                description="Explain objects in photos, even where they are hidden. The version: vig --version."
-                ' Tab completion in bash: eval "$(vig --tyro-print-completion bash)"; zsh likewise.',
+                description="Explain objects in photos, even where they are hidden. Version: vig --version."
+                ' Tab completion in bash: eval "$(vig --tyro-print-completion bash)".',
                 args=arguments,
                 config=(tyro.conf.FlagCreatePairsOff, tyro.conf.OmitArgPrefixes),
             )

@@ -44,7 +44,7 @@ def write_file(
 ) -> None:
     """Write a line for each object, as there may be many; categories last, as objects name their points.
 
-    Points are keypoints, of which those that are not seen have the flag 1 and others 2.
+    Points are keypoints: with the flag 2 where seen, 1 where not, and all 0 beyond the photo.
     """
     keys = "id", "file_name", "width", "height"
     images = [dict(zip(keys, (each.number, each.name, *each.size), strict=True)) for each in photos]
@@ -57,7 +57,11 @@ def write_file(
             for each in photo.read():
                 count += 1
                 points[each.category] = [*each.points]
-                places = [(x, y, 1 + int(seen)) for x, y, seen in each.points.values()]
+                width, height = photo.size
+                places = [
+                    (x, y, 1 + int(seen)) if 0 <= x < width and 0 <= y < height else (0, 0, 0)
+                    for x, y, seen in each.points.values()
+                ]
                 row = {
                     "id": count,
                     "image_id": photo.number,
@@ -65,7 +69,7 @@ def write_file(
                     "iscrowd": 0,
                     **fields(each),
                     "keypoints": [number for place in places for number in place],
-                    "num_keypoints": len(places),
+                    "num_keypoints": sum(flag > 0 for *_, flag in places),
                     "score": each.score,
                 }
                 print("," * (count > 1), json.dumps(row), sep="\n", end="", file=file)
