@@ -61,7 +61,7 @@ def export_run(
     for name in formats:
         if name not in run_formats():
             raise UserError(
-                f"expected a format with files for all photos, {' or '.join(run_formats())}; got '{name}',"
+                f"expected a format with files for all photos, {', '.join(run_formats())}; got '{name}',"
                 f" which has files for each. Write them with vig fit --export {name}."
             )
     from vig_app.exports.annotations import ExportedRun, photos_of  # help lists formats, and needs no results

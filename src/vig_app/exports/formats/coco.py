@@ -68,13 +68,14 @@ def write_file(
                     "category_id": class_ids[each.category],
                     "iscrowd": 0,
                     **fields(each),
-                    "keypoints": [number for place in places for number in place],
-                    "num_keypoints": sum(flag > 0 for *_, flag in places),
                     "score": each.score,
                 }
+                if places:
+                    numbers = [number for place in places for number in place]
+                    row |= {"keypoints": numbers, "num_keypoints": sum(flag > 0 for *_, flag in places)}
                 print("," * (count > 1), json.dumps(row), sep="\n", end="", file=file)
-        categories = [
-            {"id": number, "name": name, "keypoints": points[name], "skeleton": []}
-            for name, number in class_ids.items()
-        ]
+        categories: list[dict[str, Any]] = [{"id": each, "name": name} for name, each in class_ids.items()]
+        for category in categories:
+            if named := points[category["name"]]:
+                category |= {"keypoints": named, "skeleton": []}
         print(f'], "categories": {json.dumps(categories)}}}', file=file)
