@@ -82,6 +82,19 @@ def test_bops_model_pose_and_camera_put_the_object_on_the_photo(
     assert info["visib_fract"] == pytest.approx(1 - explanation.hidden_fraction)
 
 
+def test_named_points_are_on_the_photo_and_say_whether_they_are_seen(explanation: vig.Explanation) -> None:
+    """The camera is before the spout: it is seen, the handle behind the pot is not."""
+    seen = {name: bool(flag) for name, (_, _, flag) in explanation.points.items()}
+    assert seen["spout"] and not seen["handle"]
+    numbers = [explanation.object_class.points[name] for name in explanation.points]
+    places = projected(explanation.camera.K, explanation.camera_from_object, explanation.vertices[numbers])
+    np.testing.assert_allclose([at[:2] for at in explanation.points.values()], places, atol=0.01)
+    x, y = map(int, explanation.points["spout"][:2])
+    assert explanation.mask[y - 2 : y + 3, x - 2 : x + 3].any()
+    low, high = explanation.to_dict()["bounds"]
+    assert np.array_equal([low, high], [explanation.vertices.min(0), explanation.vertices.max(0)])
+
+
 def test_cocos_run_lengths_are_the_masks(folder: Path, explanation: vig.Explanation) -> None:
     described = read_json(folder / "coco.json")
     (annotation,) = described["annotations"]
