@@ -44,11 +44,15 @@ class Runs:
     by_columns: bool = True
     around: Box | None = None
 
+    def check(self) -> None:
+        """Raise ValueError where they are not those of as many pixels as the box has."""
+        if min(self.counts, default=0) < 0 or sum(self.counts) != self.box[2] * self.box[3]:
+            raise ValueError(f"run lengths of {sum(self.counts)} pixels for {self.box[2]} x {self.box[3]}")
+
     def mask(self, width: int, height: int) -> np.ndarray:
         """Return the mask (H, W) bool of a photo; ValueError where they do not suit it."""
+        self.check()
         left, top, columns, rows = self.box
-        if min(self.counts, default=0) < 0 or sum(self.counts) != columns * rows:
-            raise ValueError(f"run lengths of {sum(self.counts)} pixels for {columns} x {rows}")
         if min(left, top) < 0 or left + columns > width or top + rows > height:
             raise ValueError("a mask that reaches beyond the photo")
         pixels = np.repeat(np.arange(len(self.counts)) % 2 == 1, self.counts)
@@ -215,13 +219,17 @@ def _coco_label(row: dict[str, Any], image: dict[str, Any], category: dict[str, 
     whole = box if "visible_segmentation" in row else None
     if isinstance(mask, list):
         return replace(label, box=whole, polygons=tuple(map(_polygon, mask)))
-    height, width = mask["size"]
-    if size is not None and size != (width, height):
+    runs = coco_runs(mask, None if whole else box)
+    if size is not None and size != runs.box[2:]:
         raise ValueError(f"run lengths of size {mask['size']} where height, width is {[*size[::-1]]}")
-    counts = mask["counts"]
-    counts = _decoded(counts) if isinstance(counts, str) else [int(count) for count in counts]
-    around = None if whole else box
-    return replace(label, box=whole, runs=Runs(tuple(counts), (0, 0, width, height), around=around))
+    return replace(label, box=whole, runs=runs)
+
+
+def coco_runs(mask: dict[str, Any], around: Box | None = None) -> Runs:
+    """Return COCO's run lengths of a mask of a whole photo, compressed or not."""
+    (height, width), counts = map(int, mask["size"]), mask["counts"]
+    counts = _decoded(counts) if isinstance(counts, str) else map(int, counts)
+    return Runs(tuple(counts), (0, 0, width, height), around=around)
 
 
 def _decoded(text: str) -> list[int]:
@@ -245,8 +253,8 @@ def _four(numbers: Any) -> Box:
 
 # labelme and CVAT: shapes, which a group joins to an object
 
-Shape = tuple[str, Any, Label]
-"""The kind of a shape, its group or None, and what it states."""
+Shape = tuple[bool, Any, Label]
+"""Whether a shape is a point; its group or None; what it states."""
 
 
 def _joined(
@@ -257,77 +265,71 @@ def _joined(
     Points without a group are those of its only object.
     """
     objects: dict[Any, Label] = {}
-    for number, (kind, group, label) in enumerate(shapes):
-        if kind != "point":
-            key: Any = ("group", group) if group else number
-            objects[key] = _merged(objects.get(key, Label(None, size)), label)
-    for kind, group, label in shapes:
-        if kind == "point":
-            key = ("group", group) if group else next(iter(objects), None)
-            key = key if len(objects) == 1 or group else None
-            objects[key] = _merged(objects.get(key, Label(None, size)), label)
+    for number, (is_point, group, label) in enumerate(sorted(shapes, key=lambda shape: shape[0])):
+        key: Any = ("group", group) if group else number
+        if is_point and not group and len(objects) <= 1:
+            key = next(iter(objects), number)
+        old = objects.get(key, Label(None, size))
+        objects[key] = replace(
+            old,
+            name=label.name or old.name,
+            polygons=old.polygons + label.polygons,
+            runs=label.runs or old.runs,
+            box=label.box or old.box,
+            points=old.points | label.points,
+            problem=old.problem or label.problem,
+        )
     yield name, None
-    for label in objects.values():
-        yield name, label
+    yield from ((name, label) for label in objects.values())
 
 
-def _merged(label: Label, other: Label) -> Label:
-    return replace(
-        label,
-        name=other.name or label.name,
-        polygons=label.polygons + other.polygons,
-        runs=other.runs or label.runs,
-        box=other.box or label.box,
-        points=label.points | other.points,
-        problem=label.problem or other.problem,
-    )
+def _stated(kind: str, name: str, places: np.ndarray, runs: Runs | None = None) -> Label:
+    """Return the label of a shape of a kind: point, polygon, mask, or another with corners (N, 2)."""
+    if kind == "point":
+        return Label(None, points={name: tuple(places[0].tolist())})
+    if kind == "polygon":
+        return Label(name, polygons=(_polygon(places.ravel()),))
+    x, y = places.min(0).tolist()
+    return Label(name, runs=runs) if runs else Label(name, box=(x, y, *np.ptp(places, axis=0).tolist()))
 
 
 def _labelme_shape(shape: dict[str, Any]) -> Shape | None:
-    name, kind, group = str(shape["label"]), shape.get("shape_type", "polygon"), shape.get("group_id")
+    name, kind = str(shape["label"]), shape.get("shape_type", "polygon")
 
     def make() -> Label:
-        places = np.array(shape["points"], float).reshape(-1, 2)
-        (left, top), (right, bottom) = places.min(0).tolist(), places.max(0).tolist()
-        if kind == "point":
-            return Label(None, points={name: (left, top)})
-        if kind == "rectangle":
-            return Label(name, box=(left, top, right - left, bottom - top))
-        if kind == "polygon":
-            return Label(name, polygons=(_polygon(places.ravel()),))
-        with Image.open(io.BytesIO(base64.b64decode(shape["mask"]))) as picture:
-            mask = np.asarray(picture) > 0
-        counts, (height, width) = run_lengths(mask)["counts"], mask.shape
-        return Label(name, runs=Runs(tuple(counts), (round(left), round(top), width, height)))
+        places, runs = np.array(shape["points"], float).reshape(-1, 2), None
+        if kind == "mask":
+            with Image.open(io.BytesIO(base64.b64decode(shape["mask"]))) as picture:
+                mask = np.asarray(picture) > 0
+            left, top = places.min(0).round().astype(int).tolist()
+            runs = Runs(tuple(run_lengths(mask)["counts"]), (left, top, *mask.shape[::-1]))
+        return _stated(kind, name, places, runs)
 
-    known = kind in ("point", "rectangle", "polygon", "mask")
-    return (kind, group, _attempt(make, None if kind == "point" else name)) if known else None
+    if kind not in ("point", "rectangle", "polygon", "mask"):
+        return None
+    return kind == "point", shape.get("group_id"), _attempt(make, None if kind == "point" else name)
 
 
 def _cvat_shapes(image: ElementTree.Element) -> Iterator[Shape]:
-    for shape in image:
-        kind, at = shape.tag, shape.attrib
-        name = at.get("label", "")
-        if kind not in ("mask", "polygon", "box", "cuboid", "points", "skeleton"):
+    for shape in image.iter():
+        kind, at = shape.tag.replace("points", "point"), shape.attrib
+        if kind not in ("mask", "polygon", "box", "cuboid", "point"):
             continue
 
-        def make(kind: str = kind, at: dict[str, str] = at, name: str = name) -> Label:
+        def make(kind: str = kind, at: dict[str, str] = at) -> Label:
+            name, runs, places = at.get("label", ""), None, np.zeros((1, 2))
             if kind == "mask":
                 counts = tuple(map(int, at["rle"].split(",")))
                 left, top, width, height = (int(at[side]) for side in ("left", "top", "width", "height"))
-                return Label(name, runs=Runs(counts, (left, top, width, height), by_columns=False))
-            if kind == "polygon":
-                return Label(name, polygons=(_polygon(at["points"].replace(";", ",").split(",")),))
-            x, y = (
-                [float(value) for key, value in at.items() if key[0] == axis and key[1:2] in "tb"]
-                for axis in "xy"
-            )
-            return Label(name, box=(min(x), min(y), max(x) - min(x), max(y) - min(y)))
+                runs = Runs(counts, (left, top, width, height), by_columns=False)
+            elif kind in ("polygon", "point"):
+                places = np.array(at["points"].replace(";", ",").split(","), float).reshape(-1, 2)
+            else:
+                places = np.array([[v for k, v in at.items() if k[0] == axis] for axis in "xy"], float).T
+            return _stated(kind, name, places, runs)
 
-        group = at.get("group_id")
-        if kind in ("points", "skeleton"):
-            for part in shape.iter("points"):
-                x, y = map(float, part.attrib["points"].split(";")[0].split(","))
-                yield "point", group, Label(None, points={part.attrib.get("label", ""): (x, y)})
-        else:
-            yield kind, group, _attempt(make, name)
+        yield (
+            kind == "point",
+            at.get("group_id"),
+            _attempt(make, at.get("label") if kind != "point" else None),
+        )

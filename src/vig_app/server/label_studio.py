@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import base64
 import math
+import re
 import urllib.request
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 from urllib.parse import urljoin, urlsplit
 from xml.etree import ElementTree
+
+import numpy as np
 
 from vig import __version__
 from vig.explanation import Explanation
@@ -35,15 +38,17 @@ class _NoRedirect(urllib.request.HTTPRedirectHandler):
         """Follow none: it could lead to any other server."""
 
 
-def fetch(task: Mapping[str, Any], address: str | None, token: str | None) -> bytes:
+def fetch(task: Mapping[str, Any], config: str, address: str | None, token: str | None) -> bytes:
     """Return a task's photo: data in its own address, or a file of the Label Studio that was named.
+
+    The labelling configuration says which of its values is the photo's address.
 
     Raises:
         UserError: It has none, is on another server, or cannot be fetched.
     """
     data = task.get("data") if isinstance(task, Mapping) else None
-    values = list(data.values()) if isinstance(data, Mapping) else []
-    url = next((value for value in values if isinstance(value, str)), "")
+    name = re.search(r"<Image\b[^>]*\bvalue=[\"']\$(\w+)", config)
+    url = str(data.get(name[1] if name else "image", "")) if isinstance(data, Mapping) else ""
     if url.startswith("data:"):
         try:
             return base64.b64decode(url.partition(",")[2], validate=True)
@@ -74,44 +79,30 @@ def prediction(explanation: Explanation, folder: Path, config: str) -> dict[str,
     except ElementTree.ParseError as error:
         raise UserError(f"expected a label_config in XML; got another text ({error}).") from None
     height, width = explanation.mask.shape
-    name = explanation.object_class.name
+    common = {"original_width": width, "original_height": height, "image_rotation": 0}
     result = []
     for tag in root.iter():
-        labels = [str(label.get("value")) for label in tag.iter("Label")]
-        for label in labels if tag.tag in KINDS and explanation.verdict is not Verdict.ABSENT else ():
-            kind = KINDS[tag.tag]
-            for value in _values(explanation, kind, label, name, width, height):
-                result.append(
-                    {
-                        "from_name": tag.get("name"),
-                        "to_name": tag.get("toName"),
-                        "type": kind,
-                        "value": value | {kind: [label]},
-                        "original_width": width,
-                        "original_height": height,
-                        "image_rotation": 0,
-                    }
-                )
+        if (kind := KINDS.get(tag.tag)) is None or explanation.verdict is Verdict.ABSENT:
+            continue
+        for label in (str(each.get("value")) for each in tag.iter("Label")):
+            for value in _values(explanation, kind, label):
+                shape = {"from_name": tag.get("name"), "to_name": tag.get("toName"), "type": kind}
+                result.append(shape | common | {"value": value | {kind: [label]}})
     score = 0.0 if math.isnan(explanation.confidence) else round(explanation.confidence, 4)
     return {"result": result, "score": score, "model_version": f"vig {__version__}"}
 
 
-def _values(
-    explanation: Explanation, kind: str, label: str, name: str, width: int, height: int
-) -> list[dict[str, Any]]:
+def _values(explanation: Explanation, kind: str, label: str) -> list[dict[str, Any]]:
     """Return the values of a label's results, in percent of the photo's sides."""
-    plain, whole = label.casefold(), label.casefold().endswith("amodal")
+    plain, percent = label.casefold(), 100 / np.array(explanation.mask.shape[::-1])
     if kind == "keypointlabels":
-        places = [at for point, at in explanation.points.items() if point.casefold() == plain]
-        return [{"x": 100 * x / width, "y": 100 * y / height, "width": POINT_WIDTH} for x, y, _ in places]
-    if plain.removesuffix("amodal").strip(" -_") != name.casefold():
+        places = [percent * at[:2] for name, at in explanation.points.items() if name.casefold() == plain]
+        return [{"x": x, "y": y, "width": POINT_WIDTH} for x, y in map(np.ndarray.tolist, places)]
+    if plain.removesuffix("amodal").strip(" -_") != explanation.object_class.name.casefold():
         return []
-    mask = explanation.amodal if whole else explanation.mask
+    mask = explanation.amodal if plain.endswith("amodal") else explanation.mask
     if kind == "polygonlabels":
-        return [{"points": (100 * piece / (width, height)).tolist()} for piece in polygons_of(mask)]
-    box = box_of(mask)
-    if box is None:
-        return []
-    x, y, across, down = box
-    sides = {"x": x / width, "y": y / height, "width": across / width, "height": down / height}
-    return [{side: 100 * value for side, value in sides.items()} | {"rotation": 0}]
+        return [{"points": (percent * piece).tolist()} for piece in polygons_of(mask)]
+    sides = np.reshape(box_of(mask) or [], (-1, 2)) * percent
+    names = "x", "y", "width", "height"
+    return [dict(zip(names, sides.ravel().tolist(), strict=True)) | {"rotation": 0}] if len(sides) else []

@@ -123,7 +123,7 @@ def test_a_key_is_asked_for(service: Service) -> None:
         ("Authorization", f"Basic {basic}"),
     ):
         assert client.post("/setup", json={}, headers={name: value}).status_code == 200
-    for value in ("Basic ?", "Bearer secre", "Digest secret"):
+    for value in ("Basic ?", "Bearer secre", "Basic c2VjcmV0"):
         assert client.post("/setup", json={}, headers={"Authorization": value}).status_code == 401
 
 
@@ -141,7 +141,7 @@ def test_size_and_rate_are_limited(service: Service) -> None:
     assert client.post("/explain", content=chunks, headers=kind).status_code == 413
     assert client.post("/setup", headers={"Content-Length": "10000000000"}, content=b"").status_code == 413
     refused = client.get("/health")
-    assert refused.status_code == 429 and 50 < int(refused.headers["Retry-After"]) <= 61
+    assert refused.status_code == 429 and 0 < int(refused.headers["Retry-After"]) <= 60
 
 
 def test_a_request_that_does_not_come_in_time_is_refused(service: Service) -> None:
@@ -188,7 +188,7 @@ def test_label_studio_gets_the_shapes_that_its_configuration_has(client: TestCli
 )
 def test_photos_are_fetched_from_label_studio_alone(url: str) -> None:
     with pytest.raises(vig.UserError, match="expected a photo of http://ls.example; got"):
-        fetch({"data": {"image": url}}, "http://ls.example", None)
+        fetch({"data": {"text": "a", "image": url}}, "<Image value='$image'/>", "http://ls.example", None)
 
 
 def test_nonsense_gets_one_of_the_four_hundreds(client: TestClient) -> None:

@@ -32,18 +32,8 @@ def write_photos(folder: Path, photos: Sequence[AnnotatedPhoto], class_ids: Mapp
         name = photo.name
         if photo.path is not None and photo.path.exists():
             name = os.path.relpath(photo.path.resolve(), path.parent.resolve())
-        write_json(
-            path,
-            {
-                "version": VERSION,
-                "flags": {},
-                "shapes": _shapes(photo),
-                "imagePath": name,
-                "imageData": None,
-                "imageHeight": height,
-                "imageWidth": width,
-            },
-        )
+        content = {"version": VERSION, "flags": {}, "shapes": _shapes(photo), "imagePath": name}
+        write_json(path, content | {"imageData": None, "imageHeight": height, "imageWidth": width})
 
 
 def edited(path: Path) -> bool:
