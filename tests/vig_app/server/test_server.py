@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import base64
+import socket
 from collections.abc import Iterator
 from typing import Any
 
@@ -129,8 +130,17 @@ def test_a_key_is_asked_for(service: Service) -> None:
 
 def test_a_server_beyond_this_machine_needs_a_key(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("VIG_KEY", raising=False)
-    with pytest.raises(vig.UserError, match="expected --key with --host 0.0.0.0"):
-        serve(ServeCommand(host="0.0.0.0"))
+    for host in ("0.0.0.0", "example.org"):
+        with pytest.raises(vig.UserError, match=f"expected --key with --host {host}"):
+            serve(ServeCommand(host=host))
+
+
+def test_a_port_that_is_taken_is_named_in_a_line() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        with pytest.raises(vig.UserError, match="cannot listen at 127.0.0.1, port .*Name another"):
+            serve(ServeCommand(port=other.getsockname()[1]))
+    with pytest.raises(vig.UserError, match="cannot listen at 127.0.0.1, port 70000"):
+        serve(ServeCommand(port=70_000))
 
 
 def test_size_and_rate_are_limited(service: Service) -> None:
