@@ -13,6 +13,7 @@ import os
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -197,17 +198,15 @@ def _coco_labels(content: dict[str, Any]) -> Iterator[tuple[str, Label | None]]:
         yield image["file_name"], None
     for row in content["annotations"]:
         if row["image_id"] in images and not row.get("iscrowd"):
-            image, category = images[row["image_id"]], categories[row["category_id"]]
-
-            def make(row: Any = row, image: Any = image, category: Any = category) -> Label:
-                return _coco_label(row, image, category)
-
+            number, image = row["category_id"], images[row["image_id"]]
+            category = categories.get(number, {"name": f"category {number}"})
+            make = partial(_coco_label, row, image, category)
             yield image["file_name"], _attempt(make, str(category["name"]))
 
 
 def _coco_label(row: dict[str, Any], image: dict[str, Any], category: dict[str, Any]) -> Label:
     size = (int(image["width"]), int(image["height"])) if image.get("width") else None
-    box = None if row.get("bbox") is None else _four(row["bbox"])
+    box: Any = row.get("bbox") and tuple(map(float, row["bbox"]))
     places = np.reshape(row.get("keypoints") or [], (-1, 3)).tolist()
     names = category.get("keypoints") or []
     points = {name: (x, y) for name, (x, y, flag) in zip(names, places, strict=False) if flag}
@@ -244,11 +243,6 @@ def _decoded(text: str) -> list[int]:
             counts.append(value + (counts[-2] if len(counts) > 2 else 0))
             value = shift = 0
     return counts
-
-
-def _four(numbers: Any) -> Box:
-    x, y, width, height = map(float, numbers)
-    return x, y, width, height
 
 
 # labelme and CVAT: shapes, which a group joins to an object
@@ -294,42 +288,39 @@ def _stated(kind: str, name: str, places: np.ndarray, runs: Runs | None = None) 
 
 
 def _labelme_shape(shape: dict[str, Any]) -> Shape | None:
-    name, kind = str(shape["label"]), shape.get("shape_type", "polygon")
-
-    def make() -> Label:
-        places, runs = np.array(shape["points"], float).reshape(-1, 2), None
-        if kind == "mask":
-            with Image.open(io.BytesIO(base64.b64decode(shape["mask"]))) as picture:
-                mask = np.asarray(picture) > 0
-            left, top = places.min(0).round().astype(int).tolist()
-            runs = Runs(tuple(run_lengths(mask)["counts"]), (left, top, *mask.shape[::-1]))
-        return _stated(kind, name, places, runs)
-
+    kind = shape.get("shape_type", "polygon")
     if kind not in ("point", "rectangle", "polygon", "mask"):
         return None
-    return kind == "point", shape.get("group_id"), _attempt(make, None if kind == "point" else name)
+    name = None if kind == "point" else str(shape["label"])
+    return kind == "point", shape.get("group_id"), _attempt(partial(_labelme_label, kind, shape), name)
+
+
+def _labelme_label(kind: str, shape: dict[str, Any]) -> Label:
+    places, runs = np.array(shape["points"], float).reshape(-1, 2), None
+    if kind == "mask":
+        with Image.open(io.BytesIO(base64.b64decode(shape["mask"]))) as picture:
+            mask = np.asarray(picture) > 0
+        left, top = places.min(0).round().astype(int).tolist()
+        runs = Runs(tuple(run_lengths(mask)["counts"]), (left, top, *mask.shape[::-1]))
+    return _stated(kind, str(shape["label"]), places, runs)
 
 
 def _cvat_shapes(image: ElementTree.Element) -> Iterator[Shape]:
     for shape in image.iter():
         kind, at = shape.tag.replace("points", "point"), shape.attrib
-        if kind not in ("mask", "polygon", "box", "cuboid", "point"):
-            continue
+        if kind in ("mask", "polygon", "box", "cuboid", "point"):
+            name = None if kind == "point" else at.get("label")
+            yield kind == "point", at.get("group_id"), _attempt(partial(_cvat_label, kind, at), name)
 
-        def make(kind: str = kind, at: dict[str, str] = at) -> Label:
-            name, runs, places = at.get("label", ""), None, np.zeros((1, 2))
-            if kind == "mask":
-                counts = tuple(map(int, at["rle"].split(",")))
-                left, top, width, height = (int(at[side]) for side in ("left", "top", "width", "height"))
-                runs = Runs(counts, (left, top, width, height), by_columns=False)
-            elif kind in ("polygon", "point"):
-                places = np.array(at["points"].replace(";", ",").split(","), float).reshape(-1, 2)
-            else:
-                places = np.array([[v for k, v in at.items() if k[0] == axis] for axis in "xy"], float).T
-            return _stated(kind, name, places, runs)
 
-        yield (
-            kind == "point",
-            at.get("group_id"),
-            _attempt(make, at.get("label") if kind != "point" else None),
-        )
+def _cvat_label(kind: str, at: dict[str, str]) -> Label:
+    name, runs, places = at.get("label", ""), None, np.zeros((1, 2))
+    if kind == "mask":
+        left, top, width, height = (int(at[side]) for side in ("left", "top", "width", "height"))
+        counts = tuple(map(int, at["rle"].split(",")))
+        runs = Runs(counts, (left, top, width, height), by_columns=False)
+    elif kind in ("polygon", "point"):
+        places = np.array(at["points"].replace(";", ",").split(","), float).reshape(-1, 2)
+    else:
+        places = np.array([[v for k, v in at.items() if k[0] == axis] for axis in "xy"], float).T
+    return _stated(kind, name, places, runs)

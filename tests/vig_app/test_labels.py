@@ -13,7 +13,9 @@ import pytest
 from vig.io.errors import UserError
 from vig.photo.images import png_bytes
 from vig.photo.masks import run_lengths
+from vig_app.cli.boxes import labels_of as labels_for
 from vig_app.cli.main import main
+from vig_app.cli.options import PlaceOptions
 from vig_app.examples import example_photos
 from vig_app.labels import Label, _decoded, filled, read_labels
 from vig_app.runs import Task
@@ -183,6 +185,23 @@ def test_other_files_are_refused_and_passed_over_in_a_folder(tmp_path: Path, tex
     lines: list[str] = []
     assert list(read_labels(tmp_path, lines.append)) == ["a.png"]
     assert len(lines) == 1 and "b.json" in lines[0]
+
+
+def test_an_unknown_category_is_named_by_its_number(tmp_path: Path) -> None:
+    (label,) = labels_of(tmp_path, coco(category_id=9, bbox=[3, 2, 6, 4]))
+    assert label.name == "category 9" and not label.problem
+
+
+def test_points_are_those_of_the_one_object_of_the_class(tmp_path: Path) -> None:
+    spout = {"shape_type": "point", "label": "spout", "points": [[4, 3]]}
+    knob = {"shape_type": "point", "label": "antenna", "points": [[4, 3]]}
+    boxes = [
+        {"shape_type": "rectangle", "label": name, "points": [[1, 1], [5, 5]]} for name in ("Teapot", "dog")
+    ]
+    (tmp_path / "a.json").write_text(json.dumps(labelme(*(SHAPE | each for each in (spout, knob, *boxes)))))
+    photo = tmp_path / "a.png"
+    ((label,),) = labels_for(PlaceOptions(labels=tmp_path / "a.json"), [photo], ["teapot"]).values()
+    assert label.name == "teapot" and label.box == (1, 1, 4, 4) and label.points == {"spout": (4, 3)}
 
 
 def test_small_slips_of_the_hand_are_no_crossing() -> None:

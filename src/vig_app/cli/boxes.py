@@ -75,7 +75,7 @@ def labels_of(
     known = {each.name.casefold(): pack for pack, each in classes.items()}
     taken, others = dict[Path, tuple[Label, ...]](), dict[str, None]()
     for photo, labels in of_photo.items():
-        kept = []
+        kept: list[Label] = []
         for label in labels:
             pack = packs[0] if label.name is None else known.get(label.name.strip().casefold())
             if pack is None:
@@ -83,7 +83,9 @@ def labels_of(
                 continue
             points = {name: at for name, at in label.points.items() if name in classes[pack].points}
             others |= dict.fromkeys(f"the point {name}" for name in label.points.keys() - points.keys())
-            if points or label.problem or label.name is not None:
+            if label.name is None and not label.problem and len(kept) == 1:  # those of the one object
+                kept[0] = replace(kept[0], points={**kept[0].points, **points})
+            elif points or label.problem or label.name is not None:
                 kept.append(replace(label, name=pack, points=points))
         taken[photo] = tuple(kept)
     names = listed(each.name for each in classes.values())
