@@ -120,8 +120,8 @@ class RunOptions:
     out: Path = Path("vig-fit")
     """Folder for the results, one folder per photo."""
     export: tuple[Literal[FORMATS], ...] = ()  # type: ignore[valid-type]
-    """Write these formats into each photo's folder, too; docs/explanation.md. Of several photos also those of
-    `vig export` for all."""
+    """Write these formats into each photo's folder, too; docs/explanation.md. With several photos also
+    those of `vig export` for all."""
     files: tuple[str, ...] | None = None
     """Write these files of each photo alone, beside explanation.json and corrections.json, in place of those
     of an earlier result: overlay.png thumbnail.jpg mask.png render.png object.glb report.html. By default
