@@ -126,6 +126,50 @@ def test_cvat_and_labelme_read_their_own_formats(
     assert {shape["shape_type"] for shape in read.shapes} == {"polygon", "point"}
 
 
+def test_fiftyone_reads_masks_and_keypoints(explanation: vig.Explanation, run: Path, tmp_path: Path) -> None:
+    reader = pytest.importorskip("fiftyone.utils.coco")
+    path, _ = export_run(run, ["coco-annotations"], tmp_path)
+    _, classes, _, _, annotations = reader.load_coco_detection_annotations(str(path))
+    size = explanation.mask.shape[::-1]
+    (read,) = annotations[139]
+    detection = read.to_detection(size, classes_map=classes, load_segmentation=True)
+    left, top = (round(at * side) for at, side in zip(detection.bounding_box, size, strict=False))
+    mask = np.zeros_like(explanation.mask)
+    part = np.asarray(detection.mask)
+    mask[top : top + part.shape[0], left : left + part.shape[1]] = part
+    assert detection.label == "teapot" and overlap(mask, explanation.mask) > 0.99
+    assert len(read.to_keypoints(size, classes_map=classes).points) == 3
+
+
+def test_label_studio_converts_polygons_and_keypoints(run: Path, tmp_path: Path) -> None:
+    converter = pytest.importorskip("label_studio_sdk.converter.imports.coco")
+    path, _ = export_run(run, ["coco-annotations"], tmp_path)
+    converter.convert_coco_to_ls(str(path), str(tmp_path / "tasks.json"))
+    first, second = json.loads((tmp_path / "tasks.json").read_text())
+    kinds = [each["type"] for each in first["annotations"][0]["result"]]
+    assert (
+        set(kinds) == {"rectanglelabels", "polygonlabels", "keypointlabels"}
+        and kinds.count("keypointlabels") == 3
+    )
+    assert second["annotations"][0]["result"] == []
+
+
+def test_datumaro_reads_cvats_masks(explanation: vig.Explanation, run: Path, tmp_path: Path) -> None:
+    datumaro = pytest.importorskip("datumaro.components.dataset")
+    path, *others = export_run(run, ["cvat"], tmp_path)
+    for other in others:  # it would join all files
+        other.unlink()
+    (tmp_path / "images").mkdir()
+    for name in (NAME, "COCO_val2014_000000000285.png"):
+        Image.fromarray(np.zeros(explanation.mask.shape, np.uint8)).save(tmp_path / "images" / name)
+    read = {
+        Path(item.id).name: item.annotations for item in datumaro.Dataset.import_from(str(tmp_path), "cvat")
+    }
+    (mask,) = read[Path(NAME).stem]
+    np.testing.assert_array_equal(np.asarray(mask.image).astype(bool), explanation.mask)
+    assert len(read) == 2
+
+
 def test_a_file_that_was_edited_in_labelme_stays(run: Path, tmp_path: Path) -> None:
     pytest.importorskip("cv2")
     (path, *_) = export_run(run, ["labelme"], tmp_path)

@@ -6,6 +6,7 @@ import asyncio
 import base64
 import socket
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -183,6 +184,10 @@ def test_label_studio_gets_the_shapes_that_its_configuration_has(client: TestCli
     pytest.importorskip("cv2")
     first, second = client.post("/predict", json={"tasks": tasks, "label_config": CONFIG}).json()["results"]
     assert second["result"] == [] and "got 'http://elsewhere/a.png'" in second["error"]
+    with suppress(ImportError):
+        from label_studio_sdk.label_interface import LabelInterface
+
+        assert LabelInterface(CONFIG).validate_prediction(first, return_errors=True) == []
     labels = {(one["from_name"], one["value"][one["type"]][0]) for one in first["result"]}
     assert labels == {("mask", "Teapot"), ("mask", "teapot amodal"), ("box", "teapot"), ("point", "spout")}
     assert 0 < first["score"] <= 1
