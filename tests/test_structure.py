@@ -32,8 +32,8 @@ ORDER = {
         "__main__",
     ),
     "vig_app": (
-        "examples", "demo", "results", "pictures", "glb", "exports", "report", "corrections", "runs",
-        "viewer", "cli",
+        "examples", "demo", "results", "pictures", "glb", "exports", "report", "corrections", "labels",
+        "runs", "viewer", "server", "cli",
     ),
     "vig_world": (
         "extras", "asset_cache", "mesh", "rotations", "threads", "dataset", "streams", "assets", "rooms",
@@ -51,11 +51,11 @@ PLACES = [f"{package}.{name}" for package, names in ORDER.items() for name in na
 
 # The budget. A commit may lower a number; one that raises it says in CHANGELOG what was taken out for it.
 LINES = {
-    "vig_native": 7_945, "vig_renderer": 1_683, "vig": 14_671, "vig_app": 7_045, "vig_world": 18_114,
+    "vig_native": 7_945, "vig_renderer": 1_683, "vig": 14_716, "vig_app": 8_318, "vig_world": 18_103,
     "vig_train": 12_012, "vig_paper": 2_695,
 }  # fmt: skip
-CONSTANTS = 1_229
-REACHED_LINES = {"vig.explainer": 12_705, "vig_app.cli.fit": 17_925}
+CONSTANTS = 1_248
+REACHED_LINES = {"vig.explainer": 12_750, "vig_app.cli.fit": 18_542}
 """Lines of the modules that one imports, directly and indirectly: what is read to change it."""
 
 PICKLERS = {"pickle", "cPickle", "_pickle", "dill", "cloudpickle", "joblib", "shelve", "marshal"}

@@ -273,6 +273,30 @@ class Explanation:
         vertices: np.ndarray = self.object_class.shape_model.vertices(self.latents.shape)[0]
         return vertices
 
+    @cached_property
+    def points(self) -> dict[str, list[float]]:
+        """Return x, y in pixels of the photo of each point that the class names, and 1 where seen, else 0.
+
+        It is seen where the object is visible within a pixel of the window and no other part is nearer.
+        """
+        vertices, ids = self.vertices, [*self.object_class.points.values()]
+        if not ids:
+            return {}
+        places = project(self.camera.K, self.camera_from_object, vertices[ids])[:, :2]
+        seen_by = self.window_camera
+        in_window = project(seen_by.K, seen_by.camera_from_object(self.latents), vertices[ids])
+        depth = on_one_core(partial(draw_latents, self.latents, self.object_class, seen_by)).depth
+        # 0.1: of the object's length, by which a point may lie within its part, such as behind a handle
+        behind = in_window[:, 2] - 0.1 * np.ptp(vertices, axis=0).max()
+        reach = math.ceil(self.window.side / len(depth))
+        rows, columns = in_window[:, 1::-1].astype(int).clip(0, len(depth) - 1).T
+        seen = depth[rows, columns] > behind
+        for number, (x, y) in enumerate(places.astype(int).tolist()):
+            near = [slice(max(at - reach, 0), max(at + reach + 1, 0)) for at in (y, x)]
+            seen[number] &= bool(self.mask[near[0], near[1]].any())
+        found = np.c_[places, seen].round(2).tolist()
+        return dict(zip(self.object_class.points, found, strict=True))
+
     def render(
         self,
         light: np.ndarray | None = None,
@@ -331,6 +355,8 @@ class Explanation:
             box=self.box and list(self.box),
             hidden_fraction=None if self.hidden_fraction is None else round(self.hidden_fraction, 5),
             trusted=list(self.trusted),
+            points=self.points,
+            bounds=[side.tolist() for side in (self.vertices.min(0), self.vertices.max(0))],
             hints=HintsRecord(**(self.hints.described() if self.hints else {})),
         )
         # Numbers of numpy are among a window's and a camera's.
@@ -454,6 +480,13 @@ class Explanation:
     def _repr_png_(self) -> bytes:
         """Return the overlay, for notebooks."""
         return png_bytes(self.overlay())
+
+
+def project(K: np.ndarray, pose: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return x, y in pixels and depth in metres, (N, 3), of points (N, 3) in a frame of a pose (4, 4)."""
+    seen = (points @ pose[:3, :3].T + pose[:3, 3]) @ K.T
+    placed: np.ndarray = np.c_[seen[:, :2] / seen[:, 2:], seen[:, 2]]
+    return placed
 
 
 def _numbers(name: str, size: int, value: Any, most: float) -> np.ndarray:

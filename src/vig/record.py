@@ -31,6 +31,7 @@ Matrix3 = Annotated[list[Three], Meta(min_length=3, max_length=3)]
 Matrix4 = Annotated[list[Four], Meta(min_length=4, max_length=4)]
 Matrix6 = Annotated[list[Six], Meta(min_length=6, max_length=6)]
 Albedo = Annotated[Three, Meta(description="linear RGB")]
+Point = Annotated[Three, Meta(description="x, y in pixels; 1 where it is seen, else 0")]
 Azimuth = Annotated[
     float, Meta(ge=0, le=360, description="degrees, of the camera; 0 on -Y, counter-clockwise")
 ]
@@ -159,6 +160,9 @@ class Explanation(msgspec.Struct):
     frames: dict[str, str]
     trusted: list[Literal["view", "mask"]]
     hints: Hints
+    # Files of earlier versions have none of these.
+    points: dict[str, Point] | UnsetType = UNSET
+    bounds: Annotated[list[Three], Meta(min_length=2, max_length=2)] | UnsetType = UNSET
 
 
 def record(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
-import os
 import shutil
 from collections.abc import Callable
 from importlib import metadata
@@ -18,7 +17,7 @@ from safetensors.numpy import load_file
 import vig.scene
 import vig_world
 from vig.io.errors import UserError
-from vig.io.files import write_arrays
+from vig.io.files import cache_folder, write_arrays
 from vig_native import engine
 
 Arrays = dict[str, np.ndarray]
@@ -55,15 +54,6 @@ class AssetCache:
         except (OSError, UserError, SafetensorError):  # a full disk, or one that is read only
             self.folder = None
         return made
-
-
-def cache_folder() -> Path:
-    """Return `vig` in the user's cache folder (`XDG_CACHE_HOME`, else `~/.cache`); it may not exist.
-
-    Raises:
-        RuntimeError: There is no home folder.
-    """
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "vig"
 
 
 @functools.cache

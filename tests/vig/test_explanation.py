@@ -115,6 +115,8 @@ def test_the_json_speaks_degrees_and_names_every_latent(
             "glb_from_object",
             "hints",
             "mask_confidence",
+            "points",
+            "bounds",
             "present",
             "trusted",
             "trusted_from",

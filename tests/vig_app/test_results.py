@@ -119,7 +119,9 @@ def test_a_run_is_one_coco_file_of_images_categories_and_both_masks(results: Pat
         (3, "000003.png"),
         (4, "000004.png"),
     ]
-    assert described["categories"] == [{"id": 5, "name": "teapot"}]
+    assert described["categories"] == [
+        {"id": 5, "name": "teapot", "keypoints": ["spout", "handle", "knob"], "skeleton": []}
+    ]
     assert [each["image_id"] for each in described["annotations"]] == [3, 4]
     for annotation in described["annotations"]:
         image = images[annotation["image_id"]]
@@ -170,7 +172,7 @@ def test_the_command_writes_both(results: Path, tmp_path: Path, capsys: pytest.C
 
 
 def test_a_format_with_files_for_each_photo_is_told_how_to_have_them(results: Path, tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="bop or coco; got 'ros'.* vig fit --export ros"):
+    with pytest.raises(UserError, match="bop, coco, .*yolo; got 'ros'.* vig fit --export ros"):
         export_run(results, ["bop", "ros"], tmp_path)
     assert not list(tmp_path.iterdir())
 

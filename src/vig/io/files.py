@@ -48,6 +48,14 @@ def compose_name(name: str) -> str:
     return unicodedata.normalize("NFC", name)
 
 
+def cache_folder() -> Path:
+    """Return `vig` in the user's cache folder (`XDG_CACHE_HOME`, else `~/.cache`); it may not exist.
+
+    Raises RuntimeError where there is no home folder.
+    """
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "vig"
+
+
 def as_stored(path: Path) -> Path:
     """Return the path in the Unicode composition that is there, if one is."""
     forms = (path, *(Path(unicodedata.normalize(form, str(path))) for form in ("NFC", "NFD")))

@@ -26,6 +26,7 @@ from vig.parallel import map_in_processes
 from vig.photo.masks import read_mask
 from vig_app.cli.common import BopCommand
 from vig_app.exports.formats.bop import MILLIMETRES, POSE_COLUMNS, pose_line
+from vig_app.labels import Runs, coco_runs
 
 IMAGES = [(folder, suffix) for folder in ("rgb", "gray") for suffix in (".png", ".jpg", ".tif", ".tiff")]
 
@@ -36,20 +37,17 @@ class Instance:
 
     Attributes:
         number: BOP's obj_id.
-        mask: A file; or height, width and run lengths of COCO's kind, column by column, beginning with 0.
+        mask: A file, or run lengths.
         score: Of its detection.
     """
 
     number: int
-    mask: Path | tuple[int, int, tuple[int, ...]]
+    mask: Path | Runs
     score: float = 1.0
 
     def visible(self) -> np.ndarray:
         """Return the pixels (H, W) bool in which it is seen; UserError where they cannot be read."""
-        if isinstance(self.mask, Path):
-            return read_mask(self.mask)
-        height, width, runs = self.mask
-        return np.repeat(np.arange(len(runs)) % 2 == 1, runs).reshape(width, height).T
+        return read_mask(self.mask) if isinstance(self.mask, Path) else self.mask.mask(*self.mask.box[2:])
 
 
 @dataclass(frozen=True)
@@ -133,12 +131,9 @@ def detections_of(path: Path) -> dict[tuple[int, int], list[Instance]]:
     remedy = 'Write a list of {"scene_id", "image_id", "category_id", "score", "segmentation": run lengths}.'
     with reading(path, "detections of BOP", remedy):
         for entry in read_json(path, MOST_TABLE):
-            (height, width), runs = map(int, entry["segmentation"]["size"]), entry["segmentation"]["counts"]
-            if isinstance(runs, str) or sum(runs) != height * width or min(runs) < 0:
-                raise ValueError("counts that are no list of run lengths of its size")
-            instance = Instance(
-                int(entry["category_id"]), (height, width, tuple(map(int, runs))), float(entry["score"])
-            )
+            runs = coco_runs(entry["segmentation"])
+            runs.check()
+            instance = Instance(int(entry["category_id"]), runs, float(entry["score"]))
             found[int(entry["scene_id"]), int(entry["image_id"])].append(instance)
     return {image: sorted(each, key=lambda one: -one.score) for image, each in found.items()}
 

@@ -1,20 +1,24 @@
-"""`--box`, `--boxes`, `--objects` and `--class`: places and classes of objects."""
+"""`--box`, `--boxes`, `--labels`, `--objects` and `--class`: places and classes of objects."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from vig.explainer import Box, checked_box
 from vig.io.checks import MOST_TABLE, read_json, reading
 from vig.io.errors import UserError
+from vig.io.printing import note
 from vig.known_object import Keypoints, Surface
 from vig.known_object.packs import SUFFIXES, pack_of_mesh
+from vig.scene import ObjectClass
 from vig.several import MOST_OBJECTS
-from vig_app.cli.naming import by_photo
+from vig_app.cli.naming import by_photo, listed
 from vig_app.cli.options import HintOptions, PlaceOptions, given
+from vig_app.labels import Label, read_labels
 
 REMEDY = 'Write {"photo.jpg": [x, y, w, h]}, or a list of these or of {"box": [x, y, w, h], "class": "mug"}.'
 Objects = tuple[tuple[str, Box], ...]
@@ -33,6 +37,8 @@ def boxes_of(
             raise UserError("expected --objects, --box or --boxes; got two of them. Give one.")
         if not 1 <= place.objects <= MOST_OBJECTS:
             raise UserError(f"expected --objects of 1 to {MOST_OBJECTS}; got {place.objects}. Give fewer.")
+    if place.labels is not None and (place.box is not None or place.boxes is not None or given(hints)):
+        raise UserError("expected --labels without --box, --boxes and hints; got one of them. Give one.")
     if place.boxes is None:
         one = None if place.box is None else parse_box(place.box)
         boxes: list[tuple[Box | None, Objects]] = [(one, ())] * len(photos)
@@ -53,6 +59,44 @@ def boxes_of(
                 f"expected --{name} with one object a photo; got several objects. Fit that object alone."
             )
     return boxes
+
+
+def labels_of(
+    place: PlaceOptions, photos: Sequence[Path], packs: Sequence[str]
+) -> dict[Path, tuple[Label, ...]]:
+    """Return the labels of each photo that are of the classes, with packs in place of their names.
+
+    Those of other classes, and points that the class does not name, are passed over with a line.
+    """
+    if place.labels is None:
+        return {}
+    of_photo = by_photo(read_labels(place.labels, note), photos, "labels", place.labels)
+    classes = {pack: ObjectClass.load(pack) for pack in packs}
+    known = {each.name.casefold(): pack for pack, each in classes.items()}
+    taken, others = dict[Path, tuple[Label, ...]](), dict[str, None]()
+    for photo, labels in of_photo.items():
+        kept: list[Label] = []
+        for label in labels:
+            pack = packs[0] if label.name is None else known.get(label.name.strip().casefold())
+            if pack is None:
+                others[str(label.name)] = None
+                continue
+            points = {name: at for name, at in label.points.items() if name in classes[pack].points}
+            others |= dict.fromkeys(f"the point {name}" for name in label.points.keys() - points.keys())
+            if label.name is None and not label.problem and len(kept) == 1:  # those of the one object
+                kept[0] = replace(kept[0], points={**kept[0].points, **points})
+            elif points or label.problem or label.name is not None:
+                kept.append(replace(label, name=pack, points=points))
+        taken[photo] = tuple(kept)
+    names = listed(each.name for each in classes.values())
+    if others and not any(taken.values()):
+        raise UserError(
+            f"expected labels of {names} in '{place.labels}'; got {listed(others)}."
+            " Name the class with --class."
+        )
+    if others:
+        note(f"labels of others than {names} passed over: {listed(others)}")
+    return taken
 
 
 def classes_of(place: PlaceOptions, say: Callable[[str], None]) -> tuple[str, ...]:

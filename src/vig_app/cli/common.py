@@ -17,13 +17,15 @@ from vig_app.exports import FORMATS
 
 @dataclass(frozen=True)
 class ExportCommand:
-    """Write the results of many photos as one file in the format of another tool."""
+    """Write the results of many photos as files in the format of another tool."""
 
     results: tyro.conf.Positional[Path]
     """Folder of `vig fit` of several photos."""
     to: tuple[Literal[FORMATS], ...]  # type: ignore[valid-type]
-    """bop: bop.csv, the poses as BOP's evaluation reads them. coco: coco.json, images, categories and
-    annotations with whole and visible masks. Others have files for each photo: vig fit --export."""
+    """bop: bop.csv, the poses as BOP's evaluation reads them. coco: coco.json, whole and visible masks as run
+    lengths, scores. coco-annotations: two files of polygons and keypoints for CVAT, Label Studio, FiftyOne.
+    cvat: its XML, masks and cuboids. labelme: a JSON file for each photo. yolo: segments and boxes.
+    Others have files for each photo: vig fit --export."""
     out: Path | None = None
     """Folder for the files; by default that of the results."""
     json: bool = False
@@ -52,6 +54,29 @@ class ViewCommand:
     """Folder of what is saved, in one of the photo's name; by default vig-fit, or that of the results."""
     json: bool = False
     """Print one JSON object with the page's address once it is served, instead of lines."""
+
+
+@dataclass(frozen=True)
+class ServeCommand:
+    """Explain photos over HTTP, and pre-annotate in Label Studio (pip install "vig[serve]")."""
+
+    object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
+    """Packaged classes or folders of class packs, the default first, such as mug,teapot."""
+    host: str = "127.0.0.1"
+    """Address to listen at; beyond this machine, such as 0.0.0.0, a key is needed."""
+    port: int = 8000
+    """Port to listen at."""
+    key: str | None = None
+    """Key that requests must have as X-API-Key; by default that of the environment's VIG_KEY."""
+    megabytes: float = 25.0
+    """Size of a request at most."""
+    per_minute: int = 600
+    """Requests of one address in a minute at most."""
+    label_studio: str | None = None
+    """Address of the Label Studio whose photos may be fetched; its token is LABEL_STUDIO_API_KEY of the
+    environment."""
+    json: bool = False
+    """Print one JSON object with the address, instead of a line."""
 
 
 @dataclass(frozen=True)
@@ -107,6 +132,8 @@ class BopCommand:
 class Doctor:
     """Versions, a check of the native code, and what is slow here and why: what a bug report needs."""
 
+    clean: bool = False
+    """Remove vig's cache, such as the meshes of earlier fits; what is needed again is made anew."""
     json: bool = False
     """Print one JSON object."""
 

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+import shutil
 import time
+from contextlib import suppress
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
+from vig.io.files import cache_folder
 from vig.io.machine import machine
+from vig.io.printing import note
 from vig_app.cli import speed
 from vig_app.cli.common import Doctor
 from vig_native import ISA
@@ -25,6 +29,7 @@ def doctor() -> dict[str, Any]:
     """
     described = machine()
     findings = [asdict(find(described["cpus"])) for find in (speed.threads, speed.load, speed.memory)]
+    findings.append(asdict(speed.cache_state()))
     renderer = check_renderer()
     classes = check_classes()
     ok = renderer["ok"] and set(classes.values()) == {"ok"}
@@ -76,6 +81,10 @@ def check_renderer() -> dict[str, Any]:
 
 def run_doctor(settings: Doctor) -> int:
     """Print the report, for people or as JSON; returns 0, or 1 when a class or the renderer does not work."""
+    if settings.clean:
+        note(f"removed what was in vig's cache: {speed.cache_state().state}")
+        with suppress(RuntimeError):  # no home folder
+            shutil.rmtree(cache_folder(), ignore_errors=True)
     report = doctor()
     print(json.dumps(report, indent=2) if settings.json else report_lines(report))
     return 0 if report["ok"] else 1

@@ -20,7 +20,7 @@ from vig.record import read_explanation
 from vig_app.cli.options import FitCommand, RunOptions
 from vig_app.cli.tasks import Plan, plan_of
 from vig_app.corrections import CORRECTIONS
-from vig_app.exports import export_run, run_formats
+from vig_app.exports import export_run, remove_exports, run_formats
 from vig_app.report.folder_page import write_run_page
 from vig_app.report.sheet import write_sheets
 from vig_app.results import RowsOnDisk, name_of, write_table
@@ -78,8 +78,8 @@ def write_results(
 
     def finish() -> None:
         if len(rows):
-            for name in run_formats().values() if made_anew else ():  # from the results before
-                (out / name).unlink(missing_ok=True)
+            if made_anew:
+                remove_exports(out, of_run=True)  # from the results before
             write_table(out, rows)
             write_run_page(out, rows)
             write_sheets(out, rows)

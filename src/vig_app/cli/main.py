@@ -27,6 +27,7 @@ from vig_app.cli.common import (
     ExportCommand,
     Gallery,
     SchemaCommand,
+    ServeCommand,
     Verb,
     ViewCommand,
     verbs_of_packages,
@@ -39,6 +40,7 @@ VERBS = (
     Verb("fit", FitCommand, "vig_app.cli.fit:fit"),
     Verb("export", ExportCommand, "vig_app.cli.results:export"),
     Verb("view", ViewCommand, "vig_app.cli.view:view"),
+    Verb("serve", ServeCommand, "vig_app.cli.serve:serve"),
     Verb("gallery", Gallery, "vig_app.cli.results:gallery"),
     Verb("bop", BopCommand, "vig_app.cli.bop:bop"),
     Verb("doctor", Doctor, "vig_app.cli.doctor:run_doctor"),
@@ -138,7 +140,8 @@ def _parsed(verbs: list[Verb], arguments: list[str]) -> Any:
         with redirect_stderr(complaint):  # it prints and exits where it cannot parse them
             return app.cli(
                 prog="vig",
-                description="Explain objects in photos, even where they are hidden.",
+                description="Explain objects in photos, even where they are hidden. Version: vig --version."
+                ' Tab completion in bash: eval "$(vig --tyro-print-completion bash)".',
                 args=arguments,
                 config=(tyro.conf.FlagCreatePairsOff, tyro.conf.OmitArgPrefixes),
             )

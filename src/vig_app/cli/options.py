@@ -67,6 +67,10 @@ class PlaceOptions:
     boxes: Path | None = None
     """A JSON file with a box for each photo: {"photo.jpg": [x, y, w, h], ...}, by the photos' file names; for
     several objects in one photo, a list of boxes, or of {"box": [x, y, w, h], "class": "mug"}."""
+    labels: Path | None = None
+    """Labels of the photos from an annotation tool, a file or folder of COCO, labelme or CVAT (XML 1.1 for
+    images): masks, boxes and named points of the class, by the photos' file names; of several objects in a
+    photo, with --objects, the boxes."""
     objects: int | None = None
     """Find up to so many objects in each photo, of any of the classes named, and explain them together."""
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"
@@ -116,8 +120,8 @@ class RunOptions:
     out: Path = Path("vig-fit")
     """Folder for the results, one folder per photo."""
     export: tuple[Literal[FORMATS], ...] = ()  # type: ignore[valid-type]
-    """Write these formats into each photo's folder, too; docs/explanation.md. Of several photos with bop or
-    coco also one file for all, as `vig export` does."""
+    """Write these formats into each photo's folder, too; docs/explanation.md. With several photos also
+    those of `vig export` for all."""
     files: tuple[str, ...] | None = None
     """Write these files of each photo alone, beside explanation.json and corrections.json, in place of those
     of an earlier result: overlay.png thumbnail.jpg mask.png render.png object.glb report.html. By default

@@ -27,7 +27,8 @@ from vig_app.runs import LEDGER
 
 FRAMES = "frames"
 """Folder of the frames of videos within that of the results."""
-TAKEN = {"report.html", sheet_name(0), LEDGER, FRAMES, *TABLES, *run_formats().values()}
+EXPORTS = (Path(file).parts[0] for files in run_formats().values() for file in files)
+TAKEN = {"report.html", sheet_name(0), LEDGER, FRAMES, *TABLES, *EXPORTS}
 """Names within a run's folder that no photo's folder may have."""
 MOST_NAME_BYTES = 200
 """Bytes of the name of a photo's folder, at most: file systems take 255, with a number and a suffix."""

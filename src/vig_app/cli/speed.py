@@ -9,8 +9,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from vig.io.files import cache_folder
+
 WORKER_MEMORY = 480 << 20
 """Bytes of a process of `vig fit` on photos of up to 12 million pixels; docs/boards.md."""
+LARGE_CACHE = 500_000_000
+"""Bytes of the cache folder from which its removal is named."""
 CGROUPS = (
     ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory.current"),
     ("/sys/fs/cgroup/memory/memory.limit_in_bytes", "/sys/fs/cgroup/memory/memory.usage_in_bytes"),
@@ -49,6 +53,7 @@ EXTRAS = {
     "train": Extra(("torch",), "training networks, the paper's experiments"),
     "torch": Extra(("torch",), "vig.renderer, the differentiable renderer"),
     "draco": Extra(("DracoPy",), "Draco-compressed glTF meshes"),
+    "serve": Extra(("fastapi", "multipart", "uvicorn"), "vig serve: photos explained over HTTP"),
     "usd": Extra(("pxr",), "vig fit --export usd"),
     "cluster": Extra(("ray",), "--cluster, --ray: several machines"),
     "cycles": Extra(
@@ -100,6 +105,17 @@ def memory(cpus: int) -> Finding:
     if not workers:
         return Finding("memory", state, f"free some, or fits may be killed: {need}")
     return Finding("memory", state, f"no more than --workers {workers}: {need}")
+
+
+def cache_state(folder: Path | None = None) -> Finding:
+    """Return the finding on the size of vig's cache folder."""
+    try:
+        folder = folder or cache_folder()
+    except RuntimeError:
+        return Finding("cache", "none, as there is no home folder")
+    size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    remedy = "all may be deleted: vig doctor --clean" if size > LARGE_CACHE else ""
+    return Finding("cache", f"{size / 1e9:.1f} GB in {folder}", remedy)
 
 
 def memory_of(root: Path = Path("/")) -> tuple[int, int] | None:

@@ -17,7 +17,7 @@ from vig.photo.video import is_video
 from vig.recognition import WEIGHTS_FILE
 from vig.scene import ObjectClass
 from vig.several import MOST_OBJECTS
-from vig_app.cli.boxes import Objects, boxes_of, classes_of
+from vig_app.cli.boxes import Objects, boxes_of, classes_of, labels_of
 from vig_app.cli.hints import cameras_of, hints_of, mask_of
 from vig_app.cli.naming import listed
 from vig_app.cli.options import FitCommand, ModelOptions, RunOptions, VideoOptions, given
@@ -61,7 +61,9 @@ def plan_of(command: FitCommand) -> Plan:
         raise UserError("expected --meshes of different names with --boxes; got two of one name. Rename one.")
     hints, mask = hints_of(command.hints, photos), mask_of(command.hints.mask, photos)
     cameras = cameras_of(command.camera, photos)
-    hinted = given(command.hints, command.camera) or place.box is not None or place.boxes is not None
+    labels = labels_of(place, photos, (object_class, *others))
+    located = (place.box, place.boxes, place.labels) != (None,) * 3
+    hinted = given(command.hints, command.camera) or located
     by_hand: dict[Path, tuple[Correction, ...]] = dict.fromkeys(folders, ())
     if not (len(folders) == 1 and hinted):
         by_hand = {folder: corrected_in(folder, object_class) for folder in folders}
@@ -75,7 +77,7 @@ def plan_of(command: FitCommand) -> Plan:
     tasks = tuple(
         Task(
             photo, folder, box, command.camera.focal, hints, mask(photo), _of_packs(objects, named), most,
-            camera, by_hand[folder],
+            camera, by_hand[folder], labels.get(photo, ()),
         )
         for photo, folder, (box, objects), camera in zip(photos, folders, boxes, cameras, strict=True)
     )  # fmt: skip

@@ -25,7 +25,8 @@ from vig_app.runs.live import OVERLAY, run_live
 from vig_app.runs.tracked import run_tracked
 
 WITHOUT_TRACK = {
-    "boxes", "objects", "meshes", "cluster", "mask", "marks", "points", "azimuth", "pose", "workers",
+    "boxes", "labels", "objects", "meshes", "cluster", "mask", "marks", "points", "azimuth", "pose",
+    "workers",
 }  # fmt: skip
 WITHOUT_LIVE = WITHOUT_TRACK | {
     "cameras", "visible", "elevation", "roll", "framing", "export", "files", "full_size", "log",

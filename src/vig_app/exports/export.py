@@ -15,14 +15,16 @@ if TYPE_CHECKING:
     from vig.explanation import Explanation
 
 _FILES = (Path(__file__).parent / "formats").glob("*.py")
-FORMATS = tuple(sorted(path.stem for path in _FILES if path.stem != "__init__"))
+FORMATS = tuple(sorted(path.stem.replace("_", "-") for path in _FILES if path.stem != "__init__"))
 """Names of the formats, which are not imported: help on the command line lists them."""
 
 
 @cache
-def run_formats() -> dict[str, str]:
-    """Return the formats that have one file for all photos of a run, and its name."""
-    return {name: _module(name).RUN_FILE for name in FORMATS if hasattr(_module(name), "RUN_FILE")}
+def run_formats() -> dict[str, tuple[str, ...]]:
+    """Return the formats that have files for all photos of a run, and the patterns of their names."""
+    files = {name: getattr(_module(name), "RUN_FILES", ()) for name in FORMATS}
+    files |= {name: _module(name).FILES for name in FORMATS if hasattr(_module(name), "write_photos")}
+    return {name: patterns for name, patterns in files.items() if patterns}
 
 
 def export_explanation(
@@ -31,18 +33,23 @@ def export_explanation(
     """Write the files of `Explanation.export`."""
     _check(formats)
     for name in formats:
-        _module(name).write(Path(folder), explanation, photo)
+        if hasattr(_module(name), "write_photos"):
+            from vig_app.exports.annotations import one_photo  # help lists formats, and needs no results
+
+            _module(name).write_photos(Path(folder), *one_photo(explanation, photo))
+        else:
+            _module(name).write(Path(folder), explanation, photo)
     return Path(folder)
 
 
 def export_run(
     results: str | Path, formats: Sequence[str], out: str | Path | None = None, first_id: int = 1
 ) -> list[Path]:
-    """Write the results of many photos as one file in each format, docs/many.md; returns the files.
+    """Write the results of many photos as files for all of them in each format, docs/many.md; returns them.
 
     Args:
         results: Folder of `vig fit` of several photos.
-        formats: Any of "bop" and "coco".
+        formats: Any of "bop", "coco", "coco-annotations", "cvat", "labelme" and "yolo".
         out: Folder for the files; by default that of the results.
         first_id: Number of the class in the dataset; where there are several classes that of the first by
             name, the others follow.
@@ -54,32 +61,39 @@ def export_run(
     for name in formats:
         if name not in run_formats():
             raise UserError(
-                f"expected a format with one file for all photos, {' or '.join(run_formats())}; got '{name}',"
+                f"expected a format with files for all photos, {', '.join(run_formats())}; got '{name}',"
                 f" which has files for each. Write them with vig fit --export {name}."
             )
-    from vig_app.exports.run import ExportedRun  # help lists formats, and needs no table
+    from vig_app.exports.annotations import ExportedRun, photos_of  # help lists formats, and needs no results
 
-    run = ExportedRun.read(Path(results), first_id)
-    paths = [Path(out or results) / run_formats()[name] for name in formats]
-    for name, path in zip(formats, paths, strict=True):
-        _module(name).write_run(path, run)
-    return paths
-
-
-def remove_exports(folder: Path) -> None:
-    """Remove the exports of an earlier explanation, and folders that held nothing else."""
-    for file in (file for name in FORMATS for file in _module(name).FILES):
-        path = folder / file
-        path.unlink(missing_ok=True)
-        for parent in path.parents:
-            if parent == folder or not parent.is_dir() or any(parent.iterdir()):
-                break
-            parent.rmdir()
+    run, folder = ExportedRun.read(Path(results), first_id), Path(out or results)
+    for name in formats:
+        if hasattr(_module(name), "write_photos"):
+            _module(name).write_photos(folder, photos_of(run), run.class_ids)
+        else:
+            _module(name).write_run(folder, run)
+    return [path for name in formats for file in run_formats()[name] for path in sorted(folder.glob(file))]
 
 
-def formats_in(folder: Path) -> tuple[str, ...]:
-    """Return the formats of the exports of an explanation that a folder holds."""
-    return tuple(name for name in FORMATS if any((folder / file).exists() for file in _module(name).FILES))
+def remove_exports(folder: Path, of_run: bool = False) -> None:
+    """Remove the exports of an earlier explanation, or run, and folders that held nothing else."""
+    for name in FORMATS:
+        module = _module(name)
+        for file in run_formats().get(name, ()) if of_run else module.FILES:
+            for path in folder.glob(file):
+                if hasattr(module, "edited") and module.edited(path):
+                    continue
+                path.unlink()
+                for parent in path.parents:
+                    if parent == folder or any(parent.iterdir()):
+                        break
+                    parent.rmdir()
+
+
+def formats_in(folder: Path, of_run: bool = False) -> tuple[str, ...]:
+    """Return the formats of the exports of an explanation, or of a run, that a folder holds."""
+    files = run_formats() if of_run else {name: _module(name).FILES for name in FORMATS}
+    return tuple(name for name, each in files.items() if any(any(folder.glob(file)) for file in each))
 
 
 def _check(formats: Sequence[str]) -> None:
@@ -92,4 +106,4 @@ def _check(formats: Sequence[str]) -> None:
 
 
 def _module(name: str) -> ModuleType:
-    return import_module(f"vig_app.exports.formats.{name}")
+    return import_module(f"vig_app.exports.formats.{name.replace('-', '_')}")

@@ -10,6 +10,8 @@ from typing import Any
 
 from vig_app.results import read_results
 
+OBJECT_ID = 1
+"""BOP and COCO count classes from 1; an explanation has one."""
 FILE_NUMBERS = (r"()(?:^|/)([0-9]+)", r"()(?:^|/|[^0-9])([0-9]{1,18})")
 """Ends of paths that number the image: files named by a number, or with one at the end."""
 SCENE_NUMBERS = (r"([0-9]+)/(?:rgb|gray)/([0-9]+)", *FILE_NUMBERS)
@@ -27,6 +29,7 @@ class ExportedRun:
             none was learned.
         class_ids: Number of each class.
         sizes: Width and height of each photo that could be read, pixels.
+        folders: Name of each photo's folder of results.
     """
 
     folder: Path
@@ -34,6 +37,7 @@ class ExportedRun:
     objects: tuple[dict[str, Any], ...]
     class_ids: dict[str, int]
     sizes: dict[str, tuple[int, int]]
+    folders: dict[str, str]
 
     @staticmethod
     def read(folder: Path, first_id: int) -> ExportedRun:
@@ -48,7 +52,8 @@ class ExportedRun:
         classes = sorted({row["class"] for row in rows if row["class"] is not None})
         sizes = {row["photo"]: (row["width"], row["height"]) for row in rows if row["error"] is None}
         class_ids = {name: first_id + i for i, name in enumerate(classes)}
-        return ExportedRun(folder, photos, objects, class_ids, sizes)
+        folders = {row["photo"]: row["folder"].split("/")[0] for row in rows}
+        return ExportedRun(folder, photos, objects, class_ids, sizes, folders)
 
     def image_numbers(self, patterns: Sequence[str]) -> dict[str, tuple[int, int]]:
         """Return scene and image of each photo: from the paths where all match and differ, else by place.

@@ -98,6 +98,8 @@ def key_of(task: Task, settings: str) -> str:
     digest = hashlib.sha256(repr((settings, _file_state(task.photo), options, packs)).encode())
     if task.corrected:
         digest.update(repr(task.corrected).encode())
+    if task.labels:
+        digest.update(repr(task.labels).encode())
     if task.mask is not None:
         digest.update(repr(_file_state(task.mask)).encode())
     if task.hints is not None:

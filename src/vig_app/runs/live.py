@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw
 
+from vig.explanation import project
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
 from vig.photo.video import Video, av_errors
@@ -287,9 +288,9 @@ def drawn(picture: np.ndarray, pose: TrackedPose, tracker: Tracker) -> np.ndarra
     length = AXIS * float(np.ptp(tracker.explainer.object_class.shape_model.mean, axis=0).max())
     points = np.concatenate([np.zeros((1, 3)), length * np.eye(3)])
     matrix = pose.camera_from_object
-    seen = (points @ matrix[:3, :3].T + matrix[:3, 3]) @ pose.camera.K.T
+    seen = project(pose.camera.K, matrix, points)
     if (seen[:, 2] > 0).all():
-        origin, *ends = map(tuple, (seen[:, :2] / seen[:, 2:]).tolist())
+        origin, *ends = map(tuple, seen[:, :2].tolist())
         draw, width = ImageDraw.Draw(image), max(1, min(image.size) // 160)
         for end, colour in zip(ends, AXIS_COLOURS, strict=True):
             draw.line([origin, end], tuple(c // 3 for c in colour) if pose.lost else colour, width)

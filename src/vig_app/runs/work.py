@@ -20,12 +20,13 @@ from vig.inference import ExplainSettings
 from vig.io.errors import UserError
 from vig.parallel import Lost
 from vig.photo.images import coded_photo
-from vig.photo.masks import read_mask
+from vig.photo.masks import box_of, read_mask
 from vig.recognition.object_map import box_overlap
 from vig.several import explain_found, explain_together
 from vig.several.scene import SceneExplanation
 from vig_app.corrections import CORRECTIONS, REMEDY, Correction, State, place_of
 from vig_app.exports import export_explanation, remove_exports
+from vig_app.labels import Label
 from vig_app.report.folder import FILES, OPTIONAL_FILES, save_explanation, save_scene
 from vig_app.results import COLUMNS, row_of_record
 
@@ -55,6 +56,8 @@ class Task:
         camera: Its intrinsics in place of the focal length, as `vig.photo.Intrinsics.of` takes them.
         corrected: Corrections by hand, see `vig_app.corrections.corrected_in`; in place of box, focal
             length, camera and hints of the one object, or of that of several.
+        labels: Labels of its objects by a tool, checked with the photo: one of the run's class, or of up to
+            `most`, whose names are then those of classes.
         key: Key of all that the results depend on, written with them; see `vig_app.runs.ledger.key_of`.
     """
 
@@ -68,6 +71,7 @@ class Task:
     most: int = 0
     camera: Any = None
     corrected: tuple[Correction, ...] = ()
+    labels: tuple[Label, ...] = ()
     key: str = ""
 
 
@@ -114,6 +118,7 @@ class Work:
             for correction in task.corrected:
                 if correction.problem:
                     raise UserError(correction.problem)
+            task = labelled(task) if task.labels and not task.corrected else task
             rows = self.several(task) if task.objects or task.most else [self.one(task)]
         except UserError as error:
             return failed(task, error)
@@ -188,6 +193,31 @@ class Work:
                 state = State(box=task.box, focal=task.focal, camera=lens, **hints.plain)
             if state is not None:  # named from where it will be, which is as deep
                 state.write(beside, task.photo, explanation.object_class, corrected is not None)
+
+
+def labelled(task: Task) -> Task:
+    """Return the task with what its labels state as its hints; UserError where they do not suit the photo."""
+    height, width = coded_photo(task.photo).shape[:2]
+    count, most = len(task.labels), task.most or 1
+    if count > most:
+        raise UserError(
+            f"expected labels of {most} object{'s' * (most > 1)} in a photo; got {count}. Join shapes of one"
+            f" object by a group, or explain several with --objects {count}."
+        )
+    hints = [label.hints(width, height) for label in task.labels]
+    if not task.most:
+        given = task.hints or Hints()
+        given = replace(given, mask=hints[0].mask, points={**given.points, **hints[0].points})
+        return replace(task, box=task.labels[0].box, hints=given)
+    objects = []
+    for label, hint in zip(task.labels, hints, strict=True):
+        box: Any = label.box or (None if hint.mask is None else box_of(hint.mask))
+        if label.name is None or box is None:
+            raise UserError(
+                "expected a box or mask of each of several objects; got points alone. Draw boxes."
+            )
+        objects.append((label.name, box))
+    return replace(task, objects=tuple(objects))
 
 
 def _states(task: Task, scene: SceneExplanation) -> dict[str, State]:

@@ -317,7 +317,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _answer(self, work: Callable[[], bytes], kind: str) -> None:
         host, origin = self.headers.get("Host", ""), self.headers.get("Origin")
-        if not _is_own(host) or origin not in (None, f"http://{host}"):
+        if not is_own_host(host) or origin not in (None, f"http://{host}"):
             self._send(403, b"expected the page of vig view, by address or as localhost", "text/plain")
             return
         try:
@@ -342,7 +342,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(content)
 
 
-def _is_own(host: str) -> bool:
+def is_own_host(host: str) -> bool:
     """Return whether a Host header is an address or localhost: names that a page of another site could
     have made to point here are not.
     """

@@ -15,7 +15,7 @@ from vig.io.errors import UserError
 from vig.photo.decoding import opened
 from vig.record import read_explanation
 from vig_app.corrections import CORRECTIONS, State, corrected_in
-from vig_app.exports import export_explanation, export_run, formats_in, run_formats
+from vig_app.exports import export_explanation, export_run, formats_in
 from vig_app.report.folder import FILES, OPTIONAL_FILES
 from vig_app.report.folder_page import review_order, write_run_page
 from vig_app.report.sheet import write_sheets
@@ -177,8 +177,7 @@ class Walk:
         item.corrected = self.saved = True
         export_explanation(explanation, item.folder, formats, self.session.path.name)
         if self.run is not None:
-            there = [name for name, file in run_formats().items() if (self.run / file).exists()]
-            export_run(self.run, there)
+            export_run(self.run, formats_in(self.run, of_run=True))
         return item.folder
 
     def close(self) -> None:

@@ -9,6 +9,7 @@ import pytest
 import vig
 from vig.scene.object_class import PACKAGED
 from vig_app.cli import doctor as module
+from vig_app.cli import speed
 from vig_app.cli.common import Doctor
 from vig_app.cli.doctor import doctor, report_lines, run_doctor
 
@@ -62,3 +63,18 @@ def test_missing_weights_are_a_line_and_an_exit_code(
     assert run_doctor(Doctor()) == 1
     (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("class teapot")]
     assert "failed: UserError" in line and "recognition.safetensors" in line
+
+
+def test_the_cache_is_measured_and_removed(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    kept = tmp_path / "other"
+    kept.mkdir()
+    (tmp_path / "vig" / "world-1").mkdir(parents=True)
+    (tmp_path / "vig" / "world-1" / "mesh").write_bytes(bytes(60_000_000))
+    monkeypatch.setattr(speed, "LARGE_CACHE", 50_000_000)
+    assert speed.cache_state().state.startswith("0.1 GB") and "--clean" in speed.cache_state().do
+    assert run_doctor(Doctor(clean=True)) == 0
+    assert "removed what was in vig's cache: 0.1 GB" in capsys.readouterr().err
+    assert kept.exists() and not (tmp_path / "vig").exists()

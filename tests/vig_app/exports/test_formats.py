@@ -17,7 +17,7 @@ import vig
 from vig.io.errors import UserError
 from vig.photo.masks import run_lengths
 from vig_app.examples import example_photos
-from vig_app.exports import FORMATS, remove_exports
+from vig_app.exports import FORMATS, formats_in, remove_exports
 from vig_app.exports.formats.bop import bop_box
 
 
@@ -80,6 +80,19 @@ def test_bops_model_pose_and_camera_put_the_object_on_the_photo(
     (info,) = read_json(folder / "bop/scene_gt_info.json")["0"]
     assert tuple(info["bbox_obj"]) == explanation.box
     assert info["visib_fract"] == pytest.approx(1 - explanation.hidden_fraction)
+
+
+def test_named_points_are_on_the_photo_and_say_whether_they_are_seen(explanation: vig.Explanation) -> None:
+    """The camera is before the spout: it is seen, the handle behind the pot is not."""
+    seen = {name: bool(flag) for name, (_, _, flag) in explanation.points.items()}
+    assert seen["spout"] and not seen["handle"]
+    numbers = [explanation.object_class.points[name] for name in explanation.points]
+    places = projected(explanation.camera.K, explanation.camera_from_object, explanation.vertices[numbers])
+    np.testing.assert_allclose([at[:2] for at in explanation.points.values()], places, atol=0.01)
+    x, y = map(int, explanation.points["spout"][:2])
+    assert explanation.mask[y - 2 : y + 3, x - 2 : x + 3].any()
+    low, high = explanation.to_dict()["bounds"]
+    assert np.array_equal([low, high], [explanation.vertices.min(0), explanation.vertices.max(0)])
 
 
 def test_cocos_run_lengths_are_the_masks(folder: Path, explanation: vig.Explanation) -> None:
@@ -177,8 +190,11 @@ def test_a_format_names_the_files_that_it_writes(
     if name == "usd":
         pytest.importorskip("pxr")
     explanation.export(tmp_path, [name], "02_egg_cup.png")
-    written = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
-    assert written == set(import_module(f"vig_app.exports.formats.{name}").FILES)
+    written = {path.relative_to(tmp_path) for path in tmp_path.rglob("*") if path.is_file()}
+    patterns = import_module(f"vig_app.exports.formats.{name.replace('-', '_')}").FILES
+    assert written and all(any(path.match(pattern) for pattern in patterns) for path in written)
+    assert all(any(path.match(each) for path in written) for each in patterns if "*" not in each)
+    assert formats_in(tmp_path) == (name,)
     remove_exports(tmp_path)
     assert not list(tmp_path.iterdir())
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -13,7 +14,8 @@ from scipy.spatial.transform import Rotation
 
 import vig
 from vig_app.examples import example_photos
-from vig_app.exports import export_run
+from vig_app.exports import export_run, remove_exports
+from vig_app.labels import filled, read_labels
 from vig_app.results import write_table
 from vig_app.runs.work import Task, row_of
 
@@ -53,6 +55,159 @@ def test_coco_tools_read_masks_and_results(explanation: vig.Explanation, run: Pa
     seen = result | {"segmentation": result["visible_segmentation"]}
     np.testing.assert_array_equal(of_run.annToMask(seen).astype(bool), explanation.mask)
     assert len(truth.loadRes(of_run.dataset["annotations"]).getAnnIds()) == 1
+
+
+def overlap(one: np.ndarray, other: np.ndarray) -> float:
+    return float((one & other).sum() / (one | other).sum())
+
+
+def test_coco_tools_read_polygons_of_both_sets_and_keypoints(
+    explanation: vig.Explanation, run: Path, tmp_path: Path
+) -> None:
+    coco = pytest.importorskip("pycocotools.coco")
+    pytest.importorskip("cv2")
+    visible, amodal = export_run(run, ["coco-annotations"], tmp_path)
+    for path, mask in ((visible, explanation.mask), (amodal, explanation.amodal)):
+        read = coco.COCO(str(path))
+        assert sorted(read.getImgIds()) == [139, 285] and not read.getAnnIds(imgIds=[285])
+        (annotation,) = read.loadAnns(read.getAnnIds(imgIds=[139]))
+        assert overlap(read.annToMask(annotation).astype(bool), mask) > 0.99
+        (category,) = read.loadCats(read.getCatIds())
+        assert category["keypoints"] == ["spout", "handle", "knob"] == [*explanation.points]
+        places = np.reshape(annotation["keypoints"], (3, 3))
+        np.testing.assert_allclose(places, np.array([*explanation.points.values()]) + (0, 0, 1))
+
+
+def test_labels_of_every_tool_come_back_as_the_masks_that_were_exported(
+    explanation: vig.Explanation, run: Path, tmp_path: Path
+) -> None:
+    pytest.importorskip("cv2")
+    export_run(run, ["coco", "coco-annotations", "cvat", "labelme"], tmp_path)
+    height, width = explanation.mask.shape
+    for name in ("coco.json", "annotations_visible.json", "cvat_visible.xml", "labelme"):
+        ((label,),) = (found for found in read_labels(tmp_path / name, pytest.fail).values() if found)
+        hints = label.hints(width, height)
+        assert label.name == "teapot" and overlap(np.asarray(hints.mask), explanation.mask) > 0.99
+        assert hints.points.keys() == (set() if "cvat" in name else explanation.points.keys())
+    ((label,),) = (
+        found for found in read_labels(tmp_path / "cvat_cuboids.xml", pytest.fail).values() if found
+    )
+    x, y, right, bottom = np.array(label.box) + (0, 0, *label.box[:2])
+    corners = projected_bounds(explanation)
+    np.testing.assert_allclose([x, y, right, bottom], [*corners.min(0), *corners.max(0)], atol=0.02)
+
+
+def projected_bounds(explanation: vig.Explanation) -> np.ndarray:
+    low, high = explanation.vertices.min(0), explanation.vertices.max(0)
+    places = np.array(
+        [[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
+    )
+    pose = explanation.camera_from_object
+    seen = (places @ pose[:3, :3].T + pose[:3, 3]) @ explanation.camera.K.T
+    return seen[:, :2] / seen[:, 2:]
+
+
+def test_cvat_and_labelme_read_their_own_formats(
+    explanation: vig.Explanation, run: Path, tmp_path: Path
+) -> None:
+    masks, label_file = pytest.importorskip("cvat_sdk.masks"), pytest.importorskip("labelme._label_file")
+    export_run(run, ["cvat", "labelme"], tmp_path)
+    height, width = explanation.mask.shape
+    for name, mask in (("visible", explanation.mask), ("amodal", explanation.amodal)):
+        first, _ = ElementTree.parse(tmp_path / f"cvat_{name}.xml").getroot().iter("image")
+        at = first.find("mask").attrib
+        left, top, columns, rows = (int(at[side]) for side in ("left", "top", "width", "height"))
+        runs = [*map(float, at["rle"].split(",")), left, top, left + columns - 1, top + rows - 1]
+        decoded = masks.decode_mask(runs, image_width=width, image_height=height)
+        np.testing.assert_array_equal(decoded, mask)
+    path = tmp_path / "labelme" / f"{Path(NAME).stem}.json"
+    Image.fromarray(np.zeros((height, width), np.uint8)).save(path.with_name(NAME))
+    read = label_file.read_label_file(str(path))
+    assert {shape["shape_type"] for shape in read.shapes} == {"polygon", "point"}
+
+
+def test_fiftyone_reads_masks_and_keypoints(explanation: vig.Explanation, run: Path, tmp_path: Path) -> None:
+    reader = pytest.importorskip("fiftyone.utils.coco")
+    path, _ = export_run(run, ["coco-annotations"], tmp_path)
+    _, classes, _, _, annotations = reader.load_coco_detection_annotations(str(path))
+    size = explanation.mask.shape[::-1]
+    (read,) = annotations[139]
+    detection = read.to_detection(size, classes_map=classes, load_segmentation=True)
+    left, top = (round(at * side) for at, side in zip(detection.bounding_box, size, strict=False))
+    mask = np.zeros_like(explanation.mask)
+    part = np.asarray(detection.mask)
+    mask[top : top + part.shape[0], left : left + part.shape[1]] = part
+    assert detection.label == "teapot" and overlap(mask, explanation.mask) > 0.99
+    assert len(read.to_keypoints(size, classes_map=classes).points) == 3
+
+
+def test_label_studio_converts_polygons_and_keypoints(run: Path, tmp_path: Path) -> None:
+    converter = pytest.importorskip("label_studio_sdk.converter.imports.coco")
+    path, _ = export_run(run, ["coco-annotations"], tmp_path)
+    converter.convert_coco_to_ls(str(path), str(tmp_path / "tasks.json"))
+    first, second = json.loads((tmp_path / "tasks.json").read_text())
+    kinds = [each["type"] for each in first["annotations"][0]["result"]]
+    assert (
+        set(kinds) == {"rectanglelabels", "polygonlabels", "keypointlabels"}
+        and kinds.count("keypointlabels") == 3
+    )
+    assert second["annotations"][0]["result"] == []
+
+
+def test_datumaro_reads_cvats_masks(explanation: vig.Explanation, run: Path, tmp_path: Path) -> None:
+    datumaro = pytest.importorskip("datumaro.components.dataset")
+    path, *others = export_run(run, ["cvat"], tmp_path)
+    for other in others:  # it would join all files
+        other.unlink()
+    (tmp_path / "images").mkdir()
+    for name in (NAME, "COCO_val2014_000000000285.png"):
+        Image.fromarray(np.zeros(explanation.mask.shape, np.uint8)).save(tmp_path / "images" / name)
+    read = {
+        Path(item.id).name: item.annotations for item in datumaro.Dataset.import_from(str(tmp_path), "cvat")
+    }
+    (mask,) = read[Path(NAME).stem]
+    np.testing.assert_array_equal(np.asarray(mask.image).astype(bool), explanation.mask)
+    assert len(read) == 2
+
+
+def test_a_file_that_was_edited_in_labelme_stays(run: Path, tmp_path: Path) -> None:
+    pytest.importorskip("cv2")
+    (path, *_) = export_run(run, ["labelme"], tmp_path)
+    export_run(run, ["labelme"], tmp_path)  # as it was written
+    content = json.loads(path.read_text())
+    path.write_text(json.dumps(content | {"version": "5.5.0"}))
+    with pytest.raises(vig.UserError, match="got it edited"):
+        export_run(run, ["labelme"], tmp_path)
+    remove_exports(tmp_path, of_run=True)
+    assert [*tmp_path.rglob("*.json")] == [path]
+
+
+def test_yolo_has_polygons_and_boxes_and_validates_on_other_photos(
+    explanation: vig.Explanation, run: Path, tmp_path: Path
+) -> None:
+    pytest.importorskip("cv2")
+    export_run(run, ["yolo"], tmp_path)
+    first, second = Path(NAME).stem, "COCO_val2014_000000000285"
+    height, width = explanation.mask.shape
+    for kind in ("boxes", "segments"):
+        folder = tmp_path / "yolo" / kind
+        assert (
+            (folder / "data.yaml")
+            .read_text()
+            .endswith("train: images/train\nval: images/val\nnames:\n  0: teapot\n")
+        )
+        assert (folder / f"labels/val/{second}.txt").read_text() == ""
+        (line,) = (folder / f"labels/train/{first}.txt").read_text().splitlines()
+        number, *values = map(float, line.split())
+        assert number == 0
+        if kind == "boxes":
+            x, y, across, down = np.array(values) * [width, height, width, height]
+            np.testing.assert_allclose(
+                [x - across / 2, y - down / 2, across, down], explanation.box, atol=1e-3
+            )
+        else:
+            outline = tuple(map(tuple, (np.reshape(values, (-1, 2)) * [width, height]).tolist()))
+            assert overlap(filled(outline, width, height), explanation.mask) > 0.99
 
 
 def test_opencv_projects_the_object_onto_the_photo_and_solves_for_its_pose(run: Path) -> None:

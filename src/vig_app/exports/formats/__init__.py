@@ -1,16 +1,21 @@
 """Formats of explanations, a file each.
 
-NAME.py has
+NAME.py, whose underscores are hyphens in the format's name, has
 
-    FILES                               all files that `write` may make, within the folder of an explanation
+    FILES                               all files that it may make, or patterns of them, within a folder
+
+and either, for one photo or many of a run,
+
+    write_photos(folder, photos, class_ids)    makes them of `AnnotatedPhoto` and numbers of classes
+
+or
+
     write(folder, explanation, photo)   makes them; `photo` is the photo's name in them
+    RUN_FILES, write_run(folder, run)   where the format has files for a run: their names, and what makes them
+                                        of an `ExportedRun`
 
-and, where the format has one file for all photos of a run,
-
-    RUN_FILE                            the file's name
-    write_run(path, run)                makes it of an `ExportedRun`
-
-Importing it must need no package of an extra. With the file alone `vig fit --export NAME` and
-`Explanation.export` take the format, and its files go when another result is saved into the folder; with
-`RUN_FILE` so does `vig export RESULTS --to NAME`.
+and, where people edit such files, `edited(path)`: whether they did. Importing it must need no package of an
+extra. With the file alone `vig fit --export NAME` and `Explanation.export` take the format, and its files go
+when another result is saved into the folder; with `write_photos` or `write_run` so does
+`vig export RESULTS --to NAME`.
 """

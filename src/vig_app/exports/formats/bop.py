@@ -17,15 +17,13 @@ from vig.explanation import Explanation
 from vig.io.files import atomic_write, write_json
 from vig.photo.masks import box_of
 from vig.record import read_explanation
-from vig_app.exports.run import SCENE_NUMBERS, ExportedRun
+from vig_app.exports.run import OBJECT_ID, SCENE_NUMBERS, ExportedRun
 
 MILLIMETRES = 1000.0
 """Millimetres in a metre."""
-OBJECT_ID = 1
-"""BOP and COCO count classes from 1; an explanation has one."""
 MODEL = f"bop/models/obj_{OBJECT_ID:06}.ply"
 FILES = ("bop/scene_camera.json", "bop/scene_gt.json", "bop/scene_gt_info.json", MODEL)
-RUN_FILE = "bop.csv"
+RUN_FILES = ("bop.csv",)
 POSE_COLUMNS = "scene_id,im_id,obj_id,score,R,t,time"
 
 
@@ -68,10 +66,10 @@ def score(explanation: Explanation) -> float | None:
     return None if math.isnan(explanation.confidence) else round(explanation.confidence, 5)
 
 
-def write_run(path: Path, run: ExportedRun) -> None:
+def write_run(folder: Path, run: ExportedRun) -> None:
     """Write a line for each object."""
     numbers = run.image_numbers(SCENE_NUMBERS)
-    with atomic_write(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
+    with atomic_write(folder / RUN_FILES[0]) as temporary, open(temporary, "w", encoding="utf-8") as file:
         print(POSE_COLUMNS, file=file)
         for row in run.objects:
             explanation = read_explanation(run.folder / row["folder"])

@@ -7,81 +7,75 @@ COCO's are; else by their place. Photos that could not be read are left out.
 from __future__ import annotations
 
 import json
-import re
-from collections.abc import Iterable, Mapping
-from pathlib import Path, PurePath
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from vig import __version__
-from vig.explanation import Explanation
-from vig.io.checks import reading
-from vig.io.files import atomic_write, write_json
-from vig.photo.decoding import opened
+from vig.io.files import atomic_write
 from vig.photo.masks import run_lengths
-from vig_app.exports.formats.bop import OBJECT_ID, bop_box, score
-from vig_app.exports.run import FILE_NUMBERS, ExportedRun
+from vig_app.exports.annotations import AnnotatedPhoto, Annotation
+from vig_app.exports.formats.bop import bop_box
 
 FILES = ("coco.json",)
-RUN_FILE = "coco.json"
+Fields = Callable[[Annotation], dict[str, Any]]
+"""Fields of an annotation that depend on its masks."""
 
 
-def write(folder: Path, explanation: Explanation, photo: str) -> None:
-    """Write the photo; its id is the number at the end of its name, 139 of COCO_val2014_000000000139.jpg."""
-    height, width = explanation.mask.shape
-    digits = re.search(r"([0-9]{1,18})\.\w+$", photo)
-    image = (int(digits[1]) if digits else 0) or 1
-    annotation = annotation_of(1, image, OBJECT_ID, explanation.amodal, explanation.mask, score(explanation))
-    head = head_of([(image, photo, width, height)], {explanation.object_class.name: OBJECT_ID})
-    write_json(folder / FILES[0], head | {"annotations": [annotation]})
+def write_photos(folder: Path, photos: Sequence[AnnotatedPhoto], class_ids: Mapping[str, int]) -> None:
+    """Write one file with both masks of each object."""
+    write_file(folder / FILES[0], photos, class_ids, both_masks)
 
 
-def write_run(path: Path, run: ExportedRun) -> None:
-    """Write a line for each object, as there may be many."""
-    numbers = run.image_numbers(FILE_NUMBERS)
-    names = [PurePath(photo).name for photo in run.sizes]
-    names = names if len(set(names)) == len(names) else [PurePath(photo).as_posix() for photo in run.sizes]
-    images = [
-        (numbers[photo][1], name, *size) for name, (photo, size) in zip(names, run.sizes.items(), strict=True)
-    ]
-    head = head_of(images, run.class_ids)
+def both_masks(annotation: Annotation) -> dict[str, Any]:
+    """Return box and mask of the whole object, and the visible part beside them."""
+    return mask_fields(annotation.amodal) | {"visible_segmentation": run_lengths(annotation.visible)}
+
+
+def mask_fields(mask: np.ndarray) -> dict[str, Any]:
+    """Return box, area and run lengths of a mask (H, W) bool."""
+    return {"bbox": bop_box(mask), "area": int(mask.sum()), "segmentation": run_lengths(mask)}
+
+
+def write_file(
+    path: Path, photos: Sequence[AnnotatedPhoto], class_ids: Mapping[str, int], fields: Fields
+) -> None:
+    """Write a line for each object, as there may be many; categories last, as objects name their points.
+
+    Points are keypoints: with the flag 2 where seen, 1 where not, and all 0 beyond the photo.
+    """
+    keys = "id", "file_name", "width", "height"
+    images = [dict(zip(keys, (each.number, each.name, *each.size), strict=True)) for each in photos]
+    head = {"info": {"description": f"vig {__version__}"}, "images": images}
+    points: dict[str, list[str]] = dict.fromkeys(class_ids, [])
     with atomic_write(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
         print(json.dumps(head)[:-1], end=', "annotations": [', file=file)
         count = 0
-        for row in run.objects:
-            picture = run.folder / row["folder"] / "mask.png"
-            with reading(picture, "a mask of `vig fit`", "Fit the photo again."), opened(picture) as mask:
-                levels = np.asarray(mask)
-            if levels.any():
+        for photo in photos:
+            for each in photo.read():
                 count += 1
-                image, category = numbers[row["photo"]][1], run.class_ids[row["class"]]
-                annotation = annotation_of(count, image, category, levels > 0, levels == 255, row["score"])
-                print("," * (count > 1), json.dumps(annotation), sep="\n", end="", file=file)
-        print("]}", file=file)
-
-
-def head_of(images: Iterable[tuple[int, str, int, int]], class_ids: Mapping[str, int]) -> dict[str, Any]:
-    """Return all but the annotations: number, name, width and height of images; numbers of classes."""
-    return {
-        "info": {"description": f"vig {__version__}"},
-        "images": [dict(zip(("id", "file_name", "width", "height"), each, strict=True)) for each in images],
-        "categories": [{"id": number, "name": name} for name, number in class_ids.items()],
-    }
-
-
-def annotation_of(
-    number: int, image: int, category: int, amodal: np.ndarray, visible: np.ndarray, score: float | None
-) -> dict[str, Any]:
-    """Return an object: its whole mask (H, W) bool, and its visible pixels."""
-    return {
-        "id": number,
-        "image_id": image,
-        "category_id": category,
-        "iscrowd": 0,
-        "bbox": bop_box(amodal),
-        "area": int(amodal.sum()),
-        "segmentation": run_lengths(amodal),
-        "visible_segmentation": run_lengths(visible),
-        "score": score,
-    }
+                points[each.category] = [*each.points]
+                width, height = photo.size
+                places = [
+                    (x, y, 1 + int(seen)) if 0 <= x < width and 0 <= y < height else (0, 0, 0)
+                    for x, y, seen in each.points.values()
+                ]
+                row = {
+                    "id": count,
+                    "image_id": photo.number,
+                    "category_id": class_ids[each.category],
+                    "iscrowd": 0,
+                    **fields(each),
+                    "score": each.score,
+                }
+                if places:
+                    numbers = [number for place in places for number in place]
+                    row |= {"keypoints": numbers, "num_keypoints": sum(flag > 0 for *_, flag in places)}
+                print("," * (count > 1), json.dumps(row), sep="\n", end="", file=file)
+        categories: list[dict[str, Any]] = [{"id": each, "name": name} for name, each in class_ids.items()]
+        for category in categories:
+            if named := points[category["name"]]:
+                category |= {"keypoints": named, "skeleton": []}
+        print(f'], "categories": {json.dumps(categories)}}}', file=file)

@@ -13,8 +13,7 @@ from collections import Counter
 from pathlib import Path
 
 from vig.io.errors import UserError
-from vig.io.files import atomic_folder
-from vig_world.asset_cache import cache_folder
+from vig.io.files import atomic_folder, cache_folder
 from vig_world.assets.own.catalogue.choice import Choice, choice_of
 from vig_world.assets.own.catalogue.fitting import fitted_obj, material_files, picture_files
 from vig_world.assets.own.catalogue.reading import CatalogueModel, read_entry

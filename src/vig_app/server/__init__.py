@@ -1,0 +1,1 @@
+"""`vig serve`: photos explained over HTTP, and pre-annotations for Label Studio."""
