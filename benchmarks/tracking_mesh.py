@@ -2,11 +2,11 @@
 
     python -m benchmarks.tracking_mesh MESH... [--frames 60] [--seed 8] [--show FOLDER]
 
-The generator makes a video of each mesh (`benchmarks.turning`, 640 x 480), whose own colours it shows in the
-scene's light. The first frame in which less than .3 is hidden gives the box. Errors are those of frames that are
-at most half hidden, without those that the tracker calls lost; that of the distance is a share of it. Found again:
-of such frames after the object was hidden by .9 or more, those that are within 15 degrees. At last the tracker
-sees one frame a hundred times: how far a still object drifts.
+The generator makes a video of each mesh (`benchmarks.turning`, 640 x 480), whose own colours it shows in
+the scene's light. The first frame in which less than .3 is hidden gives the box. Errors are those of frames
+that are at most half hidden, without those that the tracker calls lost; that of the distance is a share of
+it. Found again: of such frames after the object was hidden by .9 or more, those that are within 15 degrees.
+At last the tracker sees one frame a hundred times: how far a still object drifts.
 """
 
 from __future__ import annotations
@@ -42,9 +42,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=8)
     parser.add_argument("--show", type=Path, help="folder for every fifth frame, side by side")
     arguments = parser.parse_args()
-    print(
-        "mesh  turned, degrees: median, most  distance: median  lost  found again  step, ms  drift in 100 frames"
-    )
+    print("mesh  turned, degrees: median, most  distance: median  lost  found again  step, ms  drift")
     for number, mesh in enumerate(arguments.meshes):
         explainer = Explainer.of_mesh(mesh)
         print(mesh.stem, *_measured(explainer, arguments, number), sep="  ", flush=True)
