@@ -52,7 +52,7 @@ PLACES = [f"{package}.{name}" for package, names in ORDER.items() for name in na
 # The budget. A commit may lower a number; one that raises it says in CHANGELOG what was taken out for it.
 LINES = {
     "vig_native": 7_945, "vig_renderer": 1_683, "vig": 14_671, "vig_app": 7_045, "vig_world": 18_114,
-    "vig_train": 12_012, "vig_paper": 2_695,
+    "vig_train": 12_003, "vig_paper": 2_691,
 }  # fmt: skip
 CONSTANTS = 1_229
 REACHED_LINES = {"vig.explainer": 12_705, "vig_app.cli.fit": 17_925}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -134,6 +135,10 @@ def test_the_card_has_the_errors_that_were_measured(pack: Path) -> None:
     assert f"{errors['methods']['fit']['azimuth_deg']:.1f} degrees" in text
     assert "by each of the network's 3 members on meshes that it has not seen" in text
     assert "48 rendered images" in text
+    assert f"(up to four of them: over photos): {errors['cross_validation']}." in text
+    assert re.match(
+        r"\d+ fits, .* within 15 degrees of azimuth; trusted from a confidence of", errors["cross_validation"]
+    )
     assert (pack / "reliability.png").exists() and "reliability.png" in text
 
 
