@@ -303,7 +303,6 @@ class ClassTraining:
                 self.test_fits,
             )
         shutil.rmtree(self.test_fits, ignore_errors=True)
-        errors["cross_validation"] = (self.run_folder / TRUST_FILE).read_text()
         write_json(self.run_folder / "test.json", errors)
 
     @property
@@ -327,6 +326,7 @@ class ClassTraining:
             return {}
         with reading(self.run_folder / "test.json", "the errors of a training", "Train it again."):
             errors = decode(dict[str, Any], read_json(self.run_folder / "test.json"))
+            errors["cross_validation"] = (self.run_folder / TRUST_FILE).read_text()
         seconds, history = {step: self.record.seconds(step) for step in STEPS}, self.folder / "history.json"
         card.add_to_history(history, errors, images, seconds)
         unseen = card.unseen_in_test(self._held_out, self.folds)
