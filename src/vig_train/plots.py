@@ -15,20 +15,9 @@ from vig.scene import ObjectClass
 from vig_train.training.calibration import CalibrationResult, azimuth_bins, calibrate_network
 from vig_train.training.examples import Examples
 from vig_train.training.loop import EpochLog
-from vig_train.training.training import Epoch, TrainingSettings, train
+from vig_train.training.training import Epoch
 from vig_world.dataset import Dataset
 from vig_world.extras import optional_import
-
-
-def train_and_plot(
-    datasets: Sequence[Dataset],
-    out: Path,
-    settings: TrainingSettings,
-    say: Callable[[str], None] = print,
-    progress: bool = False,
-) -> Path:
-    """Train as `vig_train.training.train`; also write all losses to log.csv and losses.png."""
-    return train(datasets, out, settings, say, TrainingLog(Path(out)).add, progress)
 
 
 def calibrate_and_plot(

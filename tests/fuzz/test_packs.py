@@ -116,6 +116,21 @@ def test_calibrations_of_another_format_or_sign(changed: dict[str, Any], why: st
         FitCalibration.load(path)
 
 
+def test_features_that_an_earlier_version_did_not_have_have_no_weight(pack: Path) -> None:
+    path = pack / "calibration.json"
+    stored = json.loads(path.read_text())
+    before = FitCalibration.load(path)
+    kept = [name for name in CONFIDENCE_FEATURES[::-1] if name != "rival_log_probability"]
+    weights = {name: list(range(len(kept))) for name in stored if name.endswith("_weights")}
+    path.write_text(json.dumps(stored | weights | {"features": kept}))
+    after = FitCalibration.load(path)
+    assert after.view_weights.tolist() == [*range(len(kept))][::-1] + [0.0]
+    assert after.threshold == before.threshold
+    path.write_text(json.dumps(stored | {"features": [*CONFIDENCE_FEATURES[:-1], "taste"]}))
+    with pytest.raises(UserError, match="it is of other confidence features"):
+        FitCalibration.load(path)
+
+
 @pytest.mark.parametrize(
     "blocks",
     ["[1, 1180591620717411303424, 3, 1, 1]", "[1, 99999999, 3, 1, 1]", "[0, 1]", '["a", 1, 2, 1, 1]'],

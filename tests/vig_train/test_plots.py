@@ -14,10 +14,10 @@ import torch
 from tests.support import SMALL
 from tests.vig_train.training.test_training import tiny_dataset
 from vig.recognition import NetworkCalibration
-from vig_train.plots import TrainingLog, describe_calibration, plot_reliability, train_and_plot, view_levels
+from vig_train.plots import TrainingLog, describe_calibration, plot_reliability, view_levels
 from vig_train.training.calibration import CalibrationResult
 from vig_train.training.targets import azimuth_labels
-from vig_train.training.training import Epoch, TrainingSettings
+from vig_train.training.training import Epoch, TrainingSettings, train
 
 
 def test_levels_of_views_are_uniform_when_what_is_said_is_true() -> None:
@@ -76,6 +76,7 @@ def test_a_resumed_training_replaces_what_was_logged_after_its_checkpoint(tmp_pa
 
 def test_a_training_is_logged(tmp_path: Path) -> None:
     settings = TrainingSettings(epochs=1, batch=8, threads=1, network=SMALL)
-    path = train_and_plot([tiny_dataset(tmp_path)], tmp_path, settings, lambda line: None)
+    datasets = [tiny_dataset(tmp_path)]
+    path = train(datasets, tmp_path, settings, lambda line: None, TrainingLog(tmp_path).add)
     assert path == tmp_path / "recognition.safetensors" and path.is_file()
     assert [row["epoch"] for row in rows(tmp_path)] == ["1"]

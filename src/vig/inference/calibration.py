@@ -43,6 +43,7 @@ CONFIDENCE_FEATURES = (
     "presence_log_odds",  # log odds, as predicted, that the photo shows the object at all
     "predicted_roll",  # absolute, radians: that the network sees in a photo that should stand upright
     "outline_agreement",  # intersection over union of the fit's coverage and the network's object
+    "rival_log_probability",  # that the network gives to the most probable view 50 degrees away or more
 )
 """Features from which the confidence in a fit is computed, in this order."""
 
@@ -102,20 +103,15 @@ class FitCalibration:
     def confidence(self, features: np.ndarray) -> float:
         """Return the probability that a fit's view is right; it fades to 0 for photos out of distribution."""
         view = _logistic(self.view_weights, self.view_bias, features)
-        return float(faded(view, self._in_distribution(features)))
+        return float(faded(view, self.in_distribution(features)))
 
     def mask_confidence(self, features: np.ndarray) -> float:
-        """Return the probability that the mask of a fit is right, see `Fit.mask_confidence`; it fades
-        as `confidence` does.
-        """
+        """Return the probability that a fit's mask is right; it fades as `confidence` does."""
         mask = _logistic(self.mask_weights, self.mask_bias, features)
-        return float(faded(mask, self._in_distribution(features)))
+        return float(faded(mask, self.in_distribution(features)))
 
-    def in_distribution(self, features: np.ndarray) -> float:
-        """Return the probability that a photo is of the distribution this was learned on, 1 / 2 a priori."""
-        return float(self._in_distribution(features))
-
-    def _in_distribution(self, features: np.ndarray) -> np.ndarray:
+    def in_distribution(self, features: np.ndarray) -> np.ndarray:
+        """Return the probability () that a photo is of the distribution learned on, 1 / 2 a priori."""
         return _logistic(self.in_distribution_weights, self.in_distribution_bias, features)
 
     def widened(self, deviation: np.ndarray, features: np.ndarray, trusted: bool) -> np.ndarray:
@@ -142,7 +138,8 @@ class FitCalibration:
             values = decode(dict[str, Any], read_json(path))
             if values["format"] != FORMAT:
                 raise ValueError(f"it is of format {values['format']!s:.20}, where this vig reads {FORMAT}")
-            if decode(tuple[str, ...], values["features"]) != CONFIDENCE_FEATURES:
+            names = decode(tuple[str, ...], values["features"])
+            if not set(names) <= set(CONFIDENCE_FEATURES) or len(set(names)) < len(names):
                 raise ValueError("it is of other confidence features")
             row, rows = tuple[float, ...], tuple[tuple[float, ...], ...]
             weights = dict.fromkeys(("view_weights", "in_distribution_weights", "mask_weights"), row)
@@ -150,8 +147,11 @@ class FitCalibration:
             arrays = {name: np.array(decode(kind, values[name]), np.float64) for name, kind in kinds.items()}
             shapes = {arrays[name].shape for name in weights}
             size = arrays["scale"].shape
-            if shapes != {(len(CONFIDENCE_FEATURES),)} or size != arrays["floor"].shape or size[0] != 2:
+            if shapes != {(len(names),)} or size != arrays["floor"].shape or size[0] != 2:
                 raise ValueError("its sizes do not fit")
+            for name in weights:  # features that an earlier version did not have have no weight
+                by_feature = dict(zip(names, arrays[name].tolist(), strict=True))
+                arrays[name] = np.array([by_feature.get(feature, 0.0) for feature in CONFIDENCE_FEATURES])
             if arrays["position"].shape != (2, 3):
                 raise ValueError(f"position must be (2, 3); it is {arrays['position'].shape}")
             if any((arrays[name] < 0).any() for name in ("scale", "floor", "position")):

@@ -23,6 +23,7 @@ from vig.inference.settings import UNIFORM_TURN, ExplainSettings, Fit, OtherView
 from vig.likelihood import PixelModel, spatial_posterior
 from vig.likelihood.pixel import DEFAULT_DENSITY
 from vig.recognition import Prediction
+from vig.recognition.prediction import bin_centres
 from vig.scene import Latents, latent_layout
 from vig.scene.functions import log_odds
 
@@ -30,8 +31,6 @@ LEAST_PROBABILITY = 1e-3
 """Floor of a pixel's probability in `mask_log_probability`, so that none decides alone."""
 UNINFORMED = "no network knows such objects; of the views all round this one has the most evidence"
 """Reason for doubt where views are compared by the objective alone."""
-QUANTILES = 40
-"""Number of quantiles of a Gaussian, by which it enters a mixture."""
 MOST_GAP = 3000.0
 """Nats at which the evidence gap is clipped."""
 
@@ -138,9 +137,9 @@ def _among_views(deviation: float, confidence: float, prediction: Prediction, az
 
 @functools.cache
 def _half_gaussian() -> tuple[float, ...]:
-    """Return quantiles of the absolute value of a standard normal number, in the middle of equal shares."""
+    """Return 40 quantiles of a standard normal number's absolute value, in the middle of equal shares."""
     normal = NormalDist()
-    return tuple(normal.inv_cdf(0.5 + 0.5 * (number + 0.5) / QUANTILES) for number in range(QUANTILES))
+    return tuple(normal.inv_cdf(0.5 + 0.5 * (number + 0.5) / 40) for number in range(40))
 
 
 def _views(
@@ -195,8 +194,7 @@ def _show(objective: Objective, point: np.ndarray, latents: Latents, model: Pixe
         and evaluation.irradiance is not None
         and evaluation.posterior is not None
     )
-    coverage, posterior = evaluation.coverage, evaluation.posterior
-    likelihood = objective.likelihood
+    coverage, posterior, likelihood = evaluation.coverage, evaluation.posterior, objective.likelihood
     observed, log_prior = (
         image.reshape(*coverage.shape, 3) for image in (likelihood.observed, likelihood.log_prior)
     )
@@ -242,6 +240,8 @@ def _features(latents: Latents, shown: _Shown, prediction: Prediction, selection
     stated = prediction.layout.split(prediction.deviation[0])
     predicted = 1 - prediction.mask[0, :, :, 2] > 0.5
     union = int((shown.amodal | predicted).sum())
+    centres = bin_centres(len(probability), prediction.symmetry.fold)
+    rivals = centres[np.abs(prediction.azimuth_offsets(latents.azimuth)) > 2 * DISTINCT_AZIMUTH]
     features = {
         "evidence_gap": 0.0 if selection.reverted else math.log1p(min(selection.gap, MOST_GAP)),
         "view_log_probability": float(prediction.log_mass(latents.azimuth)[0]),
@@ -257,6 +257,7 @@ def _features(latents: Latents, shown: _Shown, prediction: Prediction, selection
         "presence_log_odds": log_odds(float(prediction.presence[0])),
         "predicted_roll": abs(float(prediction.roll[0])),
         "outline_agreement": int((shown.amodal & predicted).sum()) / max(union, 1),
+        "rival_log_probability": float(prediction.log_mass(rivals).max(initial=math.log(LEAST_PROBABILITY))),
     }
     return np.array([features[name] for name in CONFIDENCE_FEATURES], np.float64)
 
@@ -297,8 +298,7 @@ def _verdict(
         lead = "" if math.isinf(selection.gap) else f", by {selection.gap:.0f} nats"
         return confidence, Verdict.AMBIGUOUS, UNINFORMED + lead
     if selection.reverted:
-        if calibration is not None:  # a verdict below trusted never has the confidence of one
-            # 0.99: A verdict below trusted has at most this share of the threshold as its confidence
+        if calibration is not None:  # a verdict below trusted has at most 0.99 of the confidence of one
             confidence = min(confidence, 0.99 * calibration.threshold)
         return confidence, Verdict.REVERTED, Verdict.REVERTED.value
     if trusted:

@@ -82,10 +82,7 @@ def dependent_steps(step: Step, steps: list[Step]) -> list[str]:
 
 
 def reproduce(
-    run: Run,
-    kinds: Iterable[str] = STEP_KINDS,
-    machine: Mapping[str, Any] | None = None,
-    command: str = "",
+    run: Run, kinds: Iterable[str] = STEP_KINDS, machine: Mapping[str, Any] | None = None, command: str = ""
 ) -> Record:
     """Do the steps of these kinds that are not yet done.
 

@@ -34,10 +34,11 @@ from vig_train.evaluation.protocol import fitted_likelihoods
 from vig_train.evaluation.results import MethodResult, write_csv
 from vig_train.evaluation.statistics import within_occlusion
 from vig_train.evaluation.table import save_table, summarise
+from vig_train.plots import TrainingLog
 from vig_train.plots import calibrate_and_plot as calibrate_network
-from vig_train.plots import train_and_plot as train_network
 from vig_train.training.calibration import MIN_IMAGES
 from vig_train.training.training import TrainingSettings
+from vig_train.training.training import train as train_network
 from vig_world.dataset import Dataset, read_dataset
 from vig_world.dataset.format import complete_split, read_info
 from vig_world.generation.show import contact_sheet
@@ -150,7 +151,8 @@ def train(run: Run) -> None:
     else:
         settings = TrainingSettings(**chosen, start=TRUNK_FILE, trunk_only=True)
         settings = replace(settings, batch=min(settings.batch, most))
-        train_network([dataset], run.folder.recognition, settings, run.report)
+        out = run.folder.recognition
+        train_network([dataset], out, settings, run.report, TrainingLog(out).add)
 
 
 def take_weights(run: Run) -> None:
@@ -158,10 +160,7 @@ def take_weights(run: Run) -> None:
     weights = run.settings.weights
     assert weights is not None
     recognizer_of(run.object_class, weights)  # refuses invalid weights
-    for path, copy in (
-        (weights.with_name(FILE), run.folder.calibration),
-        (weights, run.folder.weights),
-    ):
+    for path, copy in ((weights.with_name(FILE), run.folder.calibration), (weights, run.folder.weights)):
         if path.exists():
             with atomic_write(copy) as temporary:
                 shutil.copyfile(path, temporary)

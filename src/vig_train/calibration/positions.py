@@ -44,9 +44,7 @@ def calibrate_positions(
         count: Most photos of each dataset.
         advance: Called with 1 for each photo.
     """
-    photographs = [
-        dataset for dataset in datasets if isinstance(dataset, Dataset) and dataset.world == "photo"
-    ]
+    photographs = [each for each in datasets if isinstance(each, Dataset) and each.world == "photo"]
     if not photographs:
         return calibration
     settings = ExplainSettings(replace(SPATIAL, density=calibration.density), calibration=calibration)

@@ -116,6 +116,7 @@ def calibrate_fits(
     advance: Callable[[int], None] = lambda done: None,
     cache: Path | None = None,
     processes: bool = False,
+    pooled: bool = False,
 ) -> tuple[FitCalibration, CalibrationSamples]:
     """Fit all photos of datasets, and learn a calibration on the fits; datasets weigh the same at any size.
 
@@ -128,6 +129,7 @@ def calibrate_fits(
         advance: Called with the number of fits made since the last call.
         cache: Folder that keeps fits, so that an interrupted run resumes.
         processes: Whether workers are processes.
+        pooled: See `learn`.
 
     Returns:
         The calibration, and the samples that it was learned on.
@@ -157,7 +159,7 @@ def calibrate_fits(
         *(np.concatenate(c) for c in zip(*[tuple(vars(p).values()) for p in parts], strict=True))
     )
     samples = replace(samples, fold=_by_mesh(samples.model, samples.fold))
-    return replace(learn(samples), density=uncalibrated.likelihood.density), samples
+    return replace(learn(samples, pooled), density=uncalibrated.likelihood.density), samples
 
 
 def _by_mesh(model: np.ndarray, fold: np.ndarray) -> np.ndarray:

@@ -50,7 +50,7 @@ def section(
     """Return the section on a network that was trained and tested.
 
     Args:
-        errors: Result of `studio_errors`.
+        errors: Result of `studio_errors`, with `cross_validation`, the first line of `describe`.
         images: Number of training images.
         seconds: Seconds of each step.
         workers: Number of cores.
@@ -75,6 +75,8 @@ def section(
             if errors["trusted_right"] is not None
             else "."
         ),
+        "",
+        f"By cross-validation over meshes (up to four of them: over photos): {errors['cross_validation']}.",
         "",
     ]
     if len(history) > 1:

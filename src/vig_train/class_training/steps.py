@@ -14,8 +14,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from vig import __version__
 from vig.inference import ExplainSettings, FitCalibration
 from vig.inference.calibration import FILE as CALIBRATION_FILE
@@ -28,6 +26,7 @@ from vig.recognition import WEIGHTS_FILE, Recognizer
 from vig.recognition.weights import shared_trunk
 from vig.scene import ObjectClass
 from vig.scene.object_class import BUILD_COMMAND
+from vig_train.calibration.learning import describe
 from vig_train.calibration.samples import StudioPhotos, calibrate_fits, fit_count, studio_errors
 from vig_train.class_training import card
 from vig_train.class_training.plan import (
@@ -61,7 +60,7 @@ from vig_train.training.studio import Studio
 from vig_world.assets.source_meshes import meshes_fingerprint
 from vig_world.dataset.spec import SPLITS, Split
 
-RELIABILITY_FILE = "reliability.png"
+RELIABILITY_FILE, TRUST_FILE = "reliability.png", "trust.txt"
 QUICK_PHOTOS = 160
 """Photos on which the quick recognizer is calibrated; it is not tested."""
 PHOTOS = 960
@@ -205,11 +204,6 @@ class ClassTraining:
         write_json(path, vars(plan), None)
         return plan
 
-    @property
-    def image_count(self) -> int:
-        """Return images of the studio that the network is trained on."""
-        return CHUNK * self.plan().chunks
-
     def _train(self) -> None:
         plan, modes = self.plan(), self.object_class.shape_model.modes
         heads = HeadsTraining(
@@ -257,7 +251,7 @@ class ClassTraining:
         plot_reliability(self.run_folder / RELIABILITY_FILE, result)
         write_calibration(self._weights, result.calibration)
         with Meter(sum(map(fit_count, photos)), 0, unit="fits") as meter:
-            calibration, _ = calibrate_fits(
+            calibration, samples = calibrate_fits(
                 photos,
                 self.object_class,
                 self._recognizers(),
@@ -265,8 +259,12 @@ class ClassTraining:
                 advance=meter.advance,
                 cache=self.calibration_fits,
                 processes=True,
+                pooled=True,
             )
         calibration.save(self.run_folder / CALIBRATION_FILE)
+        trust = describe(calibration, samples)[0]
+        self.say(trust)
+        (self.run_folder / TRUST_FILE).write_text(trust)
         shutil.rmtree(self.calibration_fits, ignore_errors=True)
 
     def _photos(
@@ -321,33 +319,31 @@ class ClassTraining:
             with atomic_write(self.pack / name) as temporary:
                 shutil.copyfile(self.run_folder / name, temporary)
         (self.pack / BUILD_COMMAND).unlink(missing_ok=True)
+        images = CHUNK * self.plan().chunks
         if self.quick:
-            quick = card.quick_section(self.pack, self.image_count)
+            quick = card.quick_section(self.pack, images)
             replace_section(self.pack, self.object_class, quick)
             return {}
         with reading(self.run_folder / "test.json", "the errors of a training", "Train it again."):
             errors = decode(dict[str, Any], read_json(self.run_folder / "test.json"))
+            errors["cross_validation"] = (self.run_folder / TRUST_FILE).read_text()
         seconds, history = {step: self.record.seconds(step) for step in STEPS}, self.folder / "history.json"
-        card.add_to_history(history, errors, self.image_count, seconds)
+        card.add_to_history(history, errors, images, seconds)
         unseen = card.unseen_in_test(self._held_out, self.folds)
         earlier = card.read_history(history)
         props = card.origins(self.props) if self.props else []
-        section = card.section(errors, self.image_count, seconds, self.workers, unseen, earlier, props)
+        section = card.section(errors, images, seconds, self.workers, unseen, earlier, props)
         replace_section(self.pack, self.object_class, section)
         self.say(section)
         return errors
 
 
-def _photo_drawer(
-    shared: tuple[Path, str, Split],
-) -> Callable[[tuple[Split, int, int, tuple[int, int] | None]], tuple[StudioPhotos, dict[str, np.ndarray]]]:
+def _photo_drawer(shared: tuple[Path, str, Split]) -> Callable[[Any], Any]:
     """Return the work of a process: photos, and their examples as arrays."""
     pack, props, things = shared
     object_class = ObjectClass.load(pack, unfinished=True)
 
-    def draw(
-        item: tuple[Split, int, int, tuple[int, int] | None],
-    ) -> tuple[StudioPhotos, dict[str, np.ndarray]]:
+    def draw(item: tuple[Split, int, int, tuple[int, int] | None]) -> tuple[StudioPhotos, dict[str, Any]]:
         photos, examples = StudioPhotos.draw(object_class, *item, props, things)
         return photos, examples.arrays()
 

@@ -28,6 +28,7 @@ from vig.scene.object_class import PACKAGED
 from vig_train.calibration.learning import PRECISION, lowest_threshold
 from vig_train.cli.common import check_ranges, check_writable
 from vig_train.cli.settings import CheckClass
+from vig_train.evaluation.metrics import segmentation_iou
 from vig_train.packs.card import replace_section, table_lines
 
 HEADING = "## On photographs"
@@ -184,9 +185,10 @@ def errors_of(
     seen = label.visible or label.silhouette
     if label.silhouette is not None:
         whole = _mask_of(folder, label, label.silhouette, explanation)
-        outline = _iou(explanation.amodal | explanation.mask, whole)
+        outline = float(segmentation_iou((explanation.amodal | explanation.mask)[None], whole[None])[0])
     if seen is not None:
-        visible = _iou(explanation.mask, _mask_of(folder, label, seen, explanation))
+        seen_mask = _mask_of(folder, label, seen, explanation)
+        visible = float(segmentation_iou(explanation.mask[None], seen_mask[None])[0])
     front = abs((label.azimuth_deg + 180) % 360 - 180)
     side = "right" if front <= SIDE else "left" if 180 - front <= SIDE else "other"
     return PhotoErrors(
@@ -208,10 +210,6 @@ def _mask_of(folder: Path, label: PhotoLabel, name: str, explanation: Explanatio
     if mask.shape != explanation.mask.shape:
         raise UserError(f"expected a mask as large as '{label.photo}'; got '{name}'.")
     return mask
-
-
-def _iou(a: np.ndarray, b: np.ndarray) -> float:
-    return float((a & b).sum() / max((a | b).sum(), 1))
 
 
 def row_of(name: str, errors: Sequence[PhotoErrors], tolerance: float) -> CheckRow:

@@ -27,9 +27,6 @@ from vig_train.evaluation.table import check_limits, save_table, summarise
 from vig_world.dataset import read_dataset
 from vig_world.dataset.format import read_info
 
-PRINTED_TITLES = "Table 1", "Failures"
-"""Beginnings of the titles of tables that are printed; a file has them all."""
-
 
 def evaluate(settings: Evaluate) -> int:
     """Run the methods, write and print their results; returns the exit code."""
@@ -72,7 +69,7 @@ def evaluate(settings: Evaluate) -> int:
         return 0
     console = Console(width=None if sys.stdout.isatty() else 100)
     for block in blocks(table):
-        if block.title.startswith(PRINTED_TITLES):
+        if block.title.startswith(("Table 1", "Failures")):  # the file has all tables
             console.print(block.rich())
     end(settings.out, f"measured: {settings.out / 'table.md'} has further tables, errors.csv each image")
     return 0

@@ -18,12 +18,13 @@ from vig.scene import ObjectClass
 from vig.scene.object_class import PACKAGED
 from vig_train.cli.common import check_ranges, check_writable
 from vig_train.cli.settings import Train
-from vig_train.plots import train_and_plot as train_network
+from vig_train.plots import TrainingLog
 from vig_train.training.drawing import Drawing, drawn_once
 from vig_train.training.examples import Examples
 from vig_train.training.object_map import MapTraining, add_object_map
 from vig_train.training.studio import StudioSettings
 from vig_train.training.training import TrainingSettings
+from vig_train.training.training import train as train_network
 from vig_world.dataset import Dataset, read_dataset
 
 TRUNK_STAGES = len(NetworkSettings().blocks)
@@ -77,7 +78,8 @@ def train(settings: Train) -> int:
         network=NetworkSettings(context=CONTEXT if settings.mask_alone else ()),
         learning_rate=settings.rate,
     )
-    path = train_network(datasets, settings.out, chosen, report, not settings.json)
+    log = TrainingLog(settings.out)
+    path = train_network(datasets, settings.out, chosen, report, log.add, not settings.json)
     if settings.json:
         print(json.dumps({"weights": str(path), "log": lines, "folder": str(settings.out)}))
     else:

@@ -55,11 +55,7 @@ class CodedClass:
         model = fit_shape_model(designs, self.faces, self.parts, self.part_names, self.modes)
         mean, covariance = light_prior()
         return ObjectClass(
-            self.name,
-            model,
-            light_prior_mean=mean,
-            light_prior_covariance=covariance,
-            **self.fields(model),
+            self.name, model, light_prior_mean=mean, light_prior_covariance=covariance, **self.fields(model)
         )
 
 
@@ -78,11 +74,7 @@ def main(coded: CodedClass, folder: Path | None = None) -> None:
 
 
 def fit_shape_model(
-    designs: np.ndarray,
-    faces: np.ndarray,
-    parts: np.ndarray,
-    part_names: tuple[str, ...],
-    modes: int = 10,
+    designs: np.ndarray, faces: np.ndarray, parts: np.ndarray, part_names: tuple[str, ...], modes: int = 10
 ) -> ShapeModel:
     """Return PCA of designs (N, V, 3) in correspondence; at most N - 1 modes.
 

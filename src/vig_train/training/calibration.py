@@ -21,9 +21,6 @@ from vig_train.network.weights import as_tensors, save_tensors
 from vig_train.training.examples import Examples
 from vig_world.dataset import Dataset
 
-MIN_DEVIATION_FACTOR = 0.5
-"""Least factor of a stated deviation: a number that hardly varies, as L00 at a set exposure, is not known
-infinitely well."""
 MIN_IMAGES = 50
 """Fewest images on which a network is calibrated: 90 % quantiles of fewer are too uncertain."""
 CELL_STRIDE = 29
@@ -131,6 +128,6 @@ def fit_temperature(logits: torch.Tensor, labels: torch.Tensor) -> torch.Tensor:
 def deviation_factors(error: torch.Tensor, deviation: torch.Tensor) -> torch.Tensor:
     """Return factors (M,) of deviations (N, M) after which 90 % of errors (N, M) lie within 90 % intervals.
 
-    At least `MIN_DEVIATION_FACTOR`.
+    At least 0.5: a number that hardly varies, as L00 at a set exposure, is not known infinitely well.
     """
-    return (torch.quantile(error.abs() / deviation, 0.9, dim=0) / WITHIN_90).clamp_min(MIN_DEVIATION_FACTOR)
+    return (torch.quantile(error.abs() / deviation, 0.9, dim=0) / WITHIN_90).clamp_min(0.5)

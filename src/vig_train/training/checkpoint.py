@@ -63,10 +63,7 @@ def save_weights(
 
 
 def save_checkpoint(
-    path: Path,
-    networks: Mapping[str, nn.Module],
-    optimizer: torch.optim.Optimizer,
-    state: dict[str, str],
+    path: Path, networks: Mapping[str, nn.Module], optimizer: torch.optim.Optimizer, state: dict[str, str]
 ) -> None:
     """Write networks by name, the optimiser's moments, and the `state` of the run."""
     tensors = {f"{name}.{k}": v for name, net in networks.items() for k, v in net.state_dict().items()}

@@ -186,10 +186,7 @@ class DecoderTraining:
     seed: int
 
     def run(
-        self,
-        steps: int,
-        checkpoint: Path | None = None,
-        advance: Callable[[int], None] = lambda steps: None,
+        self, steps: int, checkpoint: Path | None = None, advance: Callable[[int], None] = lambda steps: None
     ) -> None:
         """Train for so many steps; those that a checkpoint has are not done again."""
         network = self.network.eval()

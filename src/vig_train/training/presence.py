@@ -37,10 +37,7 @@ def fit_presence(network: RecognitionNetwork, examples: Examples, seed: int) -> 
         return
     features = dense_features(network, examples, seed)
     weight, bias = refitted(
-        head.weight[PRESENCE].detach().numpy(),
-        float(head.bias[PRESENCE].detach()),
-        features,
-        present,
+        head.weight[PRESENCE].detach().numpy(), float(head.bias[PRESENCE].detach()), features, present
     )
     with torch.no_grad():
         head.weight[PRESENCE] = torch.from_numpy(weight)

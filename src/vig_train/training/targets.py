@@ -42,10 +42,7 @@ class Targets(TensorRows):
 
 
 def azimuth_labels(
-    azimuth: torch.Tensor,
-    bins: int,
-    spread: float = math.radians(4.0),
-    symmetry: Symmetry = Symmetry.NONE,
+    azimuth: torch.Tensor, bins: int, spread: float = math.radians(4.0), symmetry: Symmetry = Symmetry.NONE
 ) -> torch.Tensor:
     """Return soft labels (B, bins) of azimuths (B,) radians: a wrapped Gaussian of `spread` radians.
 

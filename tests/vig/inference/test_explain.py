@@ -401,6 +401,21 @@ def test_confidence_features_are_what_their_names_say(occluded: Case, teapot: Ob
     assert feature["mask_log_probability"] == pytest.approx(sum(map(math.log, told)) / len(told), rel=1e-4)
 
 
+def test_the_rival_is_the_most_probable_other_view(whole: Case, teapot: ObjectClass) -> None:
+    """Of 72 bins the fit's has .6 of the probability, one 30 degrees away .25, one half a turn away .15."""
+    there = int(whole.truth.azimuth[0] / math.radians(5)) % 72
+    probability = np.zeros((1, 72), np.float32)
+    for turn_deg, share in ((0, 0.6), (30, 0.25), (180, 0.15)):
+        probability[0, (there + turn_deg // 5) % 72] = share
+    for prediction, expected in (
+        (replace(whole.prediction, azimuth=probability), 0.15),
+        (replace(whole.prediction, azimuth=np.eye(72, dtype=np.float32)[[there]]), 1e-3),
+    ):
+        found = explain_one(whole.photo, prediction, teapot, ending_at(whole.truth))
+        feature = dict(zip(CONFIDENCE_FEATURES, found.confidence_features.tolist(), strict=True))
+        assert feature["rival_log_probability"] == pytest.approx(math.log(expected), rel=1e-4)
+
+
 @pytest.mark.parametrize("share", [0.95, 1.05])
 def test_the_networks_word_on_the_view_counts_by_its_weight(
     share: float, whole: Case, teapot: ObjectClass

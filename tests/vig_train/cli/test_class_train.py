@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -134,6 +135,8 @@ def test_the_card_has_the_errors_that_were_measured(pack: Path) -> None:
     assert f"{errors['methods']['fit']['azimuth_deg']:.1f} degrees" in text
     assert "by each of the network's 3 members on meshes that it has not seen" in text
     assert "48 rendered images" in text
+    trust = r"\d+ fits, .* within 15 degrees of azimuth; trusted from a confidence of .*%.*\."
+    assert re.search(r"\(up to four of them: over photos\): " + trust, text)
     assert (pack / "reliability.png").exists() and "reliability.png" in text
 
 
@@ -236,6 +239,7 @@ def test_other_props_make_the_images_anew_and_are_named_on_the_card(
     )
     assert not torch.equal(new.images, old.images) and card.origins(str(props)) == ["the folder things"]
     errors = json.loads((pack / "training/run/test.json").read_text())
+    errors["cross_validation"] = "52 fits"
     text = card.section(errors, 48, {"images": 1.0}, 1, "", [], ["Scopia.sh3f, CC-BY 3.0: Ada"])
     assert "- Scopia.sh3f, CC-BY 3.0: Ada" in text and "on 1 core:" in text
     with pytest.raises(UserError, match="nothing of that name"):

@@ -58,8 +58,10 @@ def test_the_network_is_trained_as_asked(
 ) -> None:
     seen: list[tuple[list[str], object]] = []
 
-    def trained(datasets: list[str], out: Path, settings: object, report: Any, progress: bool) -> Path:
-        assert progress
+    def trained(
+        datasets: list[str], out: Path, settings: object, report: Any, record: Any, progress: bool
+    ) -> Path:
+        assert progress and record.__self__.folder == out, "its losses are logged beside the weights"
         seen.append((datasets, settings))
         report("epoch 1")
         return out / "recognition.safetensors"
