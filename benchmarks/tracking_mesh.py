@@ -5,7 +5,7 @@
 The generator makes a video of each mesh (`benchmarks.turning`, 640 x 480), whose own colours it shows in
 the scene's light. The first frame in which less than .3 is hidden gives the box. Errors are those of frames
 that are at most half hidden, without those that the tracker calls lost; that of the distance is a share of
-it. Found again: of such frames after the object was hidden by .9 or more, those that are within 15 degrees.
+it. Found again: of such frames after the object was hidden by .6 or more, those that are within 15 degrees.
 At last the tracker sees one frame a hundred times: how far a still object drifts.
 """
 
@@ -81,7 +81,7 @@ def _measured(explainer: Explainer, arguments: argparse.Namespace, number: int) 
         Image.fromarray(np.concatenate(shown[::5], axis=1)).save(arguments.show / f"{number}.png")
     if tracker is None:
         return ["no frame in which less than .3 is hidden"]
-    gone = np.nonzero(np.array(hidden) >= 0.9)[0]
+    gone = np.nonzero(np.array(hidden) >= 0.6)[0]
     seen = np.array(hidden) <= 0.5
     after = seen & (np.arange(len(seen)) > (gone[-1] if len(gone) else len(seen)))
     has = ~np.array(lost) & (np.array(turned) < 15)

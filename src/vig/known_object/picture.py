@@ -19,9 +19,7 @@ LEAST_COLOUR: float = engine.LEAST_COLOUR
 """Added to colours before their logarithm: noise and haze of dark pixels."""
 LOG_OTHER = -0.75 - 1.5 * math.log(2 * math.pi)
 """Log density of log colours that neither the object's surface nor the surroundings explain."""
-MOST_SURROUNDINGS = -1.5
-"""Log density of a colour of the surroundings at most, as what covers the object is often seen beside it;
-chosen on HOPE under one light, and on generated videos."""
+
 
 
 Box = tuple[float, float, float, float]
@@ -124,6 +122,8 @@ class Picture:
         focal: Pixels.
         box: Left, right, top, bottom of the object in pixels; None where unknown, or the window is rolled.
         size: About the object's width and height in pixels where it does not fill the box but is in it.
+        most_surroundings: Log density of a colour of the surroundings at most, as what covers the object is
+            often seen beside it.
     """
 
     colour: np.ndarray
@@ -132,6 +132,7 @@ class Picture:
     focal: float
     box: tuple[float, float, float, float] | None
     size: tuple[float, float] | None = None
+    most_surroundings: float = math.inf
 
     @property
     def within(self) -> tuple[slice, slice]:
@@ -166,7 +167,7 @@ class Picture:
         shares = (beside / max(float(beside.sum()), 1e-9))[None].astype(np.float64)
         density = engine.colour_density(((logs - darkest) / span).clip(0, 1).astype(np.float64), shares)[0]
         logs = np.log(0.8 * density / span**3 + 0.2 * math.exp(LOG_OTHER))
-        return np.asarray(np.minimum(logs, MOST_SURROUNDINGS), np.float32)
+        return np.asarray(np.minimum(logs, self.most_surroundings), np.float32)
 
     @property
     def owned(self) -> np.ndarray:
