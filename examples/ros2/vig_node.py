@@ -15,6 +15,7 @@ hold one.
 
 from __future__ import annotations
 
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -60,18 +61,18 @@ def intrinsics_of(info: Any) -> tuple[float, float, float, float]:
 
 
 class VigNode(Node):
-    """The node; its parameter `object` names a class, its pack's folder, or a mesh."""
+    """The node; its parameter `object` names a class, its pack's folder, or a mesh with colours in metres."""
 
     def __init__(self) -> None:
         super().__init__("vig")
         name = self.declare_parameter("object", "mug").value
-        is_mesh = str(name).endswith((".glb", ".gltf", ".obj", ".ply", ".off", ".stl"))
+        is_mesh = str(name).lower().endswith((".glb", ".gltf", ".obj", ".ply", ".off", ".stl"))
         self.explainer = vig.Explainer.of_mesh(name) if is_mesh else vig.Explainer(name)
         self.tracker: vig.Tracker | None = None
         self.camera: tuple[Any, ...] = ()
         self.poses = self.create_publisher(PoseWithCovarianceStamped, "pose", 1)
         self.masks = self.create_publisher(Image, "mask", 1)
-        quality = qos_profile_sensor_data
+        quality = copy(qos_profile_sensor_data)
         quality.depth = 1
         self.create_subscription(CameraInfo, "camera_info", self.on_camera, quality)
         self.create_subscription(Image, "image", self.on_image, quality)

@@ -136,6 +136,10 @@ def read_labels(path: Path, say: Callable[[str], None]) -> dict[str, list[Label]
     labels: dict[str, list[Label]] = defaultdict(list)
     for file in files:
         try:
+            if file.stem.endswith("_amodal"):  # as vig itself writes them
+                raise UserError(
+                    f"expected masks of what is seen; got '{file.name}', whole ones. Give the others."
+                )
             with reading(file, "labels of COCO, labelme or CVAT", REMEDY):
                 for name, label in _labels_in(file, read_bytes(file, MOST_TABLE)):
                     labels[name] += [] if label is None else [label]

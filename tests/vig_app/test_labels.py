@@ -187,6 +187,13 @@ def test_other_files_are_refused_and_passed_over_in_a_folder(tmp_path: Path, tex
     assert len(lines) == 1 and "b.json" in lines[0]
 
 
+def test_whole_masks_of_vig_are_refused(tmp_path: Path) -> None:
+    file = tmp_path / "annotations_amodal.json"
+    file.write_text(json.dumps(coco(bbox=[3, 2, 6, 4])))
+    with pytest.raises(UserError, match="masks of what is seen"):
+        read_labels(file, pytest.fail)
+
+
 def test_an_unknown_category_is_named_by_its_number(tmp_path: Path) -> None:
     (label,) = labels_of(tmp_path, coco(category_id=9, bbox=[3, 2, 6, 4]))
     assert label.name == "category 9" and not label.problem

@@ -12,11 +12,10 @@ import numpy as np
 
 from vig.hints import Hints
 from vig.inference.settings import UNIFORM_TURN, Fit, OtherView, Verdict
-from vig.io.errors import UserError
 from vig.known_object.align import PIXELS as ALIGN_PIXELS
 from vig.known_object.align import align
 from vig.known_object.keypoints import Keypoints, Matches, ViewKeypoints
-from vig.known_object.picture import WEIGHTS, Picture, Place
+from vig.known_object.picture import LEAST_COLOUR, WEIGHTS, Picture, Place
 from vig.known_object.search import VIEW_PIXELS, Poses, Stage, Views, locate
 from vig.known_object.surface import FILE, Surface
 from vig.likelihood import SPATIAL, spatial_posterior
@@ -151,9 +150,8 @@ class KnownObject:
             reach = max(w, h) / 2 - alone.max() / 2
             grid = (np.arange(-reach, reach, alone.max() / 4) + side / 2) * len(picture.seen) / side
             places = np.stack(np.meshgrid(grid, grid), -1).reshape(-1, 2)
-            poses = self.views.about(picture, poses.rotations[0], float(middles[0, 2]), places)
-            if not len(poses.scores):
-                raise UserError("expected a pose before the camera; got one that it does not see.")
+            about = self.views.about(picture, poses.rotations[0], float(middles[0, 2]), places)
+            poses = about.beside(poses.matrices)
         elif len(stages) > 1:
             picture = picture_of(ALIGN_PIXELS)
             poses = poses.beside(np.stack([align(self.surface, picture, each) for each in poses.matrices]))
@@ -214,6 +212,7 @@ class KnownObject:
                 seen = seen * window.crop(picture, size)[0][..., 0]
         x, y, w, h = (size * number for number in window.box_within(place.box))
         box = None if window.roll else (x, x + w, y, y + h)
+        w, h = (size / window.side * number for number in place.box[2:])
         assert window.focal is not None
         colour = np.ascontiguousarray(colour, np.float32)
         focal = window.focal * size / window.side
@@ -255,6 +254,7 @@ class KnownObject:
             images = np.stack([picture.colour, rendered, prior]).astype(np.float32)[:, None]
             posterior = spatial_posterior(images[0], images[1], images[2], amodal[None], SPATIAL.mask)
             visible = posterior[0] * picture.seen
+        explained = _explained(picture, coverage, colour, inlier)
         albedo, lit = _appearance(colour, coverage, light, rotation)
         assert around.focal is not None
         scale = math.log(around.focal / (FOCAL_OVER_WIDTH * around.side * ratio))
@@ -285,7 +285,7 @@ class KnownObject:
             confidence=right,
             mask_confidence=math.nan,
             mask_trusted=False,
-            confidence_features=np.zeros(0),
+            confidence_features=np.array([explained]),
             evidence=float(WEIGHTS.pixels * poses.scores[0]),
             start_evidence=float(WEIGHTS.pixels * poses.scores[0]),
             evaluations=0,
@@ -376,7 +376,7 @@ def _verdict(
     if one_colour:
         return Verdict.AMBIGUOUS, "a mesh of one colour tells too little to trust a pose", math.nan
     if len(poses.scores) == 1:
-        return Verdict.AMBIGUOUS, "no other pose was tried", math.nan
+        return Verdict.AMBIGUOUS, "only the pose that was given, or that its print told, was tried", math.nan
     if keypoints is None:
         return Verdict.AMBIGUOUS, 'its print was not compared: pip install "vig[match]"', math.nan
     cosines = (np.einsum("ij,kij->k", poses.rotations[0], poses.rotations) - 1) / 2
@@ -395,6 +395,23 @@ def _verdict(
         "much of what the photo shows at this place is not explained by the surface",
         right,
     )
+
+
+def _explained(picture: Picture, coverage: np.ndarray, colour: np.ndarray, inlier: np.ndarray) -> float:
+    """Return the share of the covered pixels that have the surface's colours, times the correlation of these
+    pixels' log colours with the surface's, at least 0: one colour over all explains none of its print.
+    """
+    covered = coverage >= 0.5
+    alike = covered & (inlier > 0.5)
+    if alike.sum() < 10:
+        return 0.0
+    photo, texture = (
+        np.log(each[alike].astype(np.float64).clip(0, None) + LEAST_COLOUR).mean(1)
+        for each in (picture.colour * picture.exposure, colour)
+    )
+    photo, texture = photo - photo.mean(), texture - texture.mean()
+    correlation = (photo * texture).sum() / math.sqrt((photo**2).sum() * (texture**2).sum() + 1e-6)
+    return float(alike.sum() / covered.sum() * max(0.0, correlation))
 
 
 def _agrees(view: tuple[float | None, ...], rotations: np.ndarray) -> np.ndarray:

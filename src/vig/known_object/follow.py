@@ -24,8 +24,8 @@ SEEKING = (
 )
 """Where the object was lost, from views about the last pose."""
 LOST, FOUND = 0.45, 0.6
-"""Of the usual share of pixels that have the surface's colours: below the one the object is lost, above the
-other it is found again. In a generated video true poses had .8 with a third hidden, wrong ones .4."""
+"""Of how far the print usually explains a frame: below the one the object is lost, above the other it is
+found again. In a generated video true poses had .8 of it with a third hidden, wrong ones .4."""
 
 
 @dataclass
@@ -37,7 +37,7 @@ class PoseFollower:
         lens: Of the camera.
         pose: (4, 4) camera_from_object in the last frame that showed it, metres.
         speed: (4, 4) by which a pose is multiplied from the left, from frame to frame.
-        usual: Share of its pixels that have its colours, see `explained_share`, in frames that show it.
+        usual: How far its print explains frames that show it, see `explained_share`.
         missed: Frames since the last that did.
     """
 
@@ -70,9 +70,8 @@ class PoseFollower:
 
 
 def explained_share(fit: Fit) -> float:
-    """Return the share of the pixels that an object covers that have its surface's colours."""
-    covered = fit.coverage >= 0.5
-    return float((fit.mask_by_pixel & covered).sum() / max(1, covered.sum()))
+    """Return how far an object's print explains what is seen where it lies, from 0 to 1."""
+    return float(fit.confidence_features[0])
 
 
 def _slowed(motion: np.ndarray) -> np.ndarray:

@@ -21,7 +21,6 @@ LOG_OTHER = -0.75 - 1.5 * math.log(2 * math.pi)
 """Log density of log colours that neither the object's surface nor the surroundings explain."""
 
 
-
 Box = tuple[float, float, float, float]
 
 

@@ -66,10 +66,9 @@ def summary(described: dict[str, Any]) -> str:
     if confidence is None:
         confidences = "how sure was not learned"
     else:
-        mask_right = described["mask_confidence"]
-        confidences = (
-            f"the view is right with a probability of {confidence:.0%}, the mask of {mask_right:.0%}"
-        )
+        confidences = f"the view is right with a probability of {confidence:.0%}"
+        if (mask_right := described["mask_confidence"]) is not None:
+            confidences += f", the mask of {mask_right:.0%}"
     if described["present"] is not None:
         confidences = f"in the photo with a probability of {described['present']:.0%}; if so, {confidences}"
     view, mask = (part in described["trusted"] for part in ("view", "mask"))

@@ -150,10 +150,12 @@ def app_of(service: Service, **limits: Any) -> FastAPI:
     ) -> Response:
         """Return a file of the result."""
 
-        def make(explanation: Explanation, folder: Path) -> bytes:
-            return (explanation.save(folder / "result", "photo", [file]) / file).read_bytes()
+        def make(explanation: Explanation, folder: Path) -> Response:
+            data = (explanation.save(folder / "result", "photo", [file]) / file).read_bytes()
+            verdict = {"X-Vig-Verdict": explanation.verdict.value}
+            return Response(data, headers=verdict, media_type=KINDS[file.rpartition(".")[2]])
 
-        return Response(service.answer(make, *posted.given), media_type=KINDS[file.rpartition(".")[2]])
+        return service.answer(make, *posted.given)
 
     @app.post("/setup")
     def setup(request: dict[str, Any]) -> dict[str, str]:
