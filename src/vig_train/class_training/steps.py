@@ -326,7 +326,8 @@ class ClassTraining:
             return {}
         with reading(self.run_folder / "test.json", "the errors of a training", "Train it again."):
             errors = decode(dict[str, Any], read_json(self.run_folder / "test.json"))
-            errors["cross_validation"] = (self.run_folder / TRUST_FILE).read_text()
+            trust = self.run_folder / TRUST_FILE
+            errors["cross_validation"] = trust.read_text() if trust.exists() else "not measured"
         seconds, history = {step: self.record.seconds(step) for step in STEPS}, self.folder / "history.json"
         card.add_to_history(history, errors, images, seconds)
         unseen = card.unseen_in_test(self._held_out, self.folds)
