@@ -244,10 +244,6 @@ class Explainer:
             coded, window, fit, self.object_class, settings.camera_distance_ratio, focal_from, hints
         )
 
-    def follows_surface(self, told: Hints) -> bool:
-        """Return whether a video's object is a known one that is followed in any rotation by its colours."""
-        return self.known is not None and told.roll_deg is None and not self.known.surface.one_colour
-
     def explain_seen(self, photo: WholePhoto, lens: Lens | None, most: int) -> list[Explanation]:
         """Return up to `most` explanations of a known object that keypoints find, the likeliest first.
 

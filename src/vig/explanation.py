@@ -22,7 +22,7 @@ from vig.photo.fit_geometry import FitGeometry
 from vig.photo.images import linear_photo, png_bytes
 from vig.photo.masks import box_of
 from vig.photo.outline import REACH, SMALLEST_PICTURE, line_reach
-from vig.photo.pinhole import sight_axes
+from vig.photo.pinhole import project, sight_axes
 from vig.record import Hints as HintsRecord
 from vig.record import camera_from_mesh, record
 from vig.renderer.drawing import draw_latents
@@ -480,13 +480,6 @@ class Explanation:
     def _repr_png_(self) -> bytes:
         """Return the overlay, for notebooks."""
         return png_bytes(self.overlay())
-
-
-def project(K: np.ndarray, pose: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Return x, y in pixels and depth in metres, (N, 3), of points (N, 3) in a frame of a pose (4, 4)."""
-    seen = (points @ pose[:3, :3].T + pose[:3, 3]) @ K.T
-    placed: np.ndarray = np.c_[seen[:, :2] / seen[:, 2:], seen[:, 2]]
-    return placed
 
 
 def _numbers(name: str, size: int, value: Any, most: float) -> np.ndarray:

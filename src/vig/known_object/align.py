@@ -13,7 +13,7 @@ PIXELS = 40
 MOVES = np.array([0.02, 0.02, 0.02, 0.004, 0.004, 0.008])
 """Differences of a pose by which its derivatives are taken: radians about x, y, z; shares of the distance."""
 SPREADS = (0.6, 0.4, 0.3, 0.2)
-"""Of log colours, beyond which a pixel counts less: of each round."""
+"""Spread of log colours in each round; a pixel that is farther off counts less."""
 
 
 def align(surface: Surface, picture: Picture, pose: np.ndarray) -> np.ndarray:
@@ -47,16 +47,27 @@ def align(surface: Surface, picture: Picture, pose: np.ndarray) -> np.ndarray:
 
 def moved(pose: np.ndarray, by: np.ndarray) -> np.ndarray:
     """Return a pose (4, 4) turned about its middle, radians (3,), and moved, shares (3,) of its distance."""
-    x, y, z = by[:3] / 2
-    skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     turned = pose.copy()
-    turned[:3, :3] = np.linalg.solve(np.eye(3) - skew, np.eye(3) + skew) @ pose[:3, :3]
+    turned[:3, :3] = small_turns(by[None, :3])[0] @ pose[:3, :3]
     turned[:3, 3] = pose[:3, 3] + by[3:] * pose[2, 3]
     return turned
 
 
+def small_turns(turns: np.ndarray) -> np.ndarray:
+    """Return rotations (N, 3, 3) about vectors (N, 3) by about their lengths (Cayley): small turns."""
+    x, y, z = turns.T / 2
+    zero = np.zeros_like(x)
+    skew = np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), 2, 0)
+    return np.linalg.solve(np.eye(3) - skew, np.eye(3) + skew)
+
+
+def contiguous(rotations: np.ndarray, translations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return poses as the native library takes them."""
+    return np.ascontiguousarray(rotations, np.float32), np.ascontiguousarray(translations, np.float32)
+
+
 def _drawn(surface: Surface, photo: object, pose: np.ndarray) -> tuple[np.ndarray, ...]:
     """Return the covered share (n, n), log colours and normals (n, n, 3), and the light (6,)."""
-    rotation, middle = (np.ascontiguousarray(each, np.float32) for each in (pose[:3, :3], pose[:3, 3]))
-    coverage, colour, normal, _, light = engine.draw_pose(surface.mesh, photo, rotation, middle)
+    at = contiguous(pose[:3, :3], pose[:3, 3])
+    coverage, colour, normal, _, light = engine.draw_pose(surface.mesh, photo, *at)
     return coverage, np.log(colour + np.float32(LEAST_COLOUR)), normal, light

@@ -64,10 +64,9 @@ def find(known: KnownObject, photo: WholePhoto, lens: Intrinsics, most: int) -> 
     back = np.eye(4)
     back[:3, 3] = -known.surface.middle
     found = []
-    # 6: of one object; those with less weight are mostly none
-    for group in _places(Matches.of(photo.keypoints, known.keypoints, lens).poses(), known.keypoints.radius)[
-        : min(most + 1, 6)
-    ]:
+    poses = Matches.of(photo.keypoints, known.keypoints, lens).poses()
+    # 6: places that are judged at most; those with less weight mostly show something else
+    for group in _places(poses, known.keypoints.radius)[: min(most + 1, 6)]:
         expected = np.stack([each.pose @ back for each in group[:6]])
         try:
             window, fit, ratio, pose = known.follow(photo.pyramid, expected, RANKING, lens)

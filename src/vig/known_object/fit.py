@@ -13,17 +13,17 @@ import numpy as np
 from vig.hints import Hints
 from vig.inference.settings import UNIFORM_TURN, Fit, OtherView, Verdict
 from vig.known_object.align import PIXELS as ALIGN_PIXELS
-from vig.known_object.align import align
+from vig.known_object.align import align, contiguous, small_turns
 from vig.known_object.keypoints import Keypoints, Matches, ViewKeypoints
-from vig.known_object.picture import LEAST_COLOUR, WEIGHTS, Picture, Place
+from vig.known_object.picture import WEIGHTS, Picture, Place
 from vig.known_object.search import VIEW_PIXELS, Poses, Stage, Views, locate
 from vig.known_object.surface import FILE, Surface
+from vig.known_object.verdict import DISTINCT, judge, print_explained
 from vig.likelihood import SPATIAL, spatial_posterior
 from vig.photo import ImagePyramid, Intrinsics, Window
 from vig.photo.window import DISTANCE_RATIO_BOUNDS
 from vig.scene import IMAGE_SIZE, Latents, ObjectClass, latent_layout
 from vig.scene.camera import FOCAL_OVER_WIDTH, angle_difference, view_of
-from vig.scene.functions import sigmoid
 from vig_native import engine
 from vig_renderer.harmonics import COSINE_LOBE, L_COUNT, Y00, Y1
 
@@ -33,18 +33,8 @@ ASSUMED_FOCAL = 0.9
 """Focal length over the photo's longer side where none is known: of phones and webcams."""
 KEYPOINT_PIXELS, MOST_STARTS = 300, 8
 """Longer side of the object's box in which keypoints are sought, and poses of these that begin the search."""
-DISTINCT = math.radians(25.0)
-"""Angle from which poses are different."""
-MOST_LEAD = 4.0
-"""Lead that counts at most, and that of a pose without a rival."""
 STEPS = np.array([0.05, 0.05, 0.05, 0.01, 0.01, 0.02])
 """Differences by which a score's curvature is measured: radians about x, y, z; shares of the distance."""
-ODDS, BOX_ODDS = (-1.75, 0.19, 0.66, 1.05), (-3.33, 0.04, -0.01, 1.28)
-"""Log odds that a pose is right, its points a tenth of the diameter off at most: constant, per score, per
-lead over every other pose, per log of 1 + keypoints; with a mask, and without. Fitted to photos of HOPE under
-two of its lights."""
-TRUSTED = 0.91
-"""Probability from which a pose with a mask is trusted: .53 of these were, .95 of them right."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +62,10 @@ class KnownObject:
         colours or its visible pixels are known.
         """
         return told.roll_deg is None and (told.mask is not None or not self.surface.one_colour)
+
+    def is_followed(self, told: Hints) -> bool:
+        """Return whether it is followed in videos by its colours, in any rotation: no roll is told."""
+        return told.roll_deg is None and not self.surface.one_colour
 
     @cached_property
     def views(self) -> Views:
@@ -136,7 +130,7 @@ class KnownObject:
         place = Place((x, y, w, h))
         alone = np.ptp((points + middles[0]) @ lens.K.T / middles[0, 2], axis=0)[:2]
 
-        # -1.5: of videos, chosen on generated ones; on stills of HOPE it made no difference
+        # -1.5: chosen on generated videos; on stills of HOPE it is no clear gain
         most = -1.5 if len(stages) > 1 else math.inf
 
         def picture_of(pixels: int) -> Picture:
@@ -144,7 +138,7 @@ class KnownObject:
             picture = self._picture(pyramid, window, place, size)
             return replace(picture, size=tuple(alone * size / side), most_surroundings=most)
 
-        poses = Poses(*_contiguous(window.turn @ turns, middles @ window.turn.T), np.zeros(len(expected)))
+        poses = Poses(*contiguous(window.turn @ turns, middles @ window.turn.T), np.zeros(len(expected)))
         if seek:
             picture = picture_of(VIEW_PIXELS)
             reach = max(w, h) / 2 - alone.max() / 2
@@ -179,7 +173,7 @@ class KnownObject:
         if told.pose is not None:
             turn, shift = told.pose[:3, :3], told.pose[:3, 3]
             rotation, middle = window.turn @ turn, window.turn @ (turn @ self.surface.middle + shift)
-            poses = Poses(*_contiguous(rotation[None], middle[None]), np.zeros(1))
+            poses = Poses(*contiguous(rotation[None], middle[None]), np.zeros(1))
             return locate(self.surface, poses, picture_of), None
         agrees = partial(_agrees, told.views())
         poses = self.views.candidates(picture_of(VIEW_PIXELS), agrees)
@@ -243,7 +237,7 @@ class KnownObject:
         picture = self._picture(pyramid, around, place, IMAGE_SIZE)
         native = picture.native(self.surface)
         rotation, middle = around.turn @ rotations[0], around.turn @ middles[0]
-        drawn = engine.draw_pose(self.surface.mesh, native, *_contiguous(rotation, middle))
+        drawn = engine.draw_pose(self.surface.mesh, native, *contiguous(rotation, middle))
         coverage, colour, normal, inlier, light = drawn
         light[:3] -= math.log(picture.exposure)
         visible = coverage * picture.seen
@@ -254,7 +248,7 @@ class KnownObject:
             images = np.stack([picture.colour, rendered, prior]).astype(np.float32)[:, None]
             posterior = spatial_posterior(images[0], images[1], images[2], amodal[None], SPATIAL.mask)
             visible = posterior[0] * picture.seen
-        explained = _explained(picture, coverage, colour, inlier)
+        explained = print_explained(picture, coverage, colour, inlier)
         albedo, lit = _appearance(colour, coverage, light, rotation)
         assert around.focal is not None
         scale = math.log(around.focal / (FOCAL_OVER_WIDTH * around.side * ratio))
@@ -263,7 +257,7 @@ class KnownObject:
             for turn, target, far in zip(rotations, targets, distances / distances[0], strict=True)
         ]
         latents, framing = views[0]
-        verdict, reason, right = _verdict(poses, keypoints, picture.outlined, self.surface.one_colour)
+        verdict, reason, right = judge(poses, keypoints, picture.outlined, self.surface.one_colour)
         if not (visible > 0.5).any():
             verdict, reason = Verdict.FAILED, Verdict.FAILED.value
         small = self._picture(pyramid, around, place, IMAGE_SIZE // 2).native(self.surface)
@@ -285,7 +279,7 @@ class KnownObject:
             confidence=right,
             mask_confidence=math.nan,
             mask_trusted=False,
-            confidence_features=np.array([explained]),
+            confidence_features=np.array([explained]),  # see `explained_share`
             evidence=float(WEIGHTS.pixels * poses.scores[0]),
             start_evidence=float(WEIGHTS.pixels * poses.scores[0]),
             evaluations=0,
@@ -344,11 +338,11 @@ class KnownObject:
         Shifts are in shares of the distance. `sure`: whether the pose is known but for these.
         """
         moves = np.concatenate([np.zeros((1, 6)), np.diag(STEPS), -np.diag(STEPS)])
-        turned = _rotations(moves[:, :3]) @ rotation
+        turned = small_turns(moves[:, :3]) @ rotation
         moved = middle + moves[:, 3:] * middle[2]
         moved[:, :2] *= moved[:, 2:] / middle[2]
         *_, scores = engine.refine_poses(
-            self.surface.mesh, photo, *_contiguous(turned, moved), 0, (0.0, 0.0, 0.0), 1
+            self.surface.mesh, photo, *contiguous(turned, moved), 0, (0.0, 0.0, 0.0), 1
         )
         curvature = (2 * scores[0] - scores[1:7] - scores[7:]) / STEPS**2
         about_x, about_y, about_z, x, y, z = 1 / np.sqrt(
@@ -367,53 +361,6 @@ def assumed_lens(width: int, height: int) -> Intrinsics:
     return Intrinsics.of(ASSUMED_FOCAL * max(width, height), width, height)
 
 
-def _verdict(
-    poses: Poses, keypoints: int | None, outlined: bool, one_colour: bool
-) -> tuple[Verdict, str, float]:
-    """Return the verdict on the best of some poses, why, and the probability that it is right, see `ODDS`;
-    NaN where its keypoints were not counted.
-    """
-    if one_colour:
-        return Verdict.AMBIGUOUS, "a mesh of one colour tells too little to trust a pose", math.nan
-    if len(poses.scores) == 1:
-        return Verdict.AMBIGUOUS, "only the pose that was given, or that its print told, was tried", math.nan
-    if keypoints is None:
-        return Verdict.AMBIGUOUS, 'its print was not compared: pip install "vig[match]"', math.nan
-    cosines = (np.einsum("ij,kij->k", poses.rotations[0], poses.rotations) - 1) / 2
-    rivals = poses.scores[cosines < math.cos(DISTINCT)]
-    lead = min(float(poses.scores[0] - rivals.max()) if len(rivals) else math.inf, MOST_LEAD)
-    known = np.array([1.0, poses.scores[0], lead, math.log1p(keypoints)])
-    right = float(sigmoid(known @ (ODDS if outlined else BOX_ODDS)))
-    if not outlined:
-        return Verdict.AMBIGUOUS, "without a mask no pose of a known object is trusted", right
-    if right >= TRUSTED:
-        return Verdict.TRUSTED, "the surface explains the photo, and no other pose does as well", right
-    if lead < MOST_LEAD / 8:
-        return Verdict.AMBIGUOUS, "another pose explains the photo about as well", right
-    return (
-        Verdict.AMBIGUOUS,
-        "much of what the photo shows at this place is not explained by the surface",
-        right,
-    )
-
-
-def _explained(picture: Picture, coverage: np.ndarray, colour: np.ndarray, inlier: np.ndarray) -> float:
-    """Return the share of the covered pixels that have the surface's colours, times the correlation of these
-    pixels' log colours with the surface's, at least 0: one colour over all explains none of its print.
-    """
-    covered = coverage >= 0.5
-    alike = covered & (inlier > 0.5)
-    if alike.sum() < 10:
-        return 0.0
-    photo, texture = (
-        np.log(each[alike].astype(np.float64).clip(0, None) + LEAST_COLOUR).mean(1)
-        for each in (picture.colour * picture.exposure, colour)
-    )
-    photo, texture = photo - photo.mean(), texture - texture.mean()
-    correlation = (photo * texture).sum() / math.sqrt((photo**2).sum() * (texture**2).sum() + 1e-6)
-    return float(alike.sum() / covered.sum() * max(0.0, correlation))
-
-
 def _agrees(view: tuple[float | None, ...], rotations: np.ndarray) -> np.ndarray:
     """Return which of rotations (N, 3, 3) camera_from_object are near a view's known angles: (N,) bool."""
     if view == (None, None, None):
@@ -421,19 +368,6 @@ def _agrees(view: tuple[float | None, ...], rotations: np.ndarray) -> np.ndarray
     angles = view_of(np.moveaxis(rotations, 0, 2))
     off = [angle_difference(mine, told) for mine, told in zip(angles, view, strict=True) if told is not None]
     return np.asarray((np.abs(off) < DISTINCT).all(0))
-
-
-def _rotations(turns: np.ndarray) -> np.ndarray:
-    """Return rotations (N, 3, 3) about vectors (N, 3) by about their lengths (Cayley): small turns."""
-    x, y, z = turns.T / 2
-    zero = np.zeros_like(x)
-    skew = np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), 2, 0)
-    return np.linalg.solve(np.eye(3) - skew, np.eye(3) + skew)
-
-
-def _contiguous(rotations: np.ndarray, translations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return poses as the native library takes them."""
-    return np.ascontiguousarray(rotations, np.float32), np.ascontiguousarray(translations, np.float32)
 
 
 def _appearance(

@@ -10,6 +10,7 @@ from vig.inference.settings import Fit
 from vig.io.errors import UserError
 from vig.known_object.fit import KnownObject
 from vig.known_object.search import Stage
+from vig.known_object.verdict import explained_share
 from vig.photo import ImagePyramid, Intrinsics, Window
 
 STEPS = (
@@ -24,8 +25,8 @@ SEEKING = (
 )
 """Where the object was lost, from views about the last pose."""
 LOST, FOUND = 0.45, 0.6
-"""Of how far the print usually explains a frame: below the one the object is lost, above the other it is
-found again. In a generated video true poses had .8 of it with a third hidden, wrong ones .4."""
+"""Shares of `PoseFollower.usual` below which the object is lost, and above which it is found again. In a
+generated video true poses had .8 of it with a third hidden, wrong ones .4."""
 
 
 @dataclass
@@ -67,11 +68,6 @@ class PoseFollower:
             self.speed = np.eye(4) if lost else _slowed(pose @ np.linalg.inv(self.pose))
             self.pose, self.missed, self.usual = pose, 0, 0.9 * usual + 0.1 * max(explained, usual / 2)
         return window, fit, ratio
-
-
-def explained_share(fit: Fit) -> float:
-    """Return how far an object's print explains what is seen where it lies, from 0 to 1."""
-    return float(fit.confidence_features[0])
 
 
 def _slowed(motion: np.ndarray) -> np.ndarray:

@@ -102,6 +102,7 @@ class Poses:
 
     def supported(self, keypoints: Sequence[int]) -> Poses:
         """Return them with 0.05 n added to each score, n of the keypoints that each explains."""
+        # 0.05, 40: chosen on HOPE under two of its lights
         scores = self.scores + 0.05 * np.minimum(keypoints, 40)
         return replace(self, scores=scores)[np.argsort(-scores, kind="stable")]
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vig.photo.pinhole import outline_weights, pose_covariance, reprojected, turned_pose
+from vig.photo.pinhole import outline_weights, pose_covariance, project, reprojected, turned_pose
 from vig.photo.window import Window
 from vig.scene import Camera, Latents, ObjectClass
 
@@ -43,8 +43,8 @@ class FitGeometry:
         fitted = window.camera_from_object(latents)
         model = self.object_class.shape_model
         vertices = model.vertices(latents.shape)[0].astype(np.float64)
-        in_pixels = (vertices @ fitted[:3, :3].T + fitted[:3, 3]) @ window.K.T
-        offsets = (in_pixels[:, :2] / in_pixels[:, 2:] - window.width / 2) * self.window.side / window.width
+        in_pixels = project(window.K, fitted, vertices)[:, :2]
+        offsets = (in_pixels - window.width / 2) * self.window.side / window.width
         pixels = np.stack(self.window.to_photo(*offsets.T), axis=1)
         eye = -fitted[:3, :3].T @ fitted[:3, 3]
         start = self._nearly(matrix, latents, framing)

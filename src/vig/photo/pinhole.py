@@ -19,6 +19,13 @@ DIFFERENCE = 1e-4
 """Step of differences in radians, widths and logs."""
 
 
+def project(K: np.ndarray, pose: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return x, y in pixels and depth in metres, (N, 3), of points (N, 3) in a frame of a pose (4, 4)."""
+    seen = (points @ pose[:3, :3].T + pose[:3, 3]) @ K.T
+    placed: np.ndarray = np.c_[seen[:, :2] / seen[:, 2:], seen[:, 2]]
+    return placed
+
+
 def turned_pose(camera: Camera, pose: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """Return the pose (4, 4) before a camera with intrinsics (3, 3), nearly: exact for small objects.
 

@@ -17,7 +17,7 @@ from vig.parallel import on_one_core
 from vig.photo import Window
 from vig.photo.checks import MIN_SIDE
 from vig.photo.images import coded_photo
-from vig.photo.pinhole import turned_pose
+from vig.photo.pinhole import project, turned_pose
 from vig.recognition import Prediction, find
 from vig.scene import Camera, latent_layout, rotate_z
 
@@ -278,9 +278,7 @@ class Follower:
 
 def _box_of(explanation: Explanation) -> tuple[np.ndarray, np.ndarray]:
     """Return centre and size (2,) of the box of an explanation's vertices in the frame, or beyond it."""
-    pose = explanation.camera_from_object
-    points = (explanation.vertices @ pose[:3, :3].T + pose[:3, 3]) @ explanation.camera.K.T
-    pixels = points[:, :2] / points[:, 2:]
+    pixels = project(explanation.camera.K, explanation.camera_from_object, explanation.vertices)[:, :2]
     least, most = pixels.min(0), pixels.max(0)
     return (least + most) / 2, most - least
 

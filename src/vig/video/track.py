@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
@@ -107,7 +107,7 @@ def track(
     frames = _listed(frames)
     if not isinstance(explainer, Explainer):
         explainer = Explainer(explainer)
-    if explainer.follows_surface(hints or Hints()):
+    if explainer.known is not None and explainer.known.is_followed(hints or Hints()):
         return _track_known(frames, explainer, box, focal if camera is None else camera, hints, on_frame)
     follower = Follower(explainer, focal, hints, camera)
     alone: list[Sighting] = []
@@ -169,8 +169,7 @@ def _track_known(
             take(number, forth.step(frame))
         elif (pose := forth.start(frame, box=box, hints=hints)) is not None:
             take(number, pose)
-    if not poses:
-        _refuse_unseen(explainer, box)
+    _check_seen(poses.values(), explainer, box)
     if first := min(poses):
         back = Tracker(explainer, K)
         back.start(frames[first], box=box, hints=hints)
@@ -189,18 +188,13 @@ def _track_known(
     return Track(tuple(tracked), seen[0].shape[0], np.mean([each.albedo[0] for each in seen], axis=0))
 
 
-def _check_seen(sightings: Sequence[Sighting], explainer: Explainer, box: Box | None) -> None:
-    """Raise UserError where the object is lost in all frames."""
+def _check_seen(sightings: Iterable[Sighting | TrackedPose], explainer: Explainer, box: Box | None) -> None:
+    """Raise UserError where the object is lost in all frames, or seen in none."""
     if all(sighting.lost for sighting in sightings):
-        _refuse_unseen(explainer, box)
-
-
-def _refuse_unseen(explainer: Explainer, box: Box | None) -> NoReturn:
-    """Raise UserError, as no frame shows the object."""
-    given = "Give its box" if box is None else f"Check that the box {tuple(box)} is round it"
-    raise UserError(
-        f"expected a {explainer.object_class.name} in the frames; found none. {given} in the first frame."
-    )
+        given = "Give its box" if box is None else f"Check that the box {tuple(box)} is round it"
+        raise UserError(
+            f"expected a {explainer.object_class.name} in the frames; found none. {given} in the first frame."
+        )
 
 
 def _frames(

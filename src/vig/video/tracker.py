@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -18,7 +17,7 @@ from vig.explanation import Explanation
 from vig.hints import Hints
 from vig.inference.settings import UNIFORM_TURN, Verdict
 from vig.io.errors import UserError
-from vig.known_object import PoseFollower, WholePhoto, explained_share
+from vig.known_object import Keypoints, PoseFollower, WholePhoto, explained_share
 from vig.parallel import on_one_core
 from vig.photo import ImagePyramid
 from vig.photo.images import coded_photo
@@ -144,11 +143,13 @@ class Tracker:
                 f"expected frames of one size, {width} x {height}; got one of {w} x {h}. Start again for it."
             )
         self._number += 1
+        following = self._known or self._follower
+        assert following is not None
+        can_find = self.explainer.recognizer.has_map if self._known is None else Keypoints.available()
+        if following.missed and following.missed % GIVEN_UP == 0 and can_find:
+            if (pose := self._begun(picture)) is not None:
+                return pose
         if self._known is not None:
-            if self._known.missed % GIVEN_UP == GIVEN_UP - 1:
-                with suppress(UserError):  # without OpenCV it is sought about where it was lost alone
-                    if (pose := self._begun(picture)) is not None:
-                        return pose
             seen, found = on_one_core(partial(self._known.step, ImagePyramid(picture))), self._found
             if seen is not None:
                 window, fit, ratio = seen
@@ -156,10 +157,6 @@ class Tracker:
             found = replace(found, picture=picture)
             return self._known_pose(found, began)
         assert self._follower is not None
-        missed = self._follower.missed
-        if missed and missed % GIVEN_UP == 0 and self.explainer.recognizer.has_map:
-            if (pose := self._begun(picture)) is not None:
-                return pose
         explanation, sighting = self._follower.explain(picture)
         return self._pose(picture, explanation, sighting, began)
 
@@ -168,7 +165,7 @@ class Tracker:
     ) -> TrackedPose | None:
         """Start in a picture (H, W, 3)."""
         began = time.perf_counter()
-        if (known := self.explainer.known) is not None and self.explainer.follows_surface(hints or Hints()):
+        if (known := self.explainer.known) is not None and known.is_followed(hints or Hints()):
             if hints is None and box is None:
                 lens = None if self._K is None else (self._K, "given")
                 look = partial(self.explainer.explain_seen, WholePhoto(picture), lens, 1)

@@ -82,7 +82,7 @@ def check_renderer() -> dict[str, Any]:
 def run_doctor(settings: Doctor) -> int:
     """Print the report, for people or as JSON; returns 0, or 1 when a class or the renderer does not work."""
     if settings.clean:
-        note(f"removed what was in vig's cache: {speed.cache_state().state}")
+        note(f"removing the cache: {speed.cache_state().state}")
         with suppress(RuntimeError):  # no home folder
             shutil.rmtree(cache_folder(), ignore_errors=True)
     report = doctor()

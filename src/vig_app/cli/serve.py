@@ -23,7 +23,7 @@ def serve(settings: ServeCommand) -> int:
     try:
         listening = socket.create_server((host, settings.port), family=family)
     except (OSError, OverflowError, UnicodeError) as error:
-        reason = getattr(error, "strerror", None) or error
+        reason = str(getattr(error, "strerror", None) or error).rstrip(".")
         raise UserError(f"cannot listen at {host}, port {settings.port}: {reason}. Name another.") from None
     token = os.environ.get("LABEL_STUDIO_API_KEY")
     service = Service(tuple(settings.object_class.split(",")), settings.label_studio, token)

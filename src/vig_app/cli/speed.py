@@ -115,7 +115,7 @@ def cache_state(folder: Path | None = None) -> Finding:
         return Finding("cache", "none, as there is no home folder")
     size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
     remedy = "all may be deleted: vig doctor --clean" if size > LARGE_CACHE else ""
-    return Finding("cache", f"{size / 1e9:.1f} GB in {folder}", remedy)
+    return Finding("cache", f"{size / 1e6:.0f} MB in {folder}", remedy)
 
 
 def memory_of(root: Path = Path("/")) -> tuple[int, int] | None:

@@ -12,11 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from vig.explanation import Explanation, project
+from vig.explanation import Explanation
 from vig.io.checks import reading
 from vig.io.errors import UserError
 from vig.photo.decoding import opened
 from vig.photo.masks import box_of
+from vig.photo.pinhole import project
 from vig.record import read_explanation
 from vig_app.exports.run import FILE_NUMBERS, OBJECT_ID
 from vig_app.exports.run import ExportedRun as ExportedRun

@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw
 
-from vig.explanation import project
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
+from vig.photo.pinhole import project
 from vig.photo.video import Video, av_errors
 from vig.video import TrackedPose, Tracker
 from vig_app.pictures import overlay

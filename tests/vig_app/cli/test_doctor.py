@@ -74,7 +74,7 @@ def test_the_cache_is_measured_and_removed(
     (tmp_path / "vig" / "world-1").mkdir(parents=True)
     (tmp_path / "vig" / "world-1" / "mesh").write_bytes(bytes(60_000_000))
     monkeypatch.setattr(speed, "LARGE_CACHE", 50_000_000)
-    assert speed.cache_state().state.startswith("0.1 GB") and "--clean" in speed.cache_state().do
+    assert speed.cache_state().state.startswith("60 MB") and "--clean" in speed.cache_state().do
     assert run_doctor(Doctor(clean=True)) == 0
-    assert "removed what was in vig's cache: 0.1 GB" in capsys.readouterr().err
+    assert "removing the cache: 60 MB" in capsys.readouterr().err
     assert kept.exists() and not (tmp_path / "vig").exists()
