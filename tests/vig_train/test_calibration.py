@@ -501,13 +501,14 @@ def photos(tmp_path_factory: pytest.TempPathFactory, teapot: ObjectClass) -> Pat
     )
 
 
+@pytest.mark.parametrize("studio", [0, 90])
 def test_the_command_calibrates_weights_in_place_and_writes_what_was_learned_of_fits(
-    capsys, photos: Path, untrained, tmp_path: Path
+    capsys, studio: int, photos: Path, untrained, tmp_path: Path
 ) -> None:
-    """52 photos, as 13 times the same four, whose fits are made once."""
+    """52 photos, as 13 times the same four, whose fits are made once; or the studio's alone, some without."""
     weights = untrained(tmp_path / "recognition.safetensors")
-    before = Recognizer(weights)
-    code, printed, _ = run(capsys, *[photos] * 13, "--weights", weights, "--workers", 1, "--studio", 0)
+    before, datasets = Recognizer(weights), [] if studio else [photos] * 13
+    code, printed, _ = run(capsys, *datasets, "--weights", weights, "--workers", 1, "--studio", studio)
     assert code == 0
     after = Recognizer(weights)
     assert not np.array_equal(before.calibration.deviation, after.calibration.deviation)
@@ -520,7 +521,9 @@ def test_the_command_calibrates_weights_in_place_and_writes_what_was_learned_of_
         "reliability.png",
     }
     lines = printed.splitlines()
-    assert lines[0].startswith("calibrated on 52 images") and lines[1].startswith("52 fits, ")
+    count = int(lines[1].split()[0])
+    assert lines[0].startswith(f"calibrated on {count} images") and lines[1].startswith(f"{count} fits, ")
+    assert 30 < count < studio if studio else count == 52
     assert lines[-1] == str(tmp_path)
 
 
@@ -532,7 +535,7 @@ def test_mistakes_are_told_before_any_work(
     weights = untrained(tmp_path / "recognition.safetensors")
     kept = weights.read_bytes()
     arguments, said = {
-        "none": (["--weights", weights], "at least one dataset"),
+        "none": (["--weights", weights, "--studio", 0], "expected a dataset or photos of the studio"),
         "split": (
             [photos, "--split", "train", "--weights", weights],
             "has no train split; it has validation",

@@ -25,9 +25,9 @@ from vig_world.dataset import Dataset, read_dataset
 
 def calibrate(settings: Calibrate) -> int:
     """Calibrate the weights in place, then fits that start from them; returns the exit code."""
-    if not settings.datasets:
-        raise UserError("expected at least one dataset to calibrate on; got none")
     check_ranges(settings, workers=(1, inf), studio=(0, inf), seed=(0, inf))
+    if not settings.datasets and not settings.studio:
+        raise UserError("expected a dataset or photos of the studio to calibrate on; got neither")
     object_class = ObjectClass.load(settings.object_class)
     datasets = [read_dataset(path, settings.split).at_network_size() for path in settings.datasets]
     for dataset in datasets:

@@ -166,7 +166,7 @@ class Calibrate:
     calibration.json is used by every fit."""
 
     datasets: tyro.conf.Positional[tuple[Path, ...]]
-    """Folders of datasets; for the fits each has the same weight, whatever its size."""
+    """Folders of datasets, or none; for the fits each has the same weight, whatever its size."""
     weights: Path
     """The weights to calibrate; of a class pack, or a training run."""
     split: Literal["train", "validation"] = "validation"
