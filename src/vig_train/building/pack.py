@@ -116,4 +116,5 @@ def save_shape_sheets(shapes: ClassShapes, sheets: Path) -> None:
         labels = [label for number in refused for label in (str(number + 1), f"{number + 1}: template")]
         pictures.save_mesh_sheet(sheets / "5-refused.png", pairs, labels=labels)
     pictures.save_component_sheet(sheets / "6-components.png", shapes.components, template.faces)
-    pictures.save_error_curve(sheets / "7-leave-one-out.png", shapes.components)
+    if shapes.components.errors:
+        pictures.save_error_curve(sheets / "7-leave-one-out.png", shapes.components)

@@ -130,7 +130,9 @@ def card(result: BuildResult) -> str:
     if object_class.families:
         families = [[family.name, f"{family.share:.0%}"] for family in object_class.families]
         lines += ["", *table_lines(["family", "share"], families)]
-    lines += ["", "![components](build/6-components.png)", "", "![errors](build/7-leave-one-out.png)", ""]
+    lines += ["", "![components](build/6-components.png)", ""]
+    if components.errors:
+        lines += ["![errors](build/7-leave-one-out.png)", ""]
     return "\n".join(lines + _attribution(result))
 
 
