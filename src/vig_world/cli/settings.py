@@ -59,28 +59,6 @@ class Make:
 
 
 @dataclass(frozen=True)
-class Groups:
-    """Photographs of two to four objects that hide one another, with their truth; can be run again."""
-
-    count: int
-    """Number of photos."""
-    out: Path = Path("vig-groups")
-    """Folder of the photos, their masks, boxes.json for `vig fit --boxes`, and truth.jsonl."""
-    seed: int = 0
-    """Photo i is a pure function of it and i."""
-    split: Split = "train"
-    """Which assets and object designs the scenes are made of; no two splits share any."""
-    classes: tuple[str, ...] = ("teapot", "mug")
-    """Packaged classes or folders of class packs; each object is of one of them."""
-    width: int = 480
-    """Width of the photos, pixels."""
-    height: int = 360
-    """Height of the photos, pixels."""
-    json: bool = False
-    """Print one JSON object at the end."""
-
-
-@dataclass(frozen=True)
 class Check:
     """Verify a dataset: every file, every label, renderings against files. Exits 1 when it has problems."""
 
