@@ -24,12 +24,6 @@ def make(settings: Make) -> int:
     from vig_world.generation.describe import describe_split
     from vig_world.generation.write import make_dataset
 
-    if settings.finish != "diffuse" and settings.world == "photo":
-        raise UserError(
-            f"--finish {settings.finish} is for --world paper; photographs show objects of any finish."
-        )
-    if settings.finish != "diffuse" and settings.tier != "cycles":
-        raise UserError(f"--finish {settings.finish} is for --tier cycles; the rasteriser has only diffuse.")
     own = _own(settings)
     folder = make_dataset(
         settings.out,
@@ -40,7 +34,6 @@ def make(settings: Make) -> int:
         workers=settings.workers,
         progress=not settings.json,
         object_class=ObjectClass.load(settings.object_class),
-        options={"finish": settings.finish} if settings.tier == "cycles" else {},
         own=own,
         photo=settings.photo,
         world=settings.world,

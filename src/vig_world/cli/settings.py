@@ -30,9 +30,6 @@ class Make:
     world: World = "photo"
     """photo: scenes as wide as photographs, with objects of any surface, on seamless grounds too, through any
     lens; paper: the paper's, with matt objects in pastel colours before one camera."""
-    finish: Literal["diffuse", "glossy", "painted"] = "diffuse"
-    """With --world paper, finish of the path-traced object: matt as in the model, glazed, or glazed over a
-    painted decoration."""
     size: str = "150x150"
     """Width x height of the pictures, pixels. Scenes are the same at any size: the square that they are
     composed for lies in the middle; a wide picture shows more at its sides, a tall one above and below."""

@@ -124,7 +124,9 @@ def check_dataset(
                 f"expected scenes of world version {made_by[1]}; '{root}' has version {made_by[0]}."
                 " Check without --render, or with the release that made it."
             )
-        job = Job(settings["seed"], split, settings["tier"], object_class, settings["options"], own)  # type: ignore[arg-type]
+        # Before version 0.3 path-traced objects of the paper's world had finishes.
+        options = {name: value for name, value in settings["options"].items() if name != "finish"}
+        job = Job(settings["seed"], split, settings["tier"], object_class, options, own)  # type: ignore[arg-type]
         job = replace(job, photo=settings["photo"], world=settings["world"], size=size, normals=normals)
         problems += _render_problems(job, folder, [merged[index] for index in again])
     return Findings(split, tuple(problems), len(merged), len(hashes), len(again))
