@@ -37,7 +37,6 @@ PICTURES = {
     "figure4_worst.png": "The photos of largest azimuth error, the worst first.",
     "reliability.png": "How often the truth lies within predicted intervals; on the diagonal they are"
     " calibrated.",
-    "fit.webp": "A fit, step by step.",
 }
 
 Part = tuple[str, Any]
@@ -128,11 +127,11 @@ def _tables(path: Path, blocks_of: Any) -> list[Part]:
 
 
 def _picture(path: Path, caption: str) -> list[Part]:
-    """Return a PNG or WebP picture that becomes part of the page; none where there is no file."""
+    """Return a PNG picture that becomes part of the page; none where there is no file."""
     if not path.exists():
         return []
     data = base64.b64encode(path.read_bytes()).decode()
-    return [("picture", {"caption": caption, "url": f"data:image/{path.suffix[1:]};base64,{data}"})]
+    return [("picture", {"caption": caption, "url": f"data:image/png;base64,{data}"})]
 
 
 def _training(folder: RunFolder) -> list[Part]:
