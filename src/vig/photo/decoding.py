@@ -9,12 +9,11 @@ import threading
 from pathlib import Path
 
 import numpy as np
-from PIL import ExifTags, Image, ImageCms, ImageFile, ImageOps, UnidentifiedImageError
+from PIL import ExifTags, Image, ImageCms, ImageFile, ImageOps
 
 from vig.photo import formats
 from vig.photo.checks import MAX_FLOAT_PIXELS, check_pixels, check_size, head_of, refuse
 from vig.photo.colour import SRGB, Profile, encoding_of, in_srgb
-from vig.photo.packed import packed_picture
 from vig.scene.light import linear_from_srgb
 
 MID_GREY = 0.18
@@ -40,12 +39,7 @@ def opened(path: Path) -> Image.Image:
 
         image: ImageFile.ImageFile = HeifImageFile(path)  # type: ignore[no-untyped-call]
     else:
-        try:
-            image = _opened_of_any_size(path)
-        except UnidentifiedImageError:
-            if head_of(path).startswith(formats.TIFF_MAGIC) and (packed := packed_picture(path)):
-                return packed
-            raise
+        image = _opened_of_any_size(path)
     try:
         return _largest(path, image)
     except BaseException:
