@@ -57,14 +57,15 @@ class Make:
 
 @dataclass(frozen=True)
 class Check:
-    """Verify a dataset: every file, every label, renderings against files. Exits 1 when it has problems."""
+    """Verify a dataset: every file, and renderings with their labels against files. Exits 1 when it has
+    problems."""
 
     dataset: tyro.conf.Positional[Path]
     """Folder of the dataset."""
     split: Split | None = None
     """Which split; all complete ones by default."""
     render: int = 0
-    """Number of samples of each split that are rendered again from their specs and compared."""
+    """Number of samples of each split that are rendered again from their specs and compared, labels too."""
     object_class: Annotated[str | None, tyro.conf.arg(name="class")] = None
     """The folder of the class pack it was made with, when that is not a packaged class."""
     envmaps: str | None = None
