@@ -201,18 +201,20 @@ def _sixteen_bits(path: str, image: Image.Image) -> np.ndarray | None:
     return np.asarray(_upright(image)).astype(np.uint16) << 8 | low
 
 
-def _stated_colour(image: Image.Image) -> formats.Codes | bytes | None:
-    """Return codes or profile in a file of PNG, AVIF, HEIC, JPEG 2000 or BMP that pillow does not read."""
-    if image.format not in ("PNG", "AVIF", "HEIF", "JPEG2000", "BMP"):
+def _stated_colour(image: Image.Image) -> formats.Codes | None:
+    """Return the codes in a file of PNG, AVIF or HEIC."""
+    if nclx := image.info.get("nclx_profile"):  # pillow_heif's
+        return formats.Codes(nclx["color_primaries"], nclx["transfer_characteristics"])
+    if image.format not in ("PNG", "AVIF"):
         return None
     try:
         if path := getattr(image, "filename", ""):
             with open(path, "rb") as file:
-                return formats.stated_colour(file)
+                return formats.stated_codes(file)
         file = image.fp  # type: ignore[attr-defined]
         place = file.tell()
         try:
-            return formats.stated_colour(file)
+            return formats.stated_codes(file)
         finally:
             file.seek(place)
     except Exception:  # a damaged file, or a closed one: its decoder reports so

@@ -13,7 +13,6 @@ from PIL import Image, ImageCms
 from tests.vig.photo.pictures import SIZE, chrm, cicp, flat, gama, is_light, png, profile, refused, tiff
 from vig.photo.colour import HLG, PQ, REC709, SRGB, coded_encoding, rec709_from, tone_mapped
 from vig.photo.decoding import MID_GREY
-from vig.photo.formats import stated_colour
 from vig.photo.images import as_photo, coded_photo, read_photo
 from vig.scene.light import linear_from_srgb
 
@@ -143,27 +142,6 @@ def test_profiles_of_16_bits(space: bytes, tmp_path: Path) -> None:
     is_light(read_photo(png(tmp_path / "b.png", colour, 2, chunk)), colour[0, 0] / 65535)
 
 
-def test_profiles_of_formats_whose_profiles_pillow_does_not_read(tmp_path: Path) -> None:
-    data = profile(b"RGB ", 1)
-    Image.new("RGB", SIZE, (64, 128, 32)).save(tmp_path / "a.jp2")
-    held = (tmp_path / "a.jp2").read_bytes()
-    place = held.index(b"colr") - 4
-    size = int.from_bytes(held[place : place + 4], "big")
-    colours = struct.pack(">I4s3B", 11 + len(data), b"colr", 2, 0, 0) + data
-    outer = held.index(b"jp2h") - 4
-    larger = int.from_bytes(held[outer : outer + 4], "big") + len(colours) - size
-    held = held[:outer] + struct.pack(">I", larger) + held[outer + 4 : place] + colours + held[place + size :]
-    (tmp_path / "a.jp2").write_bytes(held)
-    is_light(read_photo(tmp_path / "a.jp2"), (64 / 255, 128 / 255, 32 / 255), 0.01)
-
-    pixels = bytes([32, 128, 64]) * 480
-    header = struct.pack("<IiiHHIIiiII", 124, 24, 20, 1, 24, 0, len(pixels), 0, 0, 0, 0) + bytes(16)
-    header += b"DEBM" + bytes(48 + 4) + struct.pack("<III", 124 + len(pixels), len(data), 0)
-    bmp = b"BM" + struct.pack("<IHHI", 14 + 124 + len(pixels) + len(data), 0, 0, 138) + header + pixels + data
-    (tmp_path / "b.bmp").write_bytes(bmp)
-    is_light(read_photo(tmp_path / "b.bmp"), (64 / 255, 128 / 255, 32 / 255))
-
-
 def test_hdr_profiles_are_known_by_their_tag_and_name(tmp_path: Path) -> None:
     """Their curve, applied in 8 bits, would leave a photo nearly black."""
     sample = round(255 * PQ_OF_HALF_WHITE)
@@ -265,15 +243,6 @@ def test_samples_that_are_not_read_are_named(
     refused(tiff(tmp_path / "a.tif", pixels), kind)
 
 
-def test_primaries_of_tiff(tmp_path: Path) -> None:
-    """Without a curve sRGB's is taken; the primaries are Adobe RGB's, as fractions."""
-    path = tmp_path / "a.tif"
-    info = {319: ADOBE_WHITE_FIRST[2:], 318: ADOBE_WHITE_FIRST[:2]}
-    Image.new("RGB", SIZE, (120, 140, 100)).save(path, tiffinfo=info)
-    light = [srgb(120), srgb(140), srgb(100)]
-    is_light(read_photo(path), np.array(SRGB_OF_XYZ) @ XYZ_OF_ADOBE @ light)
-
-
 def test_transparent_colours_of_few_and_many_bits(tmp_path: Path) -> None:
     key = (b"tRNS", struct.pack(">H", 6400))
     is_light(read_photo(png(tmp_path / "a.png", flat(6400, dtype=np.uint16), 0, key)), MID_GREY)
@@ -302,22 +271,6 @@ def test_hdr_avif(codes: tuple[int, int], tmp_path: Path) -> None:
         else:  # the scene's light: (exp((.6133 - .55991) / .178833) + .284669) / 12 = .136
             is_light(photo, 0.136**1.2 * 1000 / 203, 0.02)
     assert coded_photo(tmp_path / "a.avif").dtype == np.uint8
-
-
-def test_a_gain_map_beside_an_sdr_picture_is_left_aside(tmp_path: Path) -> None:
-    """Only the primary item's colours count: another item of the file may be HDR."""
-
-    def box(kind: bytes, body: bytes) -> bytes:
-        return struct.pack(">I", len(body) + 8) + kind + body
-
-    colours = [box(b"colr", b"nclx" + struct.pack(">HHHB", 9, code, 9, 128)) for code in (16, 13)]
-    table = struct.pack(">II", 0, 2) + bytes([0, 1, 1, 1]) + bytes([0, 2, 1, 2])  # item 1: HDR, item 2: SDR
-    meta = bytes(4) + box(b"pitm", bytes(4) + b"\0\2")
-    meta += box(b"iprp", box(b"ipco", b"".join(colours)) + box(b"ipma", table))
-    path = tmp_path / "a.avif"
-    path.write_bytes(box(b"ftyp", b"avif" + bytes(4)) + box(b"meta", meta))
-    with path.open("rb") as file:
-        assert stated_colour(file) == (9, 13, True)
 
 
 def test_hdr_and_wide_heic(tmp_path: Path) -> None:
