@@ -51,8 +51,8 @@ PLACES = [f"{package}.{name}" for package, names in ORDER.items() for name in na
 
 # The budget. A commit may lower a number; one that raises it says in CHANGELOG what was taken out for it.
 LINES = {
-    "vig_native": 7_945, "vig_renderer": 1_683, "vig": 14_861, "vig_app": 8_317, "vig_world": 16_918,
-    "vig_train": 11_572, "vig_paper": 2_452,
+    "vig_native": 7_945, "vig_renderer": 1_683, "vig": 14_861, "vig_app": 8_316, "vig_world": 16_918,
+    "vig_train": 11_526, "vig_paper": 2_452,
 }  # fmt: skip
 CONSTANTS = 1_185
 REACHED_LINES = {"vig.explainer": 12_821, "vig_app.cli.fit": 18_611}
@@ -153,8 +153,7 @@ def test_nothing_imports_upwards(path: Path) -> None:
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(SOURCE)))
 def test_no_pickle_and_no_global_randomness(path: Path) -> None:
     assert forbidden(path.read_text()) == []
-    if "torch.load" in path.read_text():  # the weights of others, which come as a pickle
-        assert path.name == "pretrained.py"
+    assert "torch.load" not in path.read_text()
 
 
 def count_lines(paths: Iterable[Path]) -> int:
