@@ -51,10 +51,10 @@ PLACES = [f"{package}.{name}" for package, names in ORDER.items() for name in na
 
 # The budget. A commit may lower a number; one that raises it says in CHANGELOG what was taken out for it.
 LINES = {
-    "vig_native": 7_945, "vig_renderer": 1_130, "vig": 14_860, "vig_app": 8_316, "vig_world": 16_918,
+    "vig_native": 7_945, "vig_renderer": 1_130, "vig": 14_860, "vig_app": 8_316, "vig_world": 16_819,
     "vig_train": 11_526, "vig_paper": 2_452,
 }  # fmt: skip
-CONSTANTS = 1_181
+CONSTANTS = 1_176
 REACHED_LINES = {"vig.explainer": 12_819, "vig_app.cli.fit": 18_609}
 """Lines of the modules that one imports, directly and indirectly: what is read to change it."""
 

@@ -37,9 +37,8 @@ class Make:
     """Write pictures of surface normals, too."""
     photo: bool = False
     """Pass the pictures through a camera model: exposure, white balance, blur, noise, JPEG."""
-    envmaps: str | None = None
-    """Folder of custom panoramas (.hdr, .exr) in place of the built-in ones; `bpy`: the eight in Blender's
-    wheel."""
+    envmaps: Path | None = None
+    """Folder of custom panoramas (.hdr, .exr) in place of the built-in ones."""
     props: Path | None = None
     """Folder of custom props (.glb, .gltf, .obj, .ply, .off, .stl) in place of the built-in ones; or a
     furniture catalogue of Sweet Home 3D, with words that pick models: catalogue.sh3f:fruit,toy."""
@@ -68,8 +67,8 @@ class Check:
     """Number of samples of each split that are rendered again from their specs and compared, labels too."""
     object_class: Annotated[str | None, tyro.conf.arg(name="class")] = None
     """The folder of the class pack it was made with, when that is not a packaged class."""
-    envmaps: str | None = None
-    """Folder of the custom panoramas (.hdr, .exr) that it was made with; `bpy`: those in Blender's wheel."""
+    envmaps: Path | None = None
+    """Folder of the custom panoramas (.hdr, .exr) that it was made with."""
     props: Path | None = None
     """Folder or catalogue of the custom props that it was made with."""
     furniture: Path | None = None

@@ -17,7 +17,6 @@ from vig.io.errors import UserError
 from vig.scene import EXPOSURE_L00, IMAGE_SIZE, ObjectClass, rotate_z, srgb8_from_linear
 from vig_world.assets.panoramas.light import grey, project_panorama
 from vig_world.dataset.spec import SampleError, SceneSpec
-from vig_world.library import BLENDER_VARIABLE as PYTHON_VARIABLE
 from vig_world.library import Library
 from vig_world.raster.picture import Picture
 from vig_world.raster.view import View
@@ -26,6 +25,8 @@ from vig_world.renderers.cycles.process import BlenderProcess, WorkerDiedError
 from vig_world.renderers.rasterized import render
 
 WORKER = Path(__file__).parent / "blender" / "worker.py"
+PYTHON_VARIABLE = "VIG_BLENDER_PYTHON"
+"""The environment variable that names an interpreter which can import bpy."""
 INSTALL = "python3.11 -m venv blender && blender/bin/pip install bpy 'numpy<2'"
 PROBE_HEIGHT, PROBE_SAMPLES = 64, 16
 TIMEOUT, TIMEOUT_PER_SAMPLE = 120.0, 3.0
