@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw
 
+from benchmarks.groups import Group, make_group
 from benchmarks.measuring import metric, report, write
 from vig import Explainer, Explanation
 from vig.parallel import on_one_core
@@ -27,7 +28,6 @@ from vig.photo import Window
 from vig.recognition.find import overlap
 from vig.scene import ObjectClass
 from vig.several import find_together, fit_jointly
-from vig_world.generation.groups import Group, make_group
 from vig_world.library import Library
 
 CLASSES = "teapot", "mug"

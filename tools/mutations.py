@@ -27,7 +27,7 @@ ROOT = Path(__file__).parents[1]
 MOST_SURVIVORS = 3
 PATIENCE = 600
 """Seconds that the tests of one mutation may take."""
-COPIED = ("src", "tests", "benchmarks", "docs", "examples", "pyproject.toml")
+COPIED = ("src", "tests", "tools", "benchmarks", "docs", "examples", "pyproject.toml")
 
 
 def copy_of_tree() -> Path:

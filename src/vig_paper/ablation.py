@@ -18,7 +18,7 @@ from vig.recognition import Recognizer
 from vig.scene import ObjectClass, linear_from_srgb
 from vig.search.optimizer import Optimizer
 from vig_paper.optimizers import BFGS, LBFGS, ConjugateGradient, Dogleg, GradientDescent
-from vig_train.evaluation.presentation import MIN_P, TableBlock
+from vig_train.evaluation.presentation import TableBlock
 from vig_train.evaluation.protocol import evaluate
 from vig_train.evaluation.results import MethodResult
 from vig_train.evaluation.statistics import (
@@ -33,6 +33,8 @@ from vig_world.dataset import Dataset
 from vig_world.threads import one_thread
 
 DEFAULT = "default"
+MIN_P = 1e-4
+"""Smaller p values are printed as "p < MIN_P"."""
 
 
 @dataclass(frozen=True)

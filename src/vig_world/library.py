@@ -7,7 +7,6 @@ one split ever occurs in another, and assets can be kept: in memory, and for the
 from __future__ import annotations
 
 import cmath
-import os
 from collections.abc import Callable
 from dataclasses import astuple, dataclass
 from functools import lru_cache
@@ -59,16 +58,11 @@ MOST_ALBEDO = 0.85
 """Factor on the finishes of rooms, so that lit ones are seldom overexposed."""
 SLOTS = tuple(FINISHES)
 ALL_ZONES = tuple(sorted(ZONE_NAMES))
-BLENDER_VARIABLE = "VIG_BLENDER_PYTHON"
-"""The environment variable that names an interpreter which can import bpy."""
 
 
 @dataclass(frozen=True)
 class OwnFolders:
-    """Folders of custom assets; None: the packaged ones.
-
-    panoramas may be `bpy`, see `read_envmaps`; the others furniture catalogues, see `mesh_folder`.
-    """
+    """Folders of custom assets, or furniture catalogues (`mesh_folder`); None: the packaged ones."""
 
     panoramas: str | None = None
     props: str | None = None
@@ -100,8 +94,7 @@ class OwnAssets:
             return tuple(assets)
 
         props, furniture = read(read_props, folders.props), read(read_furniture, folders.furniture)
-        blender = os.environ.get(BLENDER_VARIABLE)
-        panoramas = read(lambda folder: read_envmaps(folder, blender), folders.panoramas)
+        panoramas = read(read_envmaps, folders.panoramas)
         sources = _sources(folders.props, props) | _sources(folders.furniture, furniture)
         return OwnAssets(props, furniture, panoramas, tuple(sources)), notes
 

@@ -62,7 +62,6 @@ def rich_files(folder: Path) -> Iterator[Path]:
     small = np.full((20, 24, 3), 9, np.uint8)
     yield tiff(folder / "pages.tif", (small, {254: 1}), (noise[..., :3], {281: (4095,) * 3, 274: 6}))
     yield tiff(folder / "white.tif", (noise[..., :1], {262: 0, 341: 16383}), (small, {}))
-    yield tiff(folder / "packed.tif", (noise.tobytes(), {258: (10,) * 3, 262: 2, 277: 3, 274: 8}))
     if find_spec("pillow_heif"):
         import pillow_heif
 

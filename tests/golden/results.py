@@ -4,7 +4,7 @@
     python -m tests.golden.results --write  # writes them anew, where a change of results is meant
 
 Explanations are those of the packaged examples and of four photos of this folder, drawn by the generator
-(`vig dataset groups`, seeds 314 to 316 of the test split), each explained in another way. Of the worlds the
+(`benchmarks.groups`, seeds 314 to 316 of the test split), each explained in another way. Of the worlds the
 pixels, labels, scenes and latents of 20 samples are held by their SHA-256.
 """
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tests.support import TEAPOT
+from tools.classes.teapot import teapot, teapot_families
 from vig.scene import ObjectClass, rotate_z
-from vig_train.packs.teapot import teapot, teapot_families
 from vig_world.assets.designs.design import (
     HELD_OUT_DESIGNS,
     TRAINING_DESIGNS,

@@ -9,11 +9,9 @@ import io
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from PIL import ExifTags, Image, ImageCms
-from PIL.ExifTags import Base as Tag
 
 from vig.photo.formats import Codes
 from vig.scene.light import linear_from_srgb
@@ -176,12 +174,12 @@ def tone_mapped(light: np.ndarray, peak: float) -> np.ndarray:
     return mapped
 
 
-def encoding_of(image: Image.Image, stated: Codes | bytes | None) -> Encoding | Profile | None:
+def encoding_of(image: Image.Image, stated: Codes | None) -> Encoding | Profile | None:
     """Return the encoding of a loaded picture's samples.
 
     Args:
         image: A picture of any mode.
-        stated: The codes of H.273 or the colour profile that its file states and pillow does not read.
+        stated: The codes of H.273 that its file states and pillow does not read.
 
     Returns:
         A colour profile for pictures of 8 bits, which is for `in_srgb`; None for sRGB.
@@ -190,9 +188,7 @@ def encoding_of(image: Image.Image, stated: Codes | bytes | None) -> Encoding | 
         ValueError: The codes are not known.
     """
     data = image.info.get("icc_profile")
-    if isinstance(stated, bytes):
-        data = stated
-    elif stated and (image.format == "PNG" or stated.transfer in (PQ, HLG) or not data):
+    if stated and (image.format == "PNG" or stated.transfer in (PQ, HLG) or not data):
         encoding = coded_encoding(stated.primaries, stated.transfer)
         return encoding if stated.full_range else replace(encoding or SRGB, narrow=True)
     grey = image.mode in ("1", "L", "LA", "La") or image.mode.startswith("I")
@@ -212,15 +208,10 @@ def encoding_of(image: Image.Image, stated: Codes | bytes | None) -> Encoding | 
         return Profile(ImageCms.createProfile("LAB"))
     if "srgb" in image.info:
         return None
-    tags = getattr(image, "tag_v2", {})
     exponent = image.info.get("gamma") if image.format == "PNG" else None
-    curve, chromaticities = gamma(1 / exponent) if exponent else _tabulated(tags), REC709
+    curve, chromaticities = gamma(1 / exponent) if exponent else None, REC709
     if white_first := image.info.get("chromaticity"):  # a PNG's
         chromaticities = (*white_first[2:], *white_first[:2])
-    elif Tag.PrimaryChromaticities in tags and Tag.WhitePoint in tags:
-        chromaticities = tuple(
-            float(value) for value in (*tags[Tag.PrimaryChromaticities], *tags[Tag.WhitePoint])
-        )
     elif _is_adobe_rgb(image):
         curve, chromaticities = gamma(563 / 256), (0.64, 0.33, 0.21, 0.71, 0.15, 0.06, *D65)
     try:
@@ -230,15 +221,6 @@ def encoding_of(image: Image.Image, stated: Codes | bytes | None) -> Encoding | 
     if like_srgb and (curve is None or (exponent and abs(exponent * 2.2 - 1) < 0.01)):
         return None  # PNG requires 1 / 2.2 with sRGB's chunk
     return Encoding(curve or linear_from_srgb, REC709 if like_srgb else chromaticities)
-
-
-def _tabulated(tags: Any) -> Curve | None:
-    """Return the curve of a TIFF's TransferFunction; None where there is none."""
-    table = tags.get(Tag.TransferFunction, ())
-    if len(table) not in (256, 768, 65536, 3 * 65536):
-        return None
-    levels = np.array(table[: 256 if len(table) <= 768 else 65536]) / 65535
-    return lambda samples: np.interp(samples, np.linspace(0, 1, len(levels)), levels)
 
 
 def _is_adobe_rgb(image: Image.Image) -> bool:

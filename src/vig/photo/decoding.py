@@ -9,12 +9,11 @@ import threading
 from pathlib import Path
 
 import numpy as np
-from PIL import ExifTags, Image, ImageCms, ImageFile, ImageOps, UnidentifiedImageError
+from PIL import ExifTags, Image, ImageCms, ImageFile, ImageOps
 
 from vig.photo import formats
 from vig.photo.checks import MAX_FLOAT_PIXELS, check_pixels, check_size, head_of, refuse
 from vig.photo.colour import SRGB, Profile, encoding_of, in_srgb
-from vig.photo.packed import packed_picture
 from vig.scene.light import linear_from_srgb
 
 MID_GREY = 0.18
@@ -40,12 +39,7 @@ def opened(path: Path) -> Image.Image:
 
         image: ImageFile.ImageFile = HeifImageFile(path)  # type: ignore[no-untyped-call]
     else:
-        try:
-            image = _opened_of_any_size(path)
-        except UnidentifiedImageError:
-            if head_of(path).startswith(formats.TIFF_MAGIC) and (packed := packed_picture(path)):
-                return packed
-            raise
+        image = _opened_of_any_size(path)
     try:
         return _largest(path, image)
     except BaseException:
@@ -207,18 +201,20 @@ def _sixteen_bits(path: str, image: Image.Image) -> np.ndarray | None:
     return np.asarray(_upright(image)).astype(np.uint16) << 8 | low
 
 
-def _stated_colour(image: Image.Image) -> formats.Codes | bytes | None:
-    """Return codes or profile in a file of PNG, AVIF, HEIC, JPEG 2000 or BMP that pillow does not read."""
-    if image.format not in ("PNG", "AVIF", "HEIF", "JPEG2000", "BMP"):
+def _stated_colour(image: Image.Image) -> formats.Codes | None:
+    """Return the codes in a file of PNG, AVIF or HEIC."""
+    if nclx := image.info.get("nclx_profile"):  # pillow_heif's
+        return formats.Codes(nclx["color_primaries"], nclx["transfer_characteristics"])
+    if image.format not in ("PNG", "AVIF"):
         return None
     try:
         if path := getattr(image, "filename", ""):
             with open(path, "rb") as file:
-                return formats.stated_colour(file)
+                return formats.stated_codes(file)
         file = image.fp  # type: ignore[attr-defined]
         place = file.tell()
         try:
-            return formats.stated_colour(file)
+            return formats.stated_codes(file)
         finally:
             file.seek(place)
     except Exception:  # a damaged file, or a closed one: its decoder reports so

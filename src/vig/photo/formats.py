@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, Any, NamedTuple
@@ -223,72 +222,15 @@ class Codes(NamedTuple):
     full_range: bool = True
 
 
-def stated_colour(file: IO[bytes]) -> Codes | bytes | None:
-    """Return the codes that a PNG, AVIF or HEIC file states, or the profile in a JPEG 2000 or BMP file."""
+def stated_codes(file: IO[bytes]) -> Codes | None:
+    """Return the codes that a PNG or AVIF file states; of an AVIF file of several pictures the first ones."""
     file.seek(0)
-    data = file.read(26)
+    data = file.read(8)
     if data.startswith(b"\x89PNG"):
-        file.seek(8)
         while len(header := file.read(8)) == 8 and header[4:] != b"IDAT":
             body = file.read(int.from_bytes(header[:4], "big") + 4)
             if header[4:] == b"cICP" and len(body) == 8:
                 return Codes(body[0], body[1], body[3] != 0)
         return None
-    data += file.read()
-    if data.startswith(b"BM"):
-        start, size = (int.from_bytes(data[place : place + 4], "little") for place in (126, 130))
-        return (
-            data[14 + start : 14 + start + size]
-            if data[14:15] == b"\x7c" and data[70:74] == b"DEBM"
-            else None
-        )
-    boxes = dict(_boxes(data))
-    if b"meta" in boxes:
-        return _primary_nclx(boxes[b"meta"][4:])
-    for kind, body in _boxes(boxes.get(b"jp2h", b"")):
-        if kind == b"colr" and body[:1] in (b"\2", b"\3"):
-            return body[3:]
-    place = data.find(b"colrnclx")  # in a sequence of pictures
-    return _nclx(data[place + 4 :]) if place > 0 and data[4:8] == b"ftyp" else None
-
-
-def _nclx(colour: bytes) -> Codes:
-    """Return the codes of a `colr` box's content; the decoder itself expands a limited range."""
-    return Codes(int.from_bytes(colour[4:6], "big"), int.from_bytes(colour[6:8], "big"))
-
-
-def _primary_nclx(meta: bytes) -> Codes | None:
-    """Return the nclx colour property of the primary item, of a `meta` box's content (ISO/IEC 23008-12)."""
-    boxes = dict(_boxes(meta))
-    primary = int.from_bytes(boxes[b"pitm"][4:8] if boxes[b"pitm"][0] else boxes[b"pitm"][4:6], "big")
-    inner = dict(_boxes(boxes[b"iprp"]))
-    properties = list(_boxes(inner[b"ipco"]))
-    table = inner[b"ipma"]
-    id_size, index_size = 4 if table[0] else 2, 2 if table[3] & 1 else 1
-    place = 8
-    for _ in range(int.from_bytes(table[4:8], "big")):
-        item, count = int.from_bytes(table[place : place + id_size], "big"), table[place + id_size]
-        place += id_size + 1
-        for start in range(place, place + count * index_size, index_size):
-            index = int.from_bytes(table[start : start + index_size], "big") & (
-                0x7FFF if index_size == 2 else 0x7F
-            )
-            kind, body = properties[index - 1] if index else (b"", b"")
-            if item == primary and kind == b"colr" and body[:4] == b"nclx":
-                return _nclx(body)
-        place += count * index_size
-    return None
-
-
-def _boxes(data: bytes) -> Iterator[tuple[bytes, bytes]]:
-    """Yield the kinds and contents of the boxes in a row (ISO/IEC 14496-12)."""
-    place = 0
-    while place + 8 <= len(data):
-        size, start = int.from_bytes(data[place : place + 4], "big"), place + 8
-        if size == 1:
-            size, start = int.from_bytes(data[start : start + 8], "big"), start + 8
-        size = size or len(data) - place
-        if size < start - place:
-            return
-        yield data[place + 4 : place + 8], data[start : place + size]
-        place += size
+    colour = file.read().partition(b"colrnclx")[2]  # ISO/IEC 14496-12; the decoder expands a limited range
+    return Codes(int.from_bytes(colour[:2], "big"), int.from_bytes(colour[2:4], "big")) if colour else None

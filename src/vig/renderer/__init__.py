@@ -13,7 +13,6 @@ __all__ = [
     "Rendering",
     "Scene",
     "Topology",
-    "jacobian",
     "pyramid",
     "render",
     "render_latents",

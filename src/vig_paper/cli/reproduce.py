@@ -12,7 +12,7 @@ from rich.console import Console
 from vig.io.machine import machine
 from vig.io.printing import end
 from vig_paper.reproduction import RENDERERS, Run, RunFolder, reproduce
-from vig_paper.reproduction.reached import reached, reached_block, reached_line, training_line
+from vig_paper.reproduction.page import training_line
 from vig_paper.settings import Reproduce, ReproductionSettings
 from vig_train.cli.common import check_ranges, command_line
 from vig_train.evaluation.paper import compare, comparison_block
@@ -24,8 +24,7 @@ SAME_NUMBERS = ("steps", "workers", "json")
 def reproduce_paper(chosen: Reproduce) -> int:
     """Do the remaining steps of a run and print its tables, or JSON; its folder comes last.
 
-    JSON's "comparison" has the cells of `vig_train.evaluation.paper.compare`, "reached" the medians of
-    `vig_paper.reproduction.reached.reached`, by renderer.
+    JSON's "comparison" has the cells of `vig_train.evaluation.paper.compare`, by renderer.
     """
     settings = ReproductionSettings.of(
         **{field.name: getattr(chosen, field.name) for field in fields(ReproductionSettings)}
@@ -43,14 +42,12 @@ def reproduce_paper(chosen: Reproduce) -> int:
     tables = {name: table for name in RENDERERS if (table := folder.read_table(name)) is not None}
     recorded = record.data["settings"]
     cells = {name: compare(table) for name, table in tables.items()}
-    medians = {name: reached(recorded, table) for name, table in tables.items()}
     if chosen.json:
         summary = {
             "settings": recorded,
             "steps": record.data["steps"],
             "tables": tables,
             "comparison": {name: [asdict(cell) for cell in of_table] for name, of_table in cells.items()},
-            "reached": {name: [asdict(median) for median in of_table] for name, of_table in medians.items()},
             "page": str(folder.page),
             "folder": str(folder.root),
         }
@@ -59,12 +56,8 @@ def reproduce_paper(chosen: Reproduce) -> int:
     console = Console(width=None if sys.stdout.isatty() else 120)
     for name, table in tables.items():
         passed = f"{sum(cell.passed for cell in cells[name])} of {len(cells[name])}"
-        if medians[name]:
-            console.print(reached_block(medians[name]).rich())
-            print(f"{name}: {reached_line(medians[name])}; {passed} are better than the paper's")
-        else:
-            console.print(comparison_block(table).rich())
-            print(f"{name}: {passed} cells pass")
+        console.print(comparison_block(table).rich())
+        print(f"{name}: {passed} cells pass")
     print(training_line(recorded, settings.count("train_images")))
     if folder.page.exists():
         end(folder.root, f"reproduced: open {folder.page}")

@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from scipy.stats import rankdata
 
-from vig.inference import ExplainSettings
-from vig.likelihood import LIKELIHOODS
-from vig.recognition import Recognizer
-from vig.scene import ObjectClass, linear_from_srgb
-from vig_paper.figures.animation import fit_animation
+from vig.scene import ObjectClass
 from vig_paper.figures.curves import figure3, reliability_figure
 from vig_paper.figures.photos import figure4, figure5
 from vig_paper.figures.style import last_fit
@@ -26,26 +21,22 @@ from vig_world.dataset import Dataset
 def draw_figures(
     dataset: Dataset,
     object_class: ObjectClass,
-    recognizer: Recognizer,
     results: Mapping[str, MethodResult],
     renderer: str,
     folder: Path,
-    settings: ExplainSettings | None = None,
 ) -> list[Path]:
     """Write the figures that the results allow.
 
     figure3.png, figure3_bins.png: errors against occlusion, cumulative and in bins. figure4.png, figure5.png:
-    the last fit's median image of each bin of occlusion, see `choose`; fit.webp animates the middle one.
+    the last fit's median image of each bin of occlusion, see `choose`.
     figure4_worst.png: its images of largest azimuth error. reliability.png: methods that predict deviations.
 
     Args:
         dataset: The images.
         object_class: Class of the objects.
-        recognizer: Predicts where the animated fit starts.
         results: Results of the methods.
         renderer: Renderer of the images, "raster" or "cycles".
         folder: Folder to write to.
-        settings: Settings of the fits.
 
     Returns:
         The paths.
@@ -64,14 +55,6 @@ def draw_figures(
         figure4(dataset, object_class, results, wrong, folder / "figure4_worst.png"),
         figure5(dataset, results, chosen, folder / "figure5.png"),
     ]
-    likelihood = next((model for name, model in LIKELIHOODS.items() if name == method), None)
-    if likelihood is not None:
-        image = dataset.read("rgb", [chosen[len(chosen) // 2]])
-        photo = linear_from_srgb(image.astype(np.float32) / 255)
-        chosen_fit = replace(settings or ExplainSettings(), likelihood=likelihood)
-        paths.append(
-            fit_animation(photo[0], recognizer(photo), object_class, chosen_fit, folder / "fit.webp")
-        )
     return paths
 
 

@@ -238,9 +238,7 @@ def draw_figures(run: Run, renderer: str) -> None:
     results = _results(run, renderer, dataset)
     folder = run.folder.figures(renderer)
     contact_sheet(dataset, folder / "photos.png", 48)
-    draw_all_figures(
-        dataset, run.object_class, run.recognizer(), results, renderer, folder, run.explain_settings()
-    )
+    draw_all_figures(dataset, run.object_class, results, renderer, folder)
 
 
 def _results(run: Run, renderer: str, dataset: Dataset) -> dict[str, MethodResult]:

@@ -14,7 +14,6 @@ from vig_train.building.settings import BuildSettings
 from vig_train.building.stages import RegisteredMeshes, StageCache, Template
 from vig_train.building.surface import vertex_areas
 from vig_train.building.symmetries import MIRROR_Y, mirror_map, mirror_projection, rotation_projection
-from vig_train.packs.shapes import packaged_light_prior
 from vig_world.dataset.spec import Split
 
 
@@ -108,7 +107,8 @@ def object_class_of(
     progress: Whether to report progress on standard error.
     """
     model = _shape_model(shapes, dark)
-    mean, covariance = packaged_light_prior()
+    packaged = ObjectClass.load("teapot")  # no panorama has to be made
+    mean, covariance = packaged.light_prior_mean, packaged.light_prior_covariance
     size = np.ptp(shapes.components.mean, axis=0)
     x, _, z = shapes.components.mean.T  # a user may click the farthest vertices
     # A dark part is evidence for the front by itself: on 205 photos of real cars views are as good

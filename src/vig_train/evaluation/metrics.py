@@ -1,4 +1,4 @@
-"""The paper's error measures (section 5.2), and the true ones where they differ: one number per image.
+"""The paper's error measures (section 5.2): one number per image.
 
 Every function takes batches as numpy arrays or torch tensors, predictions first, and returns (B,) float64.
 Arguments of different shapes raise ValueError: nothing broadcasts by accident.
@@ -41,15 +41,6 @@ def appearance_error(predicted: Any, true: Any) -> np.ndarray:
     return np.linalg.norm(chroma[0] - chroma[1], axis=-1) / 255
 
 
-def appearance_ab(predicted: Any, true: Any) -> np.ndarray:
-    """Return the distance of two albedos in the chroma plane (a, b) of CIE Lab, taken as linear RGB.
-
-    predicted, true: (B, 3) linear albedo in [0, 1] (clipped). Returns CIE ab units: 2.3 is just noticeable.
-    """
-    predicted, true = _pair(predicted, true, 2, channels=3)
-    return np.linalg.norm(_chroma(np.clip(predicted, 0, 1)) - _chroma(np.clip(true, 0, 1)), axis=-1)
-
-
 def illumination_error(predicted: Any, true: Any) -> np.ndarray:
     """Return the scale-invariant mean squared error of 9 spherical-harmonic coefficients.
 
@@ -58,17 +49,10 @@ def illumination_error(predicted: Any, true: Any) -> np.ndarray:
     1 / pi in its reflection: hence the division by pi.
     """
     predicted, true = _pair(predicted, true, 2, channels=9)
-    return (_scaled_miss(predicted, true / np.pi) ** 2).mean(-1)
-
-
-def illumination_relative(predicted: Any, true: Any) -> np.ndarray:
-    """Return a light's scale-invariant residual, relative to the truth's norm: [0, 1], 0 is best.
-
-    predicted, true: (B, 9) radiance. It is the sine of the angle between the two, and 0 for no light at all.
-    """
-    predicted, true = _pair(predicted, true, 2, channels=9)
-    norm = np.linalg.norm(true, axis=-1)
-    return np.linalg.norm(_scaled_miss(predicted, true), axis=-1) / np.where(norm > 0, norm, 1)
+    true = true / np.pi
+    power = (predicted**2).sum(-1, keepdims=True)
+    scale = (predicted * true).sum(-1, keepdims=True) / np.where(power > 0, power, 1)
+    return ((scale * predicted - true) ** 2).mean(-1)
 
 
 def shape_error_mm(predicted: Any, true: Any) -> np.ndarray:
@@ -78,16 +62,6 @@ def shape_error_mm(predicted: Any, true: Any) -> np.ndarray:
     """
     predicted, true = _pair(predicted, true, 3, channels=3)
     return 1000 * np.linalg.norm(predicted - true, axis=-1).mean(-1)
-
-
-def shape_paper(predicted: Any, true: Any) -> np.ndarray:
-    """Return the root of the summed squared distances of all vertices, as in the paper's code.
-
-    predicted, true: (B, V, 3) metres. Returns metres that grow with the root of V: comparable only between
-    shapes of one mesh.
-    """
-    predicted, true = _pair(predicted, true, 3, channels=3)
-    return np.sqrt(((predicted - true) ** 2).sum((1, 2)))
 
 
 def shape_ratio(error_mm: Any, mean_shape_error_mm: Any) -> np.ndarray:
@@ -111,13 +85,6 @@ def segmentation_iou(predicted: Any, true: Any) -> np.ndarray:
     _same_shape(predicted, true, 3, None)
     union = (predicted | true).sum((1, 2))
     return np.where(union > 0, (predicted & true).sum((1, 2)) / np.maximum(union, 1), 1.0)
-
-
-def _scaled_miss(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """Return the prediction scaled by least squares, less the truth."""
-    power = (predicted**2).sum(-1, keepdims=True)
-    scale = (predicted * true).sum(-1, keepdims=True) / np.where(power > 0, power, 1)
-    return scale * predicted - true
 
 
 def _chroma(linear: np.ndarray) -> np.ndarray:

@@ -13,11 +13,9 @@ from rich.text import Text
 
 from vig_train.evaluation.protocol import MASK_HEAD
 from vig_train.evaluation.statistics import FAR_DEG, NEAR_DEG
-from vig_train.evaluation.table import METRICS, OTHER_METRICS
+from vig_train.evaluation.table import METRICS
 from vig_train.packs.card import table_lines
 
-MIN_P = 1e-4
-"""Smaller p values are printed as "p < MIN_P"."""
 GROUPS = ("azimuth", "elevation", "shape", "albedo", "light")
 POSE = GROUPS[:2]
 VERDICTS = ("trusted", "ambiguous", "reverted", "failed")
@@ -49,12 +47,10 @@ class TableBlock:
 def blocks(table: Mapping[str, Any]) -> list[TableBlock]:
     """Return the blocks of a table from `summarise`, in reading order; empty ones are left out."""
     candidates = [
-        _medians(table, "rows", METRICS, "Table 1"),
-        _medians(table, "other_rows", OTHER_METRICS, "Further metrics"),
+        _medians(table),
         _kinds(table),
         _fits(table),
         _coverage(table),
-        _tests(table),
     ]
     return [block for block in candidates if block.rows]
 
@@ -64,11 +60,11 @@ def markdown_table(table: Mapping[str, Any]) -> str:
     return "\n".join(block.markdown() for block in blocks(table))
 
 
-def _medians(table: Mapping[str, Any], key: str, titles: Mapping[str, str], name: str) -> TableBlock:
-    rows = table.get(key, {})
+def _medians(table: Mapping[str, Any]) -> TableBlock:
+    rows = table["rows"]
     methods = list(dict.fromkeys(method for row in rows.values() for method in row if method != MASK_HEAD))
     lines = [
-        [titles[metric], *(_median(row[method]) if method in row else "-" for method in methods)]
+        [METRICS[metric], *(_median(row[method]) if method in row else "-" for method in methods)]
         for metric, row in rows.items()
     ]
     if MASK_HEAD in rows.get("segmentation_iou", {}):  # one number: no column of its own
@@ -76,7 +72,7 @@ def _medians(table: Mapping[str, Any], key: str, titles: Mapping[str, str], name
         lines.append([f"{MASK_HEAD} (IoU)", *(head if method == "rm" else "-" for method in methods)])
     least, most = table.get("min_occlusion", 0.0), table["max_occlusion"]
     limits = f"at most {most:.0%} hidden" if least == 0 else f"{least:.0%} to {most:.0%} hidden"
-    title = f"{name}: {table['tier']}, {table['count']} images, {limits}; median (mean), 95 % interval"
+    title = f"Table 1: {table['tier']}, {table['count']} images, {limits}; median (mean), 95 % interval"
     return TableBlock(title, ["", *methods], lines)
 
 
@@ -137,33 +133,9 @@ def _coverage(table: Mapping[str, Any]) -> TableBlock:
     return TableBlock("Truths within the predicted 90 % interval", ["", *GROUPS, "least", "most"], lines)
 
 
-def _tests(table: Mapping[str, Any]) -> TableBlock:
-    """Return fits against the recognition model, and "spatial" against "robust"."""
-    tests = [test for test in table.get("tests", []) if test["metric"] in METRICS]
-    pairs = list(dict.fromkeys((test["method"], test["against"]) for test in tests))
-    shown = [pair for pair in pairs if pair[1] == "rm" or pair == ("spatial", "robust")]
-    by_pair = {(test["metric"], test["method"], test["against"]): test for test in tests}
-    lines = [
-        [
-            METRICS[metric],
-            *(_test(by_pair[metric, *pair]) if (metric, *pair) in by_pair else "-" for pair in shown),
-        ]
-        for metric in dict.fromkeys(test["metric"] for test in tests)
-        if shown
-    ]
-    header = ["", *(f"{later}\nless {earlier}" for later, earlier in shown)]
-    return TableBlock("Paired: difference of medians, its 95 % interval; p of Wilcoxon's test", header, lines)
-
-
 def _median(summary: Mapping[str, Any]) -> str:
     low, high = summary["ci95"]
     return f"{_digits(summary['median'])} ({_digits(summary['mean'])})\n[{_digits(low)}, {_digits(high)}]"
-
-
-def _test(test: Mapping[str, Any]) -> str:
-    low, high = test["ci95"]
-    p = f"p < {MIN_P:g}" if test["p"] < MIN_P else f"p = {test['p']:.2g}"
-    return f"{_digits(test['median_difference'])}, {p}\n[{_digits(low)}, {_digits(high)}]"
 
 
 def _digits(value: float) -> str:

@@ -17,13 +17,10 @@ from vig_train import METHODS
 from vig_train.evaluation.fits import FitRun, Fits, fit_settings, frame_images
 from vig_train.evaluation.metrics import (
     angle_error_deg,
-    appearance_ab,
     appearance_error,
     illumination_error,
-    illumination_relative,
     segmentation_iou,
     shape_error_mm,
-    shape_paper,
 )
 from vig_train.evaluation.results import MethodResult, predicted_deviation
 from vig_train.evaluation.table import BASELINE
@@ -196,9 +193,6 @@ def _errors(latents: Latents, truth: Truth, object_class: ObjectClass) -> dict[s
         "appearance": appearance_error(latents.albedo, true.albedo),
         "illumination": illumination_error(latents.light, true.light),
         "shape_mm": shape_error_mm(vertices, truth.vertices),
-        "shape_paper": shape_paper(vertices, truth.vertices),
-        "appearance_ab": appearance_ab(latents.albedo, true.albedo),
-        "illumination_relative": illumination_relative(latents.light, true.light),
     }
 
 

@@ -93,24 +93,6 @@ def paired_difference(later: np.ndarray, earlier: np.ndarray, resamples: np.ndar
     }
 
 
-def paired_tests(
-    errors: Mapping[str, Mapping[str, np.ndarray]], metrics: Sequence[str], resamples: np.ndarray
-) -> list[dict[str, Any]]:
-    """Return metrics compared between every two methods: "metric", "method", "against", `paired_difference`.
-
-    errors: method -> metric -> (N,); the later method is compared against the earlier.
-    """
-    methods = list(errors)
-    return [
-        {"metric": metric, "method": later, "against": earlier}
-        | paired_difference(errors[later][metric], errors[earlier][metric], resamples)
-        for place, later in enumerate(methods)
-        for earlier in methods[:place]
-        for metric in metrics
-        if metric in errors[later] and metric in errors[earlier]
-    ]
-
-
 def latent_groups(count: int) -> dict[str, list[int]]:
     """Return columns of a vector of `count` latents, by group; each number is a group, too, as `light_1`.
 

@@ -14,15 +14,11 @@ from vig.io.files import atomic_write
 from vig_train.evaluation.metrics import shape_ratio
 from vig_train.evaluation.results import MethodResult
 from vig_train.evaluation.statistics import (
-    OCCLUSION_BINS,
-    OCCLUSION_LEVELS,
     bootstrap_indices,
     by_kind,
-    by_occlusion,
     coverage,
     failure_rate,
     interval,
-    paired_tests,
     quarters_hidden,
     standardised_errors,
     summary,
@@ -42,19 +38,8 @@ METRICS = {
 }
 """The rows of the table: name in `table.json`, and title for people."""
 
-OTHER_METRICS = {
-    "shape_paper": "shape, root of summed squares (m)",
-    "appearance_ab": "appearance (CIE ab)",
-    "illumination_relative": "illumination / truth's norm",
-}
-"""Further rows: shape error as in the paper's code, and appearance and illumination in standard units."""
-
 BASELINE = "baseline"
 """The method that predicts the training mean for every image; its shape is the unit of `shape_ratio`."""
-
-
-TESTED_METRICS = tuple(metric for metric in METRICS | OTHER_METRICS if metric != "shape_ratio")
-"""Metrics that are tested: the ratio's test is that of `shape_mm`."""
 
 
 def build_table(
@@ -71,7 +56,7 @@ def build_table(
 
     Args:
         results: Method -> metric -> (N,) finite errors, in any of `METRICS` but "shape_ratio", which follows
-            from "shape_mm" where there is a method "baseline", and of `OTHER_METRICS`; any may be missing.
+            from "shape_mm" where there is a method "baseline"; any may be missing.
         occlusion: (N,) in [0, 1].
         renderer: Renderer of the images, "raster" or "cycles".
         rng: Draws the bootstrap samples.
@@ -81,8 +66,8 @@ def build_table(
 
     Returns:
         `{"tier", "count", "max_occlusion", "min_occlusion", "rows": {metric: {method: {"median", "mean",
-        "ci95"}}}, "other_rows"}`: plain numbers, ready for JSON; "tier" is the renderer. ci95 is the
-        percentile bootstrap interval of the median, from the same samples for every method and metric.
+        "ci95"}}}}`: plain numbers, ready for JSON; "tier" is the renderer. ci95 is the percentile bootstrap
+        interval of the median, from the same samples for every method and metric.
 
     Raises:
         ValueError: Unknown metrics, lengths that differ, values that are not finite.
@@ -99,7 +84,7 @@ def build_table(
     samples = bootstrap_indices(count, rng, resamples)
     mean_shape_error = errors.get(BASELINE, {}).get("shape_mm")
     rows: dict[str, dict[str, Any]] = {}
-    for metric in METRICS | OTHER_METRICS:
+    for metric in METRICS:
         for method, values in errors.items():
             if metric in values:
                 summarised = summary(values[metric], samples)
@@ -117,8 +102,7 @@ def build_table(
         "count": count,
         "max_occlusion": max_occlusion,
         "min_occlusion": min_occlusion,
-        "rows": {metric: row for metric, row in rows.items() if metric in METRICS},
-        "other_rows": {metric: row for metric, row in rows.items() if metric in OTHER_METRICS},
+        "rows": rows,
     }
 
 
@@ -144,9 +128,7 @@ def summarise(
         The table, with "failures": method to `statistics.failure_rate`; "verdicts": method to
         `statistics.verdicts`; "coverage": method to group of latents to the share of truths within the
         predicted 90 % interval; "kinds": see `statistics.by_kind`, by quarters of the hidden share and, for
-        photographs, by the object's covering; "tests": a list from
-        `statistics.paired_tests`, without the baseline; "levels", "bins": for all images whatever the limits,
-        {"ranges": [[least, most], ...], "counts", "rows": {metric: {method: [summary or None, ...]}}}.
+        photographs, by the object's covering.
 
     Raises:
         UserError: No image is within the limits.
@@ -158,11 +140,6 @@ def summarise(
     )
     chosen = within_occlusion(dataset.occlusion, min_occlusion, max_occlusion)
     samples = bootstrap_indices(table["count"], rng)
-    compared = {
-        method: {metric: values[chosen] for metric, values in metrics.items()}
-        for method, metrics in errors.items()
-        if method != BASELINE and "azimuth_deg" in metrics
-    }
     posed = {method: result for method, result in results.items() if "azimuth_deg" in result.errors}
     uncertain = {method: result for method, result in results.items() if result.deviation is not None}
     kinds = quarters_hidden(dataset.occlusion, chosen)
@@ -175,31 +152,6 @@ def summarise(
         "kinds": by_kind(posed, kinds, dataset.latents),
         "coverage": {
             m: coverage(standardised_errors(r, dataset.latents)[chosen]) for m, r in uncertain.items()
-        },
-        "tests": paired_tests(compared, TESTED_METRICS, samples),
-        "levels": _ranges(errors, dataset.occlusion, [(0.0, level) for level in OCCLUSION_LEVELS], rng),
-        "bins": _ranges(errors, dataset.occlusion, list(OCCLUSION_BINS), rng),
-    }
-
-
-def _ranges(
-    errors: Mapping[str, Mapping[str, np.ndarray]],
-    occlusion: np.ndarray,
-    ranges: list[tuple[float, float]],
-    rng: np.random.Generator,
-) -> dict[str, Any]:
-    """Return every metric of every method for each range of occlusion."""
-    return {
-        "ranges": [list(limits) for limits in ranges],
-        "counts": [int(within_occlusion(occlusion, *limits).sum()) for limits in ranges],
-        "rows": {
-            metric: {
-                method: by_occlusion(metrics[metric], occlusion, ranges, rng)
-                for method, metrics in errors.items()
-                if metric in metrics
-            }
-            for metric in METRICS
-            if any(metric in metrics for metrics in errors.values())
         },
     }
 
@@ -227,8 +179,8 @@ def check_limits(occlusion: np.ndarray, least: float, most: float) -> None:
 
 def _checked(method: str, metric: str, values: Any, chosen: np.ndarray) -> np.ndarray:
     array = np.asarray(values, dtype=np.float64)
-    if metric == "shape_ratio" or metric not in METRICS | OTHER_METRICS:
-        expected = ", ".join(name for name in METRICS | OTHER_METRICS if name != "shape_ratio")
+    if metric == "shape_ratio" or metric not in METRICS:
+        expected = ", ".join(name for name in METRICS if name != "shape_ratio")
         raise ValueError(f"unknown metric {metric!r} of {method!r}; expected one of {expected}")
     if array.shape != chosen.shape:
         raise ValueError(f"{method} {metric}: expected one value per image {chosen.shape}; got {array.shape}")

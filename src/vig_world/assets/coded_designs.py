@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from vig.io.checks import decode, read_json
-from vig.io.files import write_json
 from vig_world.asset_cache import asset_cache
 from vig_world.assets.designs.design import (
     HELD_OUT_DESIGNS,
@@ -26,27 +25,18 @@ from vig_world.assets.mugs.mug import mug_vertices
 PARAMETERS_FILE = "designs.json"
 Design = TeapotDesign | MugDesign
 Kind = Literal["teapot", "mug"]
-_CATALOGUE: dict[Kind, dict[str, Any]] = {
+CATALOGUE: dict[Kind, dict[str, Any]] = {
     "teapot": {each.name: each for each in TRAINING_DESIGNS + HELD_OUT_DESIGNS + VALIDATION_DESIGNS},
     "mug": {each.name: each for each in TRAINING_MUGS + HELD_OUT_MUGS + VALIDATION_MUGS},
 }
 
 
 @dataclass(frozen=True)
-class _Parameters:
+class Parameters:
     """Content of `PARAMETERS_FILE`: parameters of designs outside the kind's catalogue, by name."""
 
     kind: Kind
     drawn: dict[str, dict[str, Any]]
-
-
-def save_parameters(designs: Sequence[Design], folder: Path) -> None:
-    """Write the parameters of designs of one kind into a class pack."""
-    kind: Kind = "teapot" if isinstance(designs[0], TeapotDesign) else "mug"
-    drawn = {design.name: asdict(design) for design in designs if design.name not in _CATALOGUE[kind]}
-    for parameters in drawn.values():
-        del parameters["name"]
-    write_json(folder / PARAMETERS_FILE, asdict(_Parameters(kind, drawn)), 1)
 
 
 def coded_vertices(path: Path, names: Sequence[str]) -> np.ndarray:
@@ -55,9 +45,9 @@ def coded_vertices(path: Path, names: Sequence[str]) -> np.ndarray:
     Raises:
         ValueError, OSError: The file is missing or damaged, or lacks one of the names.
     """
-    parameters = decode(_Parameters, read_json(path))
+    parameters = decode(Parameters, read_json(path))
     of_kind: type[Design] = TeapotDesign if parameters.kind == "teapot" else MugDesign
-    designs = _CATALOGUE[parameters.kind] | {
+    designs = CATALOGUE[parameters.kind] | {
         name: decode(of_kind, {"name": name} | values) for name, values in parameters.drawn.items()
     }
     if missing := [name for name in names if name not in designs]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -13,7 +13,7 @@ import numpy as np
 from vig.io.checks import check_arrays, decode, read_json, read_tensors, reading
 from vig.io.files import write_arrays, write_json
 from vig.scene import ObjectClass
-from vig_world.assets.coded_designs import PARAMETERS_FILE, Design, coded_vertices, save_parameters
+from vig_world.assets.coded_designs import PARAMETERS_FILE, coded_vertices
 
 DESIGNS_FILE = "designs.safetensors"
 NAMED = "held_out_designs"
@@ -46,17 +46,10 @@ class HeldOutDesigns:
         """Add the designs to a class pack that `ObjectClass.save` has written."""
         write_arrays(folder / DESIGNS_FILE, {"vertices": self.vertices})
         (folder / PARAMETERS_FILE).unlink(missing_ok=True)
-        _name(folder, zip(self.names, self.splits, strict=True))
+        name_designs(folder, zip(self.names, self.splits, strict=True))
 
 
-def save_coded(designs: Mapping[str, Sequence[Design]], folder: Path) -> None:
-    """Add designs by split to a class pack that `ObjectClass.save` has written, by their parameters."""
-    save_parameters([design for of_split in designs.values() for design in of_split], folder)
-    (folder / DESIGNS_FILE).unlink(missing_ok=True)
-    _name(folder, [(design.name, split) for split, of_split in designs.items() for design in of_split])
-
-
-def _name(folder: Path, designs: Iterable[tuple[str, str]]) -> None:
+def name_designs(folder: Path, designs: Iterable[tuple[str, str]]) -> None:
     """Name designs in class.json, each with its split."""
     named = [{"name": name, "split": split} for name, split in designs]
     described = read_json(folder / "class.json") | {NAMED: named}

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from vig.io.errors import UserError
 from vig.io.printing import end
-from vig_world.cli.settings import Check, ExportDataset, Groups, Make, Show
+from vig_world.cli.settings import Check, ExportDataset, Make, Show
 
 if TYPE_CHECKING:
     from vig.scene import ObjectClass
@@ -24,12 +24,6 @@ def make(settings: Make) -> int:
     from vig_world.generation.describe import describe_split
     from vig_world.generation.write import make_dataset
 
-    if settings.finish != "diffuse" and settings.world == "photo":
-        raise UserError(
-            f"--finish {settings.finish} is for --world paper; photographs show objects of any finish."
-        )
-    if settings.finish != "diffuse" and settings.tier != "cycles":
-        raise UserError(f"--finish {settings.finish} is for --tier cycles; the rasteriser has only diffuse.")
     own = _own(settings)
     folder = make_dataset(
         settings.out,
@@ -40,7 +34,6 @@ def make(settings: Make) -> int:
         workers=settings.workers,
         progress=not settings.json,
         object_class=ObjectClass.load(settings.object_class),
-        options={"finish": settings.finish} if settings.tier == "cycles" else {},
         own=own,
         photo=settings.photo,
         world=settings.world,
@@ -79,29 +72,6 @@ REASONS = {
     "tolerance": "another share hidden than wanted",
 }
 """Why candidates were not taken, where the name of the reason in info.json does not say it."""
-
-
-def groups(settings: Groups) -> int:
-    """Run `vig dataset groups`."""
-    from vig.scene import ObjectClass
-    from vig_world.dataset.format import MOST_SIDE
-    from vig_world.generation.groups import write_groups
-
-    if settings.count < 1 or not all(16 <= side <= MOST_SIDE for side in (settings.width, settings.height)):
-        raise UserError(
-            f"expected --count of 1 or more, --width and --height of 16 to {MOST_SIDE}; got {settings.count},"
-            f" {settings.width} and {settings.height}. Choose others."
-        )
-    classes = [ObjectClass.load(name) for name in settings.classes]
-    size = settings.width, settings.height
-    for _ in write_groups(settings.out, settings.count, settings.seed, settings.split, classes, size):
-        pass
-    out = settings.out
-    if settings.json:
-        print(json.dumps({"folder": str(out), "photos": settings.count}))
-    else:
-        end(out, f"made {out}/photos: vig fit {out}/photos --boxes {out}/boxes.json explains them")
-    return 0
 
 
 def _own(settings: Make | Check) -> OwnAssets:

@@ -30,9 +30,6 @@ class Make:
     world: World = "photo"
     """photo: scenes as wide as photographs, with objects of any surface, on seamless grounds too, through any
     lens; paper: the paper's, with matt objects in pastel colours before one camera."""
-    finish: Literal["diffuse", "glossy", "painted"] = "diffuse"
-    """With --world paper, finish of the path-traced object: matt as in the model, glazed, or glazed over a
-    painted decoration."""
     size: str = "150x150"
     """Width x height of the pictures, pixels. Scenes are the same at any size: the square that they are
     composed for lies in the middle; a wide picture shows more at its sides, a tall one above and below."""
@@ -40,9 +37,8 @@ class Make:
     """Write pictures of surface normals, too."""
     photo: bool = False
     """Pass the pictures through a camera model: exposure, white balance, blur, noise, JPEG."""
-    envmaps: str | None = None
-    """Folder of custom panoramas (.hdr, .exr) in place of the built-in ones; `bpy`: the eight in Blender's
-    wheel."""
+    envmaps: Path | None = None
+    """Folder of custom panoramas (.hdr, .exr) in place of the built-in ones."""
     props: Path | None = None
     """Folder of custom props (.glb, .gltf, .obj, .ply, .off, .stl) in place of the built-in ones; or a
     furniture catalogue of Sweet Home 3D, with words that pick models: catalogue.sh3f:fruit,toy."""
@@ -59,41 +55,20 @@ class Make:
 
 
 @dataclass(frozen=True)
-class Groups:
-    """Photographs of two to four objects that hide one another, with their truth; can be run again."""
-
-    count: int
-    """Number of photos."""
-    out: Path = Path("vig-groups")
-    """Folder of the photos, their masks, boxes.json for `vig fit --boxes`, and truth.jsonl."""
-    seed: int = 0
-    """Photo i is a pure function of it and i."""
-    split: Split = "train"
-    """Which assets and object designs the scenes are made of; no two splits share any."""
-    classes: tuple[str, ...] = ("teapot", "mug")
-    """Packaged classes or folders of class packs; each object is of one of them."""
-    width: int = 480
-    """Width of the photos, pixels."""
-    height: int = 360
-    """Height of the photos, pixels."""
-    json: bool = False
-    """Print one JSON object at the end."""
-
-
-@dataclass(frozen=True)
 class Check:
-    """Verify a dataset: every file, every label, renderings against files. Exits 1 when it has problems."""
+    """Verify a dataset: every file, and renderings with their labels against files. Exits 1 when it has
+    problems."""
 
     dataset: tyro.conf.Positional[Path]
     """Folder of the dataset."""
     split: Split | None = None
     """Which split; all complete ones by default."""
     render: int = 0
-    """Number of samples of each split that are rendered again from their specs and compared."""
+    """Number of samples of each split that are rendered again from their specs and compared, labels too."""
     object_class: Annotated[str | None, tyro.conf.arg(name="class")] = None
     """The folder of the class pack it was made with, when that is not a packaged class."""
-    envmaps: str | None = None
-    """Folder of the custom panoramas (.hdr, .exr) that it was made with; `bpy`: those in Blender's wheel."""
+    envmaps: Path | None = None
+    """Folder of the custom panoramas (.hdr, .exr) that it was made with."""
     props: Path | None = None
     """Folder or catalogue of the custom props that it was made with."""
     furniture: Path | None = None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
@@ -19,14 +18,10 @@ from vig_world.dataset.table import read_table
 from vig_world.extras import optional_import
 from vig_world.generation.keypoints import EDGES, OUTSIDE, SEEN, Keypoints, keypoints
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 SHEET, TILE = 1770, (210, 300)
 """Width of a sheet, about; least and most pixels of the shorter side of a photo on it, else as it is."""
 MARGIN, CAPTION = 10, 22
 TINT, OUTLINE, DARK = np.array([255, 40, 160]), (40, 230, 255), (20, 20, 20)
-INK, FAINT, BLUE, ORANGE = "#22262e", "#d9dde3", "#3b6fb6", "#e08a2e"
 
 
 def chosen(occlusion: np.ndarray, count: int) -> np.ndarray:
@@ -79,7 +74,7 @@ def contact_sheet(
         sheet.paste(tile, (x, y))
         draw.text((x, y + height + 2), f"{index}", fill="#8a93a0", font=font)
         caption = f"{dataset.occlusion[index]:.0%} hidden"
-        draw.text((x + width, y + height + 2), caption, fill=INK, font=font, anchor="ra")
+        draw.text((x + width, y + height + 2), caption, fill=DARK, font=font, anchor="ra")
     with atomic_write(path) as temporary:
         sheet.save(temporary)
     return Path(path)
@@ -130,7 +125,6 @@ def histograms(root: str | Path, split: str, path: str | Path) -> Path:
     """
     with optional_import("world"):  # 0.2 s that worker processes need not spend
         from matplotlib.figure import Figure
-        from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     light = tuple(f"light_1_{order}" for order in (-1, 0, 1))
     shown = ("occlusion", "target_occlusion", "azimuth", "elevation", "size", "light_0_0", *light, "cause")
@@ -140,78 +134,30 @@ def histograms(root: str | Path, split: str, path: str | Path) -> Path:
         if not np.isfinite(columns[name]).all():
             raise UserError(f"expected finite numbers in '{name}' of '{root}'; got others. {REMEDY}")
     settings = read_info(Path(root))["splits"][split]
-    spacing = ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.12, hspace=0.06, wspace=0.04)
-    figure = Figure(figsize=(12, 6.6), facecolor="white", layout=spacing)
+    figure = Figure(figsize=(12, 6.6), layout="constrained")
     figure.suptitle(
         f"{Path(root).resolve().name}: {len(table):,} samples, {split} split, {settings['tier']},"
-        f" seed {settings['seed']}",
-        x=0.012,
-        ha="left",
-        color=INK,
-        fontsize=13,
+        f" seed {settings['seed']}"
     )
     axes = figure.subplots(2, 3)
-    _occlusion(axes[0, 0], columns)
-    _bars(axes[0, 1], np.degrees(columns["azimuth"]), np.linspace(0, 360, 19), "azimuth, degrees", 360)
-    axes[0, 1].set_xticks(range(0, 361, 90))
-    _bars(axes[0, 2], np.degrees(columns["elevation"]), np.linspace(0, 90, 19), "elevation, degrees", 90)
-    axes[0, 2].set_xticks(range(0, 91, 30))
+    asked, got = (100 * columns[name] for name in ("target_occlusion", "occlusion"))
+    axes[0, 0].hist([asked, got], np.linspace(0, 100, 11).tolist())
+    axes[0, 0].set_title("occlusion, %: asked for, reached (orange)")
     size = 100 * columns["size"]
-    edges = np.linspace(0, max(10.0, np.ceil(size.max() / 10) * 10), 21)
-    _bars(axes[1, 0], size, edges, "size: silhouette, % of the frame")
     ratio = np.linalg.norm([columns[name] for name in light], axis=0) / columns["light_0_0"]
-    edges = np.linspace(0, max(1.5, np.ceil(ratio.max() * 4) / 4), 21)
-    _bars(axes[1, 1], ratio, edges, "light: |L1| / L0, 0 from all sides, 1.7 from one")
-    _causes(axes[1, 2], columns)
+    for panel, values, end, label in (
+        (axes[0, 1], np.degrees(columns["azimuth"]), 360, "azimuth, degrees"),
+        (axes[0, 2], np.degrees(columns["elevation"]), 90, "elevation, degrees"),
+        (axes[1, 0], size, max(10.0, size.max()), "size: silhouette, % of the frame"),
+        (axes[1, 1], ratio, max(1.5, ratio.max()), "light: |L1| / L0, 0 from all sides, 1.7 from one"),
+    ):
+        panel.hist(values, np.linspace(0, end, 20).tolist())
+        panel.set_title(label)
+    causes = ("none", "truncation", "support", "occluder")
+    bars = axes[1, 2].barh(causes, [int((columns["cause"] == name).sum()) for name in causes])
+    axes[1, 2].bar_label(bars, padding=2)
+    axes[1, 2].margins(x=0.1)
+    axes[1, 2].set_title("what hides most of the object")
     with atomic_write(path) as temporary:
         figure.savefig(temporary, dpi=110)
     return Path(path)
-
-
-def _bare(axes: Axes, label: str) -> None:
-    axes.set_title(label, loc="left", fontsize=10, color=INK)
-    axes.spines[["top", "right", "left"]].set_visible(False)
-    axes.spines["bottom"].set_color(FAINT)
-    axes.tick_params(colors="#6b7480", labelsize=8.5, length=0)
-    axes.set_axisbelow(True)
-
-
-def _bars(axes: Axes, values: np.ndarray, edges: np.ndarray, label: str, limit: float | None = None) -> None:
-    axes.hist(values, edges.tolist(), color=BLUE, rwidth=0.92)
-    _bare(axes, label)
-    axes.grid(axis="y", color=FAINT, linewidth=0.7)
-    axes.set_xlim(0, limit or edges[-1])
-
-
-def _occlusion(axes: Axes, columns: dict[str, np.ndarray]) -> None:
-    edges = np.linspace(0, 100, 11)
-    asked, _ = np.histogram(100 * columns["target_occlusion"], edges)
-    got, _ = np.histogram(100 * columns["occlusion"], edges)
-    axes.bar(edges[:-1] + 2.9, asked, 4.0, color=FAINT, label="asked for")
-    axes.bar(edges[:-1] + 7.1, got, 4.0, color=ORANGE, label="reached")
-    _bare(axes, "occlusion, %")
-    axes.grid(axis="y", color=FAINT, linewidth=0.7)
-    axes.set_xlim(0, 100)
-    axes.set_xticks(range(0, 101, 20))
-    axes.legend(
-        loc="lower right",
-        bbox_to_anchor=(1.02, 0.98),
-        borderaxespad=0.0,
-        ncols=2,
-        frameon=False,
-        fontsize=8.5,
-        labelcolor=INK,
-    )
-
-
-def _causes(axes: Axes, columns: dict[str, np.ndarray]) -> None:
-    names = ("none", "truncation", "support", "occluder")
-    counts = [int((columns["cause"] == name).sum()) for name in names]
-    axes.barh(names, counts, color=BLUE, height=0.62)
-    _bare(axes, "what hides most of the object")
-    for place, count in enumerate(counts):
-        axes.text(count, place, f" {count:,}", va="center", fontsize=8.5, color=INK)
-    axes.set_xticks([])
-    axes.set_xlim(0, 1.18 * max(counts))
-    axes.spines["bottom"].set_visible(False)
-    axes.tick_params(axis="y", labelcolor=INK)

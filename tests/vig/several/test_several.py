@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 import vig
+from benchmarks.groups import Group, make_group
 from vig.explanation import Explanation
 from vig.io.errors import UserError
 from vig.several import MOST_OBJECTS, SceneExplanation, explain_found, explain_together, order
@@ -18,7 +19,6 @@ from vig.several.joint import _Refit, _without, _without_cycles
 from vig_app.cli.main import main
 from vig_app.exports import export_run
 from vig_app.results import read_results
-from vig_world.generation.groups import Group, make_group
 from vig_world.library import Library
 
 SEED, INDEX = 7, 44

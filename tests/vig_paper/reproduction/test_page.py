@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import json
 import re
 from html.parser import HTMLParser
 from pathlib import Path
@@ -14,8 +13,7 @@ import pytest
 from vig.io.errors import UserError
 from vig.photo.images import write_png
 from vig_paper.reproduction import RunFolder
-from vig_paper.reproduction.page import write_page
-from vig_paper.reproduction.reached import RUNS
+from vig_paper.reproduction.page import training_line, write_page
 from vig_paper.settings import ReproductionSettings
 from vig_train.evaluation.table import build_table, save_table
 from vig_train.record import Record
@@ -96,20 +94,16 @@ def test_passing_cells_are_counted_and_failing_ones_named(folder: RunFolder) -> 
 
 def test_what_it_was_trained_on_is_said(folder: RunFolder) -> None:
     write_page(folder.root)
-    assert "It trained on 200 photos in 3 passes; the paper" in folder.page.read_text()
-
-
-def test_a_tiny_run_is_judged_by_runs_of_its_size(folder: RunFolder) -> None:
-    """Of the robust fit all medians are far better, of the recognition model two are about as good."""
-    record = json.loads(folder.record.read_text())
-    record["settings"]["epochs"] = 2
-    folder.record.write_text(json.dumps(record))
-    write_page(folder.root)
     text = folder.page.read_text()
-    assert f"Rasterised photos: 7 of 10 medians are as those of {RUNS}, or better." in text
-    assert "5 of 10 are better than these." in text and "Not passed" not in text
-    assert text.count("<b>ok</b>") == 7 and text.count("<b>worse</b>") == 3
-    assert "<small>53.2 to 96.7 · <b>ok</b></small>" in text and "<b>fail</b>" not in text
+    assert "It trained on 200 photos in 3 passes; the paper" in text
+    assert "So small a run checks that everything works" in text
+
+
+def test_what_a_run_trained_on() -> None:
+    paper = ReproductionSettings.of("paper").to_json()
+    assert "10,000 photos in as many passes as vig train makes" in training_line(paper, 10000)
+    given = ReproductionSettings.of("tiny", weights=Path("w.safetensors")).to_json()
+    assert training_line(given, 200) == "It took the given weights w.safetensors in place of a training."
 
 
 def test_a_folder_without_a_run_is_told(tmp_path: Path) -> None:

@@ -82,16 +82,6 @@ def test_wilcoxon_by_hand() -> None:
     assert statistics.paired_difference(first, np.zeros(5), drawn(5))["p"] == pytest.approx(2 / 32)
 
 
-def test_later_methods_are_tested_against_earlier_ones_where_both_have_a_metric() -> None:
-    values = np.array([1.0, 2.0])
-    errors = {"rm": {"a": values}, "head": {"b": values}, "robust": {"a": values - 1, "b": values}}
-    found = [
-        (test["metric"], test["method"], test["against"], test["median_difference"])
-        for test in statistics.paired_tests(errors, ("a", "b"), drawn(2))
-    ]
-    assert found == [("a", "robust", "rm", -1.0), ("b", "robust", "head", 0.0)]
-
-
 def test_standardised_errors_go_round_the_circle() -> None:
     truth, found = np.zeros((1, 24)), np.zeros((1, 24))
     truth[0, 10], found[0, 10] = 0.1, 2 * np.pi - 0.1

@@ -13,7 +13,6 @@ from rich.console import Console
 from vig.io.errors import UserError
 from vig_train.evaluation.presentation import blocks, markdown_table
 from vig_train.evaluation.protocol import MASK_HEAD
-from vig_train.evaluation.statistics import OCCLUSION_BINS, OCCLUSION_LEVELS
 from vig_train.evaluation.table import METRICS, build_table, save_table, summarise
 from vig_world.dataset import Dataset
 
@@ -79,12 +78,6 @@ def test_it_is_written_as_json(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "table.json").read_text()) == small()
 
 
-def test_other_metrics_have_rows_of_their_own() -> None:
-    table = build_table({"rm": {"azimuth_deg": [1.0], "appearance_ab": [7.0]}}, [0.0], "raster", rng())
-    assert table["rows"].keys() == {"azimuth_deg"}
-    assert table["other_rows"]["appearance_ab"]["rm"]["median"] == 7.0
-
-
 def test_the_lower_limit_is_left_out() -> None:
     errors = {"rm": {"azimuth_deg": [1.0, 2.0, 4.0]}}
     table = build_table(errors, [0.0, 0.5, 0.6], "raster", rng(), min_occlusion=0.5)
@@ -129,14 +122,7 @@ def test_the_table_has_every_part_and_is_json(results, dataset: Dataset, tmp_pat
     fits = {"gaussian", "robust", "spatial"}
     assert set(table["failures"]) == {"baseline", "rm"} | fits
     assert set(table["verdicts"]) == fits and set(table["coverage"]) == {"rm"} | fits
-    pairs = {(test["method"], test["against"]) for test in table["tests"]}
-    assert len(pairs) == 6 and not any(MASK_HEAD in pair or "baseline" in pair for pair in pairs)
-    assert sum(table["bins"]["counts"]) == len(dataset) == table["count"]
-    assert len(table["levels"]["counts"]) == len(OCCLUSION_LEVELS) and table["levels"]["counts"][-1] == len(
-        dataset
-    )
-    assert len(table["bins"]["rows"]["azimuth_deg"]["robust"]) == len(OCCLUSION_BINS)
-    assert MASK_HEAD in table["bins"]["rows"]["segmentation_iou"]
+    assert table["count"] == len(dataset) and MASK_HEAD in table["rows"]["segmentation_iou"]
 
 
 def test_parts_are_of_the_images_within_the_limits(results, dataset: Dataset) -> None:
@@ -147,9 +133,7 @@ def test_parts_are_of_the_images_within_the_limits(results, dataset: Dataset) ->
     errors = results["rm"].errors["azimuth_deg"][chosen]
     assert table["failures"]["rm"]["count"] == (errors > 30).sum()
     assert sum(table["verdicts"]["robust"]["counts"].values()) == 2
-    test = next(t for t in table["tests"] if t["metric"] == "azimuth_deg" and t["method"] == "robust")
-    difference = results["robust"].errors["azimuth_deg"][chosen] - errors
-    np.testing.assert_allclose(test["mean_difference"], difference.mean())
+    assert table["rows"]["azimuth_deg"]["rm"]["mean"] == pytest.approx(errors.mean())
 
 
 def test_the_terminal_shows_every_cell_in_a_hundred_columns(results, dataset: Dataset) -> None:

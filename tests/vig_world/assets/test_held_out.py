@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 
 from tests.support import TEAPOT
+from tools.classes.drawn_teapots import drawn_designs
+from tools.classes.shapes import save_coded
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig.scene.object_class import TRANSFER_FILE
 from vig_world.assets.coded_designs import PARAMETERS_FILE
 from vig_world.assets.designs.design import HELD_OUT_DESIGNS
-from vig_world.assets.designs.drawn import drawn_designs
 from vig_world.assets.designs.teapot import teapot_vertices
-from vig_world.assets.held_out import DESIGNS_FILE, held_out_designs_of, save_coded
+from vig_world.assets.held_out import DESIGNS_FILE, held_out_designs_of
 
 
 @pytest.fixture

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from vig_world.assets.designs.soundness import crossings
-from vig_world.assets.mugs import drawn as drawn_module
+from tools.classes import drawn_mugs as drawn_module
+from tools.classes.drawn_mugs import MIXING, draw_mug, drawn_mugs
+from tools.classes.mug_flaws import flaws
+from tools.classes.soundness import crossings
 from vig_world.assets.mugs.design import HELD_OUT_MUGS, TRAINING_MUGS, VALIDATION_MUGS, MugDesign
-from vig_world.assets.mugs.drawn import MIXING, draw_mug, drawn_mugs
-from vig_world.assets.mugs.flaws import flaws
 from vig_world.assets.mugs.mug import MUG_FACES, MUG_MIRROR, MUG_PARTS, PART_NAMES, POINTS, mug_vertices
 from vig_world.mesh import face_edges, face_normals
 

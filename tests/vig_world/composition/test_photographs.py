@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_dilation, binary_erosion
 
+from tests.vig_world.generation.labels import silhouette
 from vig.scene import Latents, ObjectClass
 from vig_world.assets.coats import albedo_of, draw_coat, mean_albedo
 from vig_world.assets.panoramas.light import mirror
@@ -13,7 +14,6 @@ from vig_world.assets.target import target_vertices
 from vig_world.composition.photographs import draw_manner
 from vig_world.composition.sampling import sample
 from vig_world.dataset.spec import SceneSpec
-from vig_world.generation.labels import silhouette
 from vig_world.library import Library
 from vig_world.raster.view import View
 from vig_world.renderers.cycles.appearance import baked

@@ -15,13 +15,13 @@ import pyarrow.parquet as pq
 import pytest
 from PIL import Image
 
+from tests.vig_world.generation.labels import problems_of, silhouette
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig_world.assets.target import target_vertices
 from vig_world.composition.sampling import sample
 from vig_world.dataset.spec import Split
 from vig_world.generation.check import check_dataset
-from vig_world.generation.labels import silhouette
 from vig_world.library import Library
 from vig_world.renderers.rasterized import render
 
@@ -101,18 +101,14 @@ def picture(array: np.ndarray) -> bytes:
 @pytest.mark.parametrize(
     ("name", "change", "expected"),
     [
-        ("mask/000002_000000.png", lambda a: a[::-1, ::-1].copy(), "are not where the mesh projects"),
-        ("mask/000002_000000.png", lambda a: a // 2, "values other than 0 and 255"),
-        ("mask/000002_000000.png", lambda a: a * 0, "mask is empty"),
-        ("mask_visib/000002_000000.png", lambda a: 255 - a, "mask_visib is not within mask"),
-        ("mask_visib/000002_000000.png", lambda a: a * 0, "the masks give 1.0000"),
-        ("depth/000002.png", lambda a: a * 0, "px_count_valid"),
-        ("depth/000002.png", lambda a: (a * 0.5).astype(a.dtype), "are within the object's depth"),
+        ("mask/000002_000000.png", lambda a: a // 2, "masks are not of 0 and 255"),
+        ("mask/000002_000000.png", lambda a: a * 0, "the whole one around"),
+        ("mask_visib/000002_000000.png", lambda a: 255 - a, "the whole one around the visible"),
         ("rgb/000002.png", lambda a: a[:, :, 0], "150 x 150 L, not 150 x 150 RGB"),
         ("rgb/000002.png", lambda a: a[1:], "150 x 149 RGB"),
     ],
 )
-def test_pictures_that_contradict_the_labels_are_found(
+def test_pictures_that_cannot_be_are_found(
     name: str, change: Callable[[np.ndarray], np.ndarray], expected: str, copy: Path, teapot: ObjectClass
 ) -> None:
     path = copy / SCENE / name
@@ -120,6 +116,32 @@ def test_pictures_that_contradict_the_labels_are_found(
     seal(copy)
     problems = check_dataset(copy, object_class=teapot).problems
     assert any(expected in problem for problem in problems), problems
+    assert all("sample 2" in problem or "000002" in problem for problem in problems)
+
+
+def test_all_labels_agree_with_each_other(made: Path, teapot: ObjectClass) -> None:
+    assert problems_of(made, teapot) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "expected"),
+    [
+        ("mask", lambda a: a[::-1, ::-1], "are not where the mesh projects"),
+        ("mask_visib", lambda a: a * 0, "the masks give 1.0000"),
+        ("depth", lambda a: a * 0, "px_count_valid"),
+        ("depth", lambda a: (a * 0.5).astype(a.dtype), "are within the object's depth"),
+    ],
+)
+def test_pictures_that_contradict_the_labels_are_found(
+    name: str, change: Callable[[np.ndarray], np.ndarray], expected: str, copy: Path, teapot: ObjectClass
+) -> None:
+    path = copy / SCENE / name / ("000002.png" if name == "depth" else "000002_000000.png")
+    path.write_bytes(picture(change(np.asarray(Image.open(path))).copy()))
+    seal(copy)
+    assert any(expected in problem for problem in problems_of(copy, teapot))
+    problems = check_dataset(copy, render=COUNT, object_class=teapot).problems
+    named = path.relative_to(copy / "train").as_posix()
+    assert f"{named}: differs when rendered again from its spec" in problems
     assert all("sample 2" in problem or "000002" in problem for problem in problems)
 
 
@@ -146,8 +168,9 @@ def test_wrong_rows_are_found(
     rows[2][column] = value
     pq.write_table(pa.Table.from_pylist(rows), path)
     seal(copy)
-    problems = check_dataset(copy, object_class=teapot).problems
-    assert any(problem.startswith("sample 2: ") and expected in problem for problem in problems), problems
+    assert any(expected in problem for problem in problems_of(copy, teapot))
+    problems = check_dataset(copy, render=COUNT, object_class=teapot).problems
+    assert problems == (f"sample 2: rendered again from its spec, these columns differ: {column}",)
 
 
 @pytest.mark.parametrize(
@@ -170,8 +193,9 @@ def test_wrong_bop_entries_are_found(
     entries["2"][0][key] = value
     path.write_text(json.dumps(entries))
     seal(copy)
-    problems = check_dataset(copy, object_class=teapot).problems
-    assert any(problem.startswith("sample 2: ") and expected in problem for problem in problems), problems
+    assert any(expected in problem for problem in problems_of(copy, teapot))
+    problems = check_dataset(copy, render=COUNT, object_class=teapot).problems
+    assert f"sample 2: rendered again from its spec, its {name.removeprefix('scene_')} differs" in problems
 
 
 def test_rendering_again_finds_a_picture_of_something_else(copy: Path, teapot: ObjectClass) -> None:

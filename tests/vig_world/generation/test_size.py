@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from tests.vig_world.generation.labels import normal_problems, problems_of
 from vig.io.errors import UserError
 from vig.scene import ObjectClass, srgb8_from_linear
 from vig_train.evaluation.fits import frame_images
@@ -22,7 +23,6 @@ from vig_world.dataset import Dataset, read_dataset
 from vig_world.dataset.format import image_paths
 from vig_world.generation.check import check_dataset
 from vig_world.generation.describe import normal_units
-from vig_world.generation.labels import normal_problems
 from vig_world.generation.write import make_dataset
 from vig_world.library import Library
 from vig_world.raster.view import View
@@ -70,6 +70,7 @@ def test_the_standard_picture_is_the_square_in_the_middle(other: Path, made: Pat
 def test_every_label_is_right_and_renders_again(other: Path, teapot: ObjectClass) -> None:
     found = check_dataset(other, render=2, object_class=teapot)
     assert found.problems == () and found.files == 5 * COUNT + 5
+    assert problems_of(other, teapot) == []
 
 
 def test_pictures_have_the_size(other: Path) -> None:

@@ -20,8 +20,7 @@ from vig_world.composition.sampling import sample
 from vig_world.dataset.spec import SceneSpec
 from vig_world.library import Library
 from vig_world.raster.view import View
-from vig_world.renderers.cycles import FINISHES, CyclesRenderer, renderer
-from vig_world.renderers.cycles.appearance import cylindrical_uv
+from vig_world.renderers.cycles import CyclesRenderer, renderer
 from vig_world.renderers.cycles.blender import wire
 from vig_world.renderers.cycles.message import compose
 from vig_world.renderers.cycles.process import BlenderProcess, WorkerDiedError
@@ -160,33 +159,26 @@ def test_the_interpreter_comes_from_argument_then_environment(monkeypatch: pytes
         find_python()
 
 
-@pytest.mark.parametrize(
-    "wrong", [{"samples": 0}, {"threads": 0}, {"recycle": 0}, {"size": 0}, {"finish": "matte"}]
-)
+@pytest.mark.parametrize("wrong", [{"samples": 0}, {"threads": 0}, {"recycle": 0}, {"size": 0}])
 def test_settings_out_of_range_are_refused(library: Library, teapot: ObjectClass, wrong: dict) -> None:
     with pytest.raises(UserError, match=next(iter(wrong))):
         CyclesRenderer(library, teapot, sys.executable, **wrong)
 
 
-@pytest.mark.parametrize("finish", FINISHES)
-def test_the_message_holds_the_object_whole_whatever_its_finish(
-    library: Library, teapot: ObjectClass, spec: SceneSpec, finish: str
-) -> None:
-    header, arrays = compose(library, spec, teapot, finish)
+def test_the_message_holds_the_object_whole(library: Library, teapot: ObjectClass, spec: SceneSpec) -> None:
+    header, arrays = compose(library, spec, teapot)
     targets = [n for n, thing in enumerate(header["things"]) if thing["target"]]
     faces = np.concatenate([arrays[f"{n}_faces"] for n in targets])
     assert sorted(map(tuple, faces)) == sorted(map(tuple, teapot.shape_model.faces))
     for number, thing in enumerate(header["things"]):
         assert (thing["material"]["texture"] is None) == (f"{number}_uv" not in arrays)
-    again = compose(library, spec, teapot, finish)
+    again = compose(library, spec, teapot)
     assert again[0] == header and all(np.array_equal(again[1][k], v) for k, v in arrays.items())
 
 
 def test_a_wide_picture_is_as_high_and_shows_more_at_its_sides(library: Library, teapot: ObjectClass) -> None:
     spec = sample(library, teapot, 5, 8)
-    square, wide = (
-        compose(library, spec, teapot, "diffuse", size)[0]["camera"] for size in ((150, 150), (250, 150))
-    )
+    square, wide = (compose(library, spec, teapot, size)[0]["camera"] for size in ((150, 150), (250, 150)))
     assert (wide["width"], wide["height"], wide["cx"]) == (250, 150, square["cx"] + 50)
     same = ("focal", "cy", "rotation", "translation", "roll", "near")
     assert {name: wide[name] for name in same} == {name: square[name] for name in same}
@@ -195,9 +187,7 @@ def test_a_wide_picture_is_as_high_and_shows_more_at_its_sides(library: Library,
 def test_a_larger_picture_is_the_same_view_of_rounder_things(library: Library, teapot: ObjectClass) -> None:
     spec = sample(library, teapot, 5, 8)
     assert spec.coat is not None
-    (small, coarse), (large, fine) = (
-        compose(library, spec, teapot, "diffuse", (size, size)) for size in (150, 300)
-    )
+    (small, coarse), (large, fine) = (compose(library, spec, teapot, (size, size)) for size in (150, 300))
     assert large["camera"]["width"] == 2 * small["camera"]["width"] == 300
     for name in ("focal", "cx", "cy"):
         assert large["camera"][name] == pytest.approx(2 * small["camera"][name])
@@ -211,22 +201,9 @@ def test_a_larger_picture_is_the_same_view_of_rounder_things(library: Library, t
 
 def test_other_samples_have_other_noise(library: Library, teapot: ObjectClass, spec: SceneSpec) -> None:
     seeds = {
-        compose(library, replace(spec, seed=s, index=i), teapot, "diffuse")[0]["seed"]
-        for s in (1, 2)
-        for i in (1, 2)
+        compose(library, replace(spec, seed=s, index=i), teapot)[0]["seed"] for s in (1, 2) for i in (1, 2)
     }
     assert len(seeds) == 4
-
-
-def test_a_face_across_the_seam_is_as_narrow_as_its_neighbours() -> None:
-    """Thirty-two corners of a prism: no face spans more than one of its sides."""
-    angle = np.arange(32) * 2 * np.pi / 32 + 0.05
-    ring = np.stack([np.cos(angle), np.sin(angle)], 1)
-    vertices = np.concatenate([np.c_[ring, np.zeros(32)], np.c_[ring, np.full(32, 2.0)]])
-    i, j = np.arange(32), (np.arange(32) + 1) % 32
-    uv = cylindrical_uv(vertices, np.concatenate([np.c_[i, j, j + 32], np.c_[i, j + 32, i + 32]]))
-    np.testing.assert_allclose(np.ptp(uv[..., 0], axis=1), 1 / 32, atol=1e-6)
-    assert uv[..., 1].min() == 0 and uv[..., 1].max() == 1
 
 
 def test_a_probe_that_sees_nothing_has_the_panorama_as_its_light() -> None:

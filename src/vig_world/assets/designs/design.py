@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from vig_world.assets.designs.mixing import load_catalogue
+from vig_world.assets.designs.catalogue import load_catalogue
 
 Handle = Literal["behind", "above", "straight"]
 """An ear behind the body; a bail over the lid, from shoulder to shoulder; or a straight grip behind."""

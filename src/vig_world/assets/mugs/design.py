@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from vig_world.assets.designs.mixing import load_catalogue
+from vig_world.assets.designs.catalogue import load_catalogue
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,7 @@
-"""Custom panoramas: `.hdr` and `.exr` files, and the eight that come in Blender's Python wheel."""
+"""Custom panoramas: `.hdr` and `.exr` files."""
 
 from __future__ import annotations
 
-import importlib.util
-import subprocess
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,9 +13,6 @@ from vig_world.assets.own.folder import files_of, fingerprint
 
 SUFFIXES = (".hdr", ".exr")
 LIGHT_ROWS, MOST_ROWS = 64, 256
-_FIND = (
-    "import importlib.util as u; s = u.find_spec('bpy'); print(s.submodule_search_locations[0] if s else '')"
-)
 
 
 @dataclass(frozen=True)
@@ -41,14 +36,8 @@ class OwnPanorama:
         return resized(image, min(len(image), MOST_ROWS))
 
 
-def read_envmaps(
-    folder: str | Path, bpy_python: str | Path | None = None
-) -> tuple[list[OwnPanorama], list[str]]:
+def read_envmaps(folder: str | Path) -> tuple[list[OwnPanorama], list[str]]:
     """Read every panorama below a folder, in the order of their names.
-
-    Args:
-        folder: Folder to read; `bpy` stands for the eight panoramas in Blender's wheel.
-        bpy_python: Interpreter that has this wheel; None: the running one.
 
     Returns:
         The panoramas, and one sentence for each skipped file.
@@ -56,9 +45,8 @@ def read_envmaps(
     Raises:
         UserError: When there is no such folder or not one usable panorama in it.
     """
-    root = bpy_panoramas(bpy_python) if str(folder) == "bpy" else Path(folder)
     panoramas, problems = [], []
-    for name, path in files_of(root, SUFFIXES):
+    for name, path in files_of(Path(folder), SUFFIXES):
         try:
             image = read_panorama(path)
             small = resized(image, LIGHT_ROWS)
@@ -72,34 +60,8 @@ def read_envmaps(
         except OSError as error:
             problems.append(f"{path}: cannot be read ({error.strerror or error}). Left out.")
     if not panoramas:
-        raise UserError(f"{root}: not one usable panorama. {' '.join(problems)}")
+        raise UserError(f"{folder}: not one usable panorama. {' '.join(problems)}")
     return panoramas, problems
-
-
-def bpy_panoramas(python: str | Path | None = None) -> Path:
-    """Return the folder of panoramas in the wheel `bpy` of an interpreter (None: this one); none is imported.
-
-    Raises:
-        UserError: When the interpreter cannot be run or has no such wheel.
-    """
-    if python is None:
-        spec = importlib.util.find_spec("bpy")
-        blender = spec.submodule_search_locations[0] if spec and spec.submodule_search_locations else ""
-    else:
-        command = [str(python), "-c", _FIND]
-        try:
-            answer = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
-        except (OSError, subprocess.SubprocessError) as error:
-            raise UserError(f"{python}: expected a Python interpreter; it failed ({error}).") from error
-        blender = answer.stdout.strip()
-    folders = sorted(Path(blender).glob("*/datafiles/studiolights/world")) if blender else []
-    if not folders:
-        where = "this Python" if python is None else str(python)
-        raise UserError(
-            f"{where} has no bpy with panoramas. Install bpy (docs/world.md) and set VIG_BLENDER_PYTHON to"
-            " the Python that has it."
-        )
-    return folders[-1]
 
 
 def resized(image: np.ndarray, height: int) -> np.ndarray:

@@ -1,11 +1,5 @@
 """The path-traced renderer: scenes by Blender's Cycles, in separate processes."""
 
-from vig_world.renderers.cycles.appearance import FINISHES, Finish
 from vig_world.renderers.cycles.renderer import CyclesRenderer, TracedPicture
 
-__all__ = [
-    "FINISHES",
-    "CyclesRenderer",
-    "Finish",
-    "TracedPicture",
-]
+__all__ = ["CyclesRenderer", "TracedPicture"]

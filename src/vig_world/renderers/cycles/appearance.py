@@ -1,25 +1,18 @@
-"""Appearance of materials in the path tracer: by kind and roughness, and the object's finishes."""
+"""Appearance of materials in the path tracer: by kind and roughness, and the object's."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from vig.scene import IMAGE_SIZE, ShapeModel
 from vig_world.assets.coats import albedo_of
-from vig_world.assets.textures import decoration
 from vig_world.assets.things import Material
 from vig_world.dataset.spec import Coat
 
-Finish = Literal["diffuse", "glossy", "painted"]
-FINISHES: tuple[Finish, ...] = ("diffuse", "glossy", "painted")
-
-COAT_ROUGHNESS = (0.1, 0.4)
-"""Roughness of the glaze on a `glossy` or `painted` object, drawn anew for each sample."""
-DECORATION_SIZE = 128
 TEXELS, RIM = 10, 1
 """Texels a side of each face's own square of a baked coat, and those at its edges for interpolation."""
 TEXELS_FINE, FINE_FROM = 30, 2 * IMAGE_SIZE
@@ -108,22 +101,20 @@ def _material(
 
 
 def lambertian(albedo: np.ndarray) -> dict[str, Any]:
-    """Return the object's material in the finish `diffuse`: albedo (3,), as in vig's model."""
+    """Return the material of an object without a coat: albedo (3,), as in vig's model."""
     return _material(albedo, None, 0.0, {}) | {"lambertian": True}
 
 
-def coated(albedo: np.ndarray, roughness: float, texture: str | None, weight: float = 1.0) -> dict[str, Any]:
-    """Return a Lambertian base under a clear coat of index 1.5 and the given roughness and weight."""
-    coat = {"Coat Weight": weight, "Coat Roughness": roughness, "Coat IOR": 1.5}
-    return _material(albedo, texture, 1.0, {"Specular IOR Level": 0.0} | coat)
-
-
 def coat_material(coat: Coat, texture: str) -> dict[str, Any]:
-    """Return the material of an object with a coat, whose albedo is in a texture."""
+    """Return the material of an object with a coat, whose albedo is in a texture.
+
+    It is metal, or Lambertian under a clear coat of index 1.5.
+    """
     grey = np.full(3, 0.5)
     if coat.metal:
         return _material(grey, texture, coat.roughness, {"Metallic": 1.0})
-    return coated(grey, coat.roughness, texture, coat.gloss)
+    clear = {"Coat Weight": coat.gloss, "Coat Roughness": coat.roughness, "Coat IOR": 1.5}
+    return _material(grey, texture, 1.0, {"Specular IOR Level": 0.0} | clear)
 
 
 def baked(
@@ -151,30 +142,3 @@ def baked(
     corners = start + inner * np.array([[0, 0], [1, 0], [0, 1]])
     uv = corners / [columns * texels, rows * texels]
     return image[::-1], uv.astype(np.float32)
-
-
-def painted(albedo: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return the albedo (3,) with a decoration over it: (h, w, 3) linear, u round the axis, row 0 on top."""
-    layer = decoration(rng, DECORATION_SIZE)
-    cover = layer[..., 3:]
-    return ((1 - cover) * albedo + cover * layer[..., :3]).astype(np.float32)
-
-
-def cylindrical_uv(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return texture coordinates (F, 3, 2) of faces' corners: u once round the +Z axis, v from foot to top.
-
-    A face that crosses the seam goes on past u = 1, where the texture repeats.
-    """
-    u = np.arctan2(vertices[:, 1], vertices[:, 0]) / (2 * np.pi)
-    heights = vertices[faces, 2]
-    low, high = heights.min(), heights.max()
-    corners = np.stack([u, (vertices[:, 2] - low) / (high - low)], axis=1)[faces]
-    around = corners[..., 0]
-    around += around.max(axis=1, keepdims=True) - around > 0.5
-    return corners.astype(np.float32)
-
-
-def painted_faces(model: ShapeModel) -> np.ndarray:
-    """Return faces (F,) bool that a decoration covers: of the part `body`, or else of the first."""
-    part = model.part_names.index("body") if "body" in model.part_names else 0
-    return (model.parts == part)[model.faces].all(axis=1)

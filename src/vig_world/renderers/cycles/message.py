@@ -13,25 +13,19 @@ from vig_world.library import Library
 from vig_world.raster.view import View
 from vig_world.renderers.build import Instance, build
 from vig_world.renderers.cycles.appearance import (
-    COAT_ROUGHNESS,
     FINE_FROM,
     TEXELS,
     TEXELS_FINE,
-    Finish,
     appearance,
     baked,
     coat_material,
-    coated,
-    cylindrical_uv,
     lambertian,
-    painted,
-    painted_faces,
 )
 from vig_world.renderers.cycles.rounding import rounded
 from vig_world.streams import stream
 
-NOISE_STREAM, FINISH_STREAM = 2**20 + 2, 2**20 + 3
-"""Numbers of the random streams of noise and materials, and of the object's finish."""
+NOISE_STREAM = 2**20 + 2
+"""Number of the random stream of noise and materials."""
 SHELL = ("wall", "ceiling")
 """Instances that the camera sees from inside, and that let the panorama's light through."""
 
@@ -42,7 +36,6 @@ def compose(
     library: Library,
     spec: SceneSpec,
     object_class: ObjectClass,
-    finish: Finish,
     size: tuple[int, int] = (IMAGE_SIZE, IMAGE_SIZE),
 ) -> Message:
     """Return header and arrays of everything in the scene, seen in an image of width x height pixels.
@@ -54,7 +47,6 @@ def compose(
     `N_uv` (F, 3, 2), further `texture_*` (h, w, 3) and `panorama` (H, W, 3).
     """
     rng = stream(spec.seed, spec.index, spec.split, NOISE_STREAM)
-    finish_rng = stream(spec.seed, spec.index, spec.split, FINISH_STREAM)
     noise_seed = int(rng.integers(2**31))
     instances = build(library, spec, object_class)
     fine = min(size) >= FINE_FROM
@@ -62,7 +54,7 @@ def compose(
     for instance in instances:
         if instance.is_target:
             if spec.coat is None:
-                _add_target(scene, instance, object_class, finish, finish_rng)
+                scene.add(instance, lambertian(instance.material.texture[0, 0]))
             else:
                 texels = TEXELS_FINE if fine else TEXELS
                 pixels, uv = baked(spec.coat, instance.mesh.vertices, object_class.shape_model, texels)
@@ -100,23 +92,22 @@ class _SceneMessage:
         instance: Instance,
         material: dict[str, Any],
         shell: bool = False,
-        faces: np.ndarray | None = None,
         uv: np.ndarray | None = None,
     ) -> None:
-        """Add an instance, or some `faces` of it with texture coordinates `uv` (F, 3, 2) of their own."""
+        """Add an instance, with texture coordinates `uv` (F, 3, 2) in place of its own."""
         number, mesh = len(self.things), instance.mesh
-        chosen = mesh.faces if faces is None else faces
+        faces = mesh.faces
         self.things.append({"material": material, "shell": shell, "target": instance.is_target})
         vertices, normals = instance.world()
         corners = None
         if material["texture"]:
             assert uv is not None or mesh.uv is not None
-            corners = mesh.uv[chosen] if uv is None and mesh.uv is not None else uv
+            corners = mesh.uv[faces] if uv is None and mesh.uv is not None else uv
         if self._fine:
-            vertices, normals, chosen, corners = rounded(vertices, normals, chosen, corners)
+            vertices, normals, faces, corners = rounded(vertices, normals, faces, corners)
         self.arrays[f"{number}_vertices"] = vertices.astype(np.float32)
         self.arrays[f"{number}_normals"] = normals.astype(np.float32)
-        self.arrays[f"{number}_faces"] = chosen.astype(np.int32)
+        self.arrays[f"{number}_faces"] = faces.astype(np.int32)
         if corners is not None:
             self.arrays[f"{number}_uv"] = np.asarray(corners, np.float32)
 
@@ -133,25 +124,3 @@ def _material(scene: _SceneMessage, instance: Instance, rng: np.random.Generator
     if instance.name in SHELL and material.kind == "paint":
         material = replace(material, kind="plaster")  # emulsion, not lacquer
     return appearance(material, name, rng)
-
-
-def _add_target(
-    scene: _SceneMessage,
-    target: Instance,
-    object_class: ObjectClass,
-    finish: Finish,
-    rng: np.random.Generator,
-) -> None:
-    albedo = target.material.texture[0, 0]
-    if finish == "diffuse":
-        scene.add(target, lambertian(albedo))
-        return
-    roughness = float(rng.uniform(*COAT_ROUGHNESS))
-    if finish == "glossy":
-        scene.add(target, coated(albedo, roughness, None))
-        return
-    mask, faces = painted_faces(object_class.shape_model), target.mesh.faces
-    pixels = painted(albedo, rng)
-    uv = cylindrical_uv(target.mesh.vertices, faces[mask])
-    scene.add(target, coated(albedo, roughness, scene.texture(pixels)), faces=faces[mask], uv=uv)
-    scene.add(target, coated(albedo, roughness, None), faces=faces[~mask])

@@ -17,16 +17,16 @@ from vig.io.errors import UserError
 from vig.scene import EXPOSURE_L00, IMAGE_SIZE, ObjectClass, rotate_z, srgb8_from_linear
 from vig_world.assets.panoramas.light import grey, project_panorama
 from vig_world.dataset.spec import SampleError, SceneSpec
-from vig_world.library import BLENDER_VARIABLE as PYTHON_VARIABLE
 from vig_world.library import Library
 from vig_world.raster.picture import Picture
 from vig_world.raster.view import View
-from vig_world.renderers.cycles.appearance import FINISHES, Finish
 from vig_world.renderers.cycles.message import compose
 from vig_world.renderers.cycles.process import BlenderProcess, WorkerDiedError
 from vig_world.renderers.rasterized import render
 
 WORKER = Path(__file__).parent / "blender" / "worker.py"
+PYTHON_VARIABLE = "VIG_BLENDER_PYTHON"
+"""The environment variable that names an interpreter which can import bpy."""
 INSTALL = "python3.11 -m venv blender && blender/bin/pip install bpy 'numpy<2'"
 PROBE_HEIGHT, PROBE_SAMPLES = 64, 16
 TIMEOUT, TIMEOUT_PER_SAMPLE = 120.0, 3.0
@@ -62,8 +62,6 @@ class CyclesRenderer:
         samples: Paths per pixel.
         threads: Threads of the worker.
         recycle: Scenes after which the worker is replaced by a fresh one.
-        finish: Finish of the object: `diffuse` is Lambertian as in vig's model, `glossy` adds a clear coat,
-            `painted` also a painted decoration.
         size: Pixels of pictures, masks and depth: a side, or width and height.
         normals: Whether pictures have normals, the rasteriser's as masks and depth.
 
@@ -79,7 +77,6 @@ class CyclesRenderer:
         samples: int = 32,
         threads: int = 1,
         recycle: int = 200,
-        finish: Finish = "diffuse",
         size: int | tuple[int, int] = IMAGE_SIZE,
         normals: bool = False,
     ) -> None:
@@ -88,12 +85,10 @@ class CyclesRenderer:
         for name, value in counts.items():
             if value < 1:
                 raise UserError(f"{name} must be at least 1; got {value}")
-        if finish not in FINISHES:
-            raise UserError(f"finish must be one of {', '.join(FINISHES)}; got '{finish}'")
         self._library, self._object_class = library, object_class
         self._command = [find_python(python), str(WORKER), str(threads)]
         self._samples = samples
-        self._recycle, self._finish, self._normals = recycle, finish, normals
+        self._recycle, self._normals = recycle, normals
         pixels = self._size[0] * self._size[1]
         self._timeout = TIMEOUT + TIMEOUT_PER_SAMPLE * samples * max(1.0, pixels / IMAGE_SIZE**2)
         self._worker: BlenderProcess | None = None
@@ -107,7 +102,7 @@ class CyclesRenderer:
         Raises:
             SampleError: When Blender failed to answer twice, or no light reaches the object.
         """
-        header, arrays = compose(self._library, spec, self._object_class, self._finish, self._size)
+        header, arrays = compose(self._library, spec, self._object_class, self._size)
         header["samples"] = self._samples
         header["probe"] |= {"height": PROBE_HEIGHT, "samples": PROBE_SAMPLES}
         name = f"sample {spec.index} of seed {spec.seed}"

@@ -1,7 +1,6 @@
 """Users' panoramas: energy kept, order fixed, bad files named and left out."""
 
 import hashlib
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,7 @@ import OpenImageIO as oiio
 import pytest
 
 from vig.io.errors import UserError
-from vig_world.assets.own.envmaps import bpy_panoramas, read_envmaps, resized
+from vig_world.assets.own.envmaps import read_envmaps, resized
 from vig_world.assets.panoramas.light import project_panorama
 
 
@@ -105,16 +104,3 @@ def test_a_folder_without_a_usable_panorama_is_the_users_mistake(tmp_path: Path)
     save(tmp_path / "black.exr", np.zeros((32, 64, 3)))
     with pytest.raises(UserError, match="not one usable panorama.*black.exr"):
         read_envmaps(tmp_path)
-
-
-def test_blenders_panoramas_are_found_by_another_interpreter(tmp_path: Path) -> None:
-    world = tmp_path / "bpy" / "4.5" / "datafiles" / "studiolights" / "world"
-    save(world / "city.exr", room())
-    (tmp_path / "bpy" / "__init__.py").write_text("raise RuntimeError('bpy must not be imported')")
-    python = tmp_path / "python"
-    python.write_text(f'#!/bin/sh\nPYTHONPATH="{tmp_path}" exec "{sys.executable}" "$@"\n')
-    python.chmod(0o755)
-    assert bpy_panoramas(python) == world
-    assert [panorama.name for panorama in read_envmaps("bpy", python)[0]] == ["city.exr"]
-    with pytest.raises(UserError, match="expected a Python interpreter"):
-        bpy_panoramas(tmp_path / "none")

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tools.classes.shapes import fit_shape_model
 from vig.scene import ShapeModel
-from vig_train.packs.shapes import fit_shape_model
 from vig_world.assets.target import nearest_coefficients
 
 COUNT, VERTICES = 8, 30

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from vig_world.assets.designs.mixing import Mixing, drawn_in_order, first_sound
+from tools.classes.mixing import Mixing, drawn_in_order, first_sound
+from tools.classes.mug_flaws import flaws
 from vig_world.assets.mugs.design import TRAINING_MUGS, MugDesign
-from vig_world.assets.mugs.flaws import flaws
 
 MOST_TRIES = 200
 

@@ -1,4 +1,4 @@
-"""Consistency checks among a sample's labels, pictures and spec; each fact is recomputed."""
+"""Consistency of a sample's labels, pictures and spec: each fact is recomputed."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image
 from scipy.ndimage import binary_erosion
 
-from vig.io.checks import parse_json, read_bytes
 from vig.scene import SHAPE_LIMIT, ObjectClass, latent_layout
 from vig.scene.light import L_COUNT
 from vig_world.assets.target import target_vertices
-from vig_world.dataset.format import DEPTH_SCALES, STANDARD_SIZE, Size, inside
+from vig_world.dataset.format import DEPTH_SCALES, STANDARD_SIZE, Size, image_paths, read_info
 from vig_world.dataset.spec import SceneSpec
 from vig_world.generation import bop
+from vig_world.generation.check import merged_samples
 from vig_world.generation.describe import assets_used
 from vig_world.raster.draw import SAMPLES
 from vig_world.raster.picture import CANVAS
@@ -30,8 +31,6 @@ NORMAL_STEP = 0.01
 TURNED_AWAY, FACING = 0.1, 0.99
 """Cosine of a normal that is turned away from the camera; share of normals that are not, interpolated as they
 are between vertices."""
-MOST_MODEL = 64 << 20
-"""Bytes of a file that all splits share."""
 WITHIN = 0.9
 """Least share of visible pixels, but for the outermost, with a depth within the object."""
 
@@ -188,19 +187,14 @@ def _share_problems(
         yield f"cause is {row['cause']}; the greatest share is the {greatest}'s"
 
 
-def model_problems(root: Path, object_class: ObjectClass, size: Size = STANDARD_SIZE) -> Iterator[str]:
-    """Yield problems of the files that all splits share."""
-    model = bop.mean_model(object_class)
-    written = {
-        "camera.json": bop.camera(size),
-        "models/models_info.json": bop.models_info(model, object_class.symmetry),
-        f"models/obj_{bop.OBJECT_ID:06d}.ply": bop.ply(model),
-    }
-    for name, expected in written.items():
-        try:
-            data = read_bytes(inside(root, name), MOST_MODEL)
-            same = data == expected if isinstance(expected, bytes) else parse_json(data) == expected
-        except (OSError, ValueError):
-            same = False
-        if not same:
-            yield f"{name}: missing or not what the class gives"
+def problems_of(root: Path, object_class: ObjectClass) -> list[str]:
+    """Return the problems of all labels of a dataset's train split."""
+    info, folder = read_info(root)["splits"]["train"], root / "train"
+    problems: list[str] = []
+    for item in merged_samples(root, "train", info["count"]):
+        pictures = {
+            kind: np.asarray(Image.open(folder / path))
+            for kind, path in image_paths(Path(), item["row"]["index"], info["normals"]).items()
+        }
+        problems += label_problems(item, SceneSpec.from_json(item["spec"]), pictures, object_class)
+    return problems

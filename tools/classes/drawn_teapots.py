@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from tools.classes.mixing import Mixing, drawn_in_order, first_sound
+from tools.classes.teapot_flaws import flaws
 from vig_world.assets.designs.design import HANDLES, TRAINING_DESIGNS, Handle, TeapotDesign
-from vig_world.assets.designs.flaws import flaws
-from vig_world.assets.designs.mixing import Mixing, drawn_in_order, first_sound
 
 SHARES: dict[Handle, float] = {"behind": 0.7, "above": 0.22, "straight": 0.08}
 """Probability of each handle."""

@@ -1,4 +1,7 @@
-"""Draws scenes of several objects of one or more classes that stand together and hide one another."""
+"""Photographs of two to four objects that stand together and hide one another, with their truth.
+
+They are drawn by the generator, for `benchmarks.together` and for tests.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +9,13 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from vig.io.errors import UserError
-from vig.scene import ObjectClass
+from vig.photo.masks import box_of
+from vig.scene import ObjectClass, linear_from_srgb
 from vig_world.assets.coats import draw_coat, mean_albedo
 from vig_world.assets.footprint import Footprint, extreme_points
 from vig_world.assets.target import draw_shape, standing_vertices, target_vertices
@@ -21,9 +26,16 @@ from vig_world.dataset.spec import SceneSpec, Split
 from vig_world.library import Library
 from vig_world.raster.draw import depth
 from vig_world.raster.view import View
+from vig_world.renderers.photo import photograph
+from vig_world.renderers.rasterized import render
 from vig_world.rotations import about_z
 from vig_world.streams import stream
 
+WIDTH, HEIGHT = 480, 360
+FINER = 2
+"""Pixels drawn along a side of each pixel of the image, so that the edges between objects are blended."""
+HIDES = 12
+"""Pixels of one object that another hides to be before it."""
 GROUP_STREAM = 2**20 + 8
 """Number of the random streams of groups of a seed."""
 SMALLER = 0.45
@@ -217,3 +229,87 @@ def _seen_from(
 def photo_stream(seed: int, index: int, split: Split) -> np.random.Generator:
     """Return the generator of a group's photograph."""
     return stream(seed, index, split, GROUP_STREAM + GROUPS)
+
+
+@dataclass(frozen=True)
+class Group:
+    """A photograph of N objects.
+
+    Attributes:
+        spec: The scene.
+        views: The camera in each object's frame.
+        photo: (H, W, 3) uint8 sRGB, through a camera model.
+        amodal: (N, H, W) bool, each object alone.
+        visible: (N, H, W) bool, each as seen.
+        occludes: (N, N) bool, whether object i hides some of object j, `HIDES` pixels or more.
+    """
+
+    spec: GroupSpec
+    views: tuple[View, ...]
+    photo: np.ndarray
+    amodal: np.ndarray
+    visible: np.ndarray
+    occludes: np.ndarray
+
+    @property
+    def boxes(self) -> list[list[int]]:
+        """Return x, y, width, height in pixels round each whole object, within the photo."""
+        return [list(box_of(mask) or ()) for mask in self.amodal]
+
+    def truth(self) -> list[dict[str, Any]]:
+        """Return plain values of each object, angles in degrees, pose, shape and albedo among them."""
+        hidden = 1 - self.visible.sum((1, 2)) / self.amodal.sum((1, 2))
+        objects = []
+        for member, view, box, share in zip(self.spec.members, self.views, self.boxes, hidden, strict=True):
+            pose = np.eye(4)
+            pose[:3, :3], pose[:3, 3] = view.rotation, view.translation
+            scene = member.scene
+            objects.append(
+                {"class": member.class_name, "box": box, "azimuth_deg": math.degrees(scene.azimuth),
+                 "elevation_deg": math.degrees(scene.elevation), "hidden_fraction": float(share),
+                 "K": view.camera.K.tolist(), "camera_from_object": pose.tolist(),
+                 "shape": list(scene.shape), "albedo": list(scene.albedo)}
+            )  # fmt: skip
+        return objects
+
+
+def make_group(
+    library: Library,
+    classes: Sequence[ObjectClass],
+    seed: int,
+    index: int,
+    size: tuple[int, int] = (WIDTH, HEIGHT),
+) -> Group:
+    """Group number `index` of a seed, a photo of width x height pixels: a pure function of its arguments.
+
+    Each object is drawn in its own frame, with room and props; each pixel is that of the nearest
+    object. The room has the darkest shadow of any; objects cast none on each other.
+    """
+    spec = sample_group(library, classes, seed, index, size[0] / size[1])
+    by_name = {each.name: each for each in classes}
+    views = spec.views(classes, *size)
+    drawn = [
+        render(library, member.scene, by_name[member.class_name], view.scaled(FINER))
+        for member, view in zip(spec.members, views, strict=True)
+    ]
+    uncovered = np.stack([one.visible for one in drawn])
+    depths = np.stack([np.where(one.visible, one.depth, np.inf) for one in drawn])
+    pictures = np.stack([linear_from_srgb(one.image.astype(np.float32) / 255) for one in drawn])
+    nearest = depths.argmin(0)
+    darkest = pictures.sum(-1).argmin(0)
+    chosen = np.where(uncovered.any(0), nearest, darkest)
+    linear = np.take_along_axis(pictures, chosen[None, ..., None], 0)[0]
+    amodal = np.stack([_halved(one.amodal) >= 0.5 for one in drawn])
+    shares = np.stack([_halved(mask & (nearest == number)) for number, mask in enumerate(uncovered)])
+    most = shares.argmax(0)
+    visible = np.stack([(share >= 0.5) & (most == number) for number, share in enumerate(shares)])
+    hides = uncovered[:, None] & uncovered & (depths[:, None] < depths)
+    photo, _ = photograph(_halved(linear), photo_stream(seed, index, library.split))
+    return Group(spec, tuple(views), photo, amodal, visible & amodal, hides.sum((2, 3)) >= FINER**2 * HIDES)
+
+
+def _halved(image: np.ndarray) -> np.ndarray:
+    """Return the mean over cells of FINER x FINER pixels of an image (H, W) or (H, W, C)."""
+    height, width = image.shape[0] // FINER, image.shape[1] // FINER
+    mean: np.ndarray = image.reshape(height, FINER, width, FINER, *image.shape[2:]).mean(axis=(1, 3))
+    return mean

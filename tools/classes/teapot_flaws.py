@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from tools.classes.soundness import size_flaws
 from vig_world.assets.designs.design import TeapotDesign
-from vig_world.assets.designs.soundness import size_flaws
 from vig_world.assets.designs.swept import HANDLE_LOFT, SPOUT_LOFT
 from vig_world.assets.designs.teapot import PART_NAMES, TEAPOT_FACES, TEAPOT_PARTS, teapot_vertices
 from vig_world.assets.designs.topology import Loft

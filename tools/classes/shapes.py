@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from vig.io.files import write_json
 from vig.scene import EXPOSURE_L00, ObjectClass, ShapeModel
 from vig.scene.object_class import PACKAGED
 from vig_train.packs.transfer import write_transfer
-from vig_world.assets.coded_designs import Design
-from vig_world.assets.held_out import save_coded
+from vig_world.assets.coded_designs import CATALOGUE, PARAMETERS_FILE, Design, Kind, Parameters
+from vig_world.assets.designs.design import TeapotDesign
+from vig_world.assets.held_out import DESIGNS_FILE, name_designs
 from vig_world.assets.target import nearest_coefficients
 from vig_world.library import Library
 
@@ -71,6 +73,22 @@ def main(coded: CodedClass, folder: Path | None = None) -> None:
     write_transfer(built, folder)
     vertices = {split: coded.vertices_of(designs) for split, designs in coded.scenes.items()}
     print(*describe_model(built.shape_model, vertices), folder, sep="\n")
+
+
+def save_coded(designs: Mapping[str, Sequence[Design]], folder: Path) -> None:
+    """Add designs by split to a class pack that `ObjectClass.save` has written, by their parameters."""
+    save_parameters([design for of_split in designs.values() for design in of_split], folder)
+    (folder / DESIGNS_FILE).unlink(missing_ok=True)
+    name_designs(folder, [(design.name, split) for split, of_split in designs.items() for design in of_split])
+
+
+def save_parameters(designs: Sequence[Design], folder: Path) -> None:
+    """Write the parameters of designs of one kind into a class pack."""
+    kind: Kind = "teapot" if isinstance(designs[0], TeapotDesign) else "mug"
+    drawn = {design.name: asdict(design) for design in designs if design.name not in CATALOGUE[kind]}
+    for parameters in drawn.values():
+        del parameters["name"]
+    write_json(folder / PARAMETERS_FILE, asdict(Parameters(kind, drawn)), 1)
 
 
 def fit_shape_model(
@@ -153,9 +171,3 @@ def light_prior() -> tuple[np.ndarray, np.ndarray]:
     # L00 is uncertain by 5 %, so that an exposure slightly off can be explained.
     covariance[0, 0] += (0.05 * EXPOSURE_L00) ** 2
     return lights.mean(0), covariance
-
-
-def packaged_light_prior() -> tuple[np.ndarray, np.ndarray]:
-    """Return `light_prior` as the packaged classes have it, for which no panorama has to be made."""
-    packaged = ObjectClass.load("teapot")
-    return packaged.light_prior_mean, packaged.light_prior_covariance

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from benchmarks import groups as grouping
+from benchmarks.groups import LEAST_SEEN, OVERLAP, Group, make_group
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig_world.assets.target import target_vertices
-from vig_world.composition import group as grouping
-from vig_world.composition.group import LEAST_SEEN, OVERLAP
 from vig_world.composition.sampling import CompositionError, sample
 from vig_world.dataset.spec import SceneSpec
-from vig_world.generation.groups import Group, make_group, write_groups
 from vig_world.library import Library
 
 COUNT = 3
@@ -93,20 +90,3 @@ def test_a_group_that_no_room_takes_is_drawn_anew(
     monkeypatch.setattr(grouping, "REDRAWN", 1)
     with pytest.raises(UserError, match="group 0 of seed 7: expected a place for it; got none"):
         grouping.sample_group(Library("validation"), classes, 7, 0)
-
-
-def test_a_folder_is_gone_on_with_and_keeps_to_its_recipe(tmp_path: Path, classes: list[ObjectClass]):
-    size = (160, 120)
-    assert list(write_groups(tmp_path, 1, 7, "validation", classes, size)) == [0]
-    truth = tmp_path / "truth.jsonl"
-    first = truth.read_text()
-    truth.write_text(first + '{"photo": "0000')  # as a kill leaves it
-    assert list(write_groups(tmp_path, 2, 7, "validation", classes, size)) == [0, 1]
-    lines = truth.read_text().splitlines()
-    assert lines[0] + "\n" == first
-    boxes = json.loads((tmp_path / "boxes.json").read_text())
-    assert [len(boxes[json.loads(line)["photo"]]) for line in lines] == [
-        len(json.loads(line)["objects"]) for line in lines
-    ]
-    with pytest.raises(UserError, match="another seed"):
-        list(write_groups(tmp_path, 2, 8, "validation", classes, size))

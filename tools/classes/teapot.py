@@ -1,6 +1,6 @@
 """The packaged teapot class: shape model from the training designs, light prior from the training panoramas.
 
-`python -m vig_train.packs.teapot [FOLDER]` builds it into a folder, by default `vig/classes/teapot`, and
+`python -m tools.classes.teapot [FOLDER]` builds it into a folder, by default `vig/classes/teapot`, and
 prints the variance that it holds.
 """
 
@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from tools.classes.drawn_teapots import drawn_designs
+from tools.classes.shapes import CodedClass, main
 from vig.scene import Family, ShapeModel
-from vig_train.packs.shapes import CodedClass, main
 from vig_world.assets.designs.design import HANDLES, HELD_OUT_DESIGNS, TRAINING_DESIGNS, VALIDATION_DESIGNS
-from vig_world.assets.designs.drawn import drawn_designs
 from vig_world.assets.designs.teapot import PART_NAMES, TEAPOT_FACES, TEAPOT_PARTS, teapot_vertices
 from vig_world.assets.target import nearest_coefficients
 

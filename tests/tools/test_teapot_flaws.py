@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tools.classes.teapot_flaws import flaws, folds, inside
 from vig_world.assets.designs.design import (
     HELD_OUT_DESIGNS,
     TRAINING_DESIGNS,
     VALIDATION_DESIGNS,
     TeapotDesign,
 )
-from vig_world.assets.designs.flaws import flaws, folds, inside
 
 CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
 CUBE_FACES = np.array(

@@ -1,28 +1,14 @@
-"""Named designs, in `designs.json` beside a package's code, and random ones as mixtures of them."""
+"""Random designs as mixtures of named ones."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from importlib import resources
 from typing import Any, TypeVar
 
 import numpy as np
 
 Design = TypeVar("Design")
-
-
-def load_catalogue(make: Callable[..., Design], package: str) -> dict[str, tuple[Design, ...]]:
-    """Return the named designs of a package by split, in the order of its `designs.json`.
-
-    make: called with a design's name and the parameters that the file gives; it knows defaults of the others.
-    """
-    catalogue = json.loads(resources.files(package).joinpath("designs.json").read_text("utf-8"))
-    return {
-        split: tuple(make(name, **parameters) for name, parameters in designs.items())
-        for split, designs in catalogue.items()
-    }
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tools.classes.mug import DRAWN_DESIGNS, MODES, TRAINING_SCENE_DESIGNS
+from tools.classes.mug import mug as coded_mug
+from tools.classes.shapes import relative_distance
+from tools.classes.soundness import crossings
 from vig.scene import ObjectClass
 from vig.scene.symmetry import Symmetry
-from vig_train.packs.mug import DRAWN_DESIGNS, MODES, TRAINING_SCENE_DESIGNS
-from vig_train.packs.mug import mug as coded_mug
-from vig_train.packs.shapes import relative_distance
-from vig_world.assets.designs.soundness import crossings
 from vig_world.assets.held_out import held_out_designs_of
 from vig_world.assets.mugs.design import HELD_OUT_MUGS, VALIDATION_MUGS
 from vig_world.assets.mugs.mug import MUG_FACES, MUG_PARTS, PART_NAMES

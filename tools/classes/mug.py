@@ -1,6 +1,6 @@
 """The packaged mug class: shape model from the training designs, light prior from the training panoramas.
 
-`python -m vig_train.packs.mug [FOLDER]` builds it into a folder, by default `vig/classes/mug`, and prints how
+`python -m tools.classes.mug [FOLDER]` builds it into a folder, by default `vig/classes/mug`, and prints how
 far designs lie from it by the number of components.
 """
 
@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import functools
 
-from vig_train.packs.shapes import CodedClass, main
+from tools.classes.drawn_mugs import drawn_mugs
+from tools.classes.shapes import CodedClass, main
 from vig_world.assets.mugs.design import HELD_OUT_MUGS, TRAINING_MUGS, VALIDATION_MUGS
-from vig_world.assets.mugs.drawn import drawn_mugs
 from vig_world.assets.mugs.mug import MUG_FACES, MUG_PARTS, PART_NAMES, POINTS, mug_vertices
 
 MODES = 12
