@@ -1,4 +1,4 @@
-"""The differentiable renderer: rasterisation, shading, coverage, gradients. It needs nothing else of vig."""
+"""The differentiable renderer: rasterisation, shading, coverage, Jacobians. It needs nothing else of vig."""
 
 from importlib import import_module
 from typing import Any
@@ -11,6 +11,7 @@ _HOMES = {
     "Rendering": "scene",
     "Scene": "scene",
     "Topology": "topology",
+    "jacobian": "rendering",
     "pyramid": "texture",
     "render": "rendering",
 }

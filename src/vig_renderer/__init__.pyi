@@ -1,3 +1,4 @@
+from vig_renderer.rendering import jacobian as jacobian
 from vig_renderer.rendering import render as render
 from vig_renderer.scene import DirectionalLight as DirectionalLight
 from vig_renderer.scene import MeshObject as MeshObject

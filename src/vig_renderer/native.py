@@ -1,7 +1,7 @@
 """Pictures by the native library as functions of torch with first derivatives: see vig_native/scenes.h.
 
 It draws each layer on one thread, on as many as torch has where there are several, and needs no torch
-operation. `tests/vig_renderer/general.py` has the same in plain torch.
+operation. The functions are described in `general.py`, which also has their second derivatives.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 import torch
 from torch import Tensor
-from torch.autograd.function import once_differentiable
 
+from vig_renderer import general
 from vig_renderer.internals import transforms
 from vig_renderer.packing import INPUTS, PackedScenes
 
 Tensors = Sequence[Any]
 """Tensors, None where there is none."""
 Stage = Any
-"""`Draw`, `FullMasks` or `Surface`: a function of tensors, and its way back."""
+"""`Draw`, `FullMasks` or `Surface`: a function of tensors, its way back, and the same in plain torch."""
 
 
 def _arrays(tensors: Iterable[Tensor | None]) -> list[np.ndarray | None]:
@@ -45,15 +45,30 @@ class _Native(torch.autograd.Function):
         return results
 
     @staticmethod
-    @once_differentiable
     def backward(ctx: Any, *cotangents: Tensor | None) -> Any:
         inputs, needed = ctx.saved_tensors, ctx.needs_input_grad[1:]
-        if transforms(*cotangents):
-            raise NotImplementedError(
-                "pictures are differentiated one cotangent at a time; got a batch of them"
-            )
+        if torch.is_grad_enabled() or transforms(*cotangents):
+            return None, *_differentiable(ctx.stage, inputs, needed, cotangents)
         given = [each if each is None else each.contiguous() for each in cotangents]
         return None, *ctx.stage.backward(inputs, needed, given)
+
+
+def _differentiable(stage: Stage, inputs: Tensors, needed: Sequence[bool], cotangents: Tensors) -> Tensors:
+    """Return the backward pass as torch's own operations, which have second derivatives and batches."""
+    twice = torch.is_grad_enabled()
+    with torch.enable_grad():
+        results = stage.general(*inputs)
+    pairs = [
+        (result, cotangent)
+        for result, cotangent in zip(results, cotangents, strict=True)
+        if cotangent is not None and result.requires_grad
+    ]
+    wanted = [each for each, need in zip(inputs, needed, strict=True) if need]
+    if not pairs:
+        return [None] * len(inputs)
+    outputs, given = zip(*pairs, strict=True)
+    found = iter(torch.autograd.grad(outputs, wanted, given, create_graph=twice, allow_unused=True))
+    return [next(found) if need else None for need in needed]
 
 
 def run(stage: Stage, *inputs: Tensor | None) -> tuple[Tensor, ...]:
@@ -76,15 +91,13 @@ def _zeros(inputs: Sequence[Any], needed: Sequence[bool]) -> list[Tensor | None]
 
 
 class Draw:
-    """Colours (B, H, W, 3), coverage (B, H, W) and visible masks (B, O, H, W) of all scenes; see `Rendering`.
-
-    Then homogeneous screen points (x z, y z, z) of the vertices (V, 3), and their attributes (V, columns):
-    unit normal in the world, albedo and, of 9 columns, the light reflected by white. Takes the background
-    and `INPUTS` of each object. Raises ValueError for inputs that are not finite.
-    """
+    """See `general.draw`. Raises ValueError for inputs that are not finite."""
 
     def __init__(self, packed: PackedScenes, samples: int, columns: int, near: float):
         self.packed, self.samples, self.columns, self.near = packed, samples, columns, near
+
+    def general(self, background: Tensor, *inputs: Tensor | None) -> tuple[Tensor, ...]:
+        return general.draw(self.packed, self.samples, self.columns, self.near, background, *inputs)
 
     def forward(self, background: Tensor, *inputs: Tensor | None) -> tuple[Tensor, ...]:
         packed, vertices = self.packed, sum(self.packed.vertex_counts)
@@ -112,10 +125,13 @@ class Draw:
 
 
 class FullMasks:
-    """Coverage (O, H, W) of each object as if it were the only one, from `Draw`'s points."""
+    """See `general.full_masks`."""
 
     def __init__(self, packed: PackedScenes, samples: int, near: float):
         self.packed, self.samples, self.near = packed, samples, near
+
+    def general(self, *inputs: Tensor) -> tuple[Tensor, ...]:
+        return general.full_masks(self.packed, self.samples, self.near, *inputs)
 
     def forward(self, points: Tensor) -> tuple[Tensor, ...]:
         self.scenes = self.packed.in_library(self.samples, self.near, alone=True)
@@ -133,14 +149,13 @@ class FullMasks:
 
 
 class Surface:
-    """Depth (B, H, W), unit normals (B, H, W, 3), object and triangle numbers at pixel centres.
-
-    From `Draw`'s points and attributes. scenes: those that were painted with one sample a pixel; None to draw
-    anew.
-    """
+    """See `general.surface`. scenes: those that were painted with one sample a pixel; None to draw anew."""
 
     def __init__(self, packed: PackedScenes, near: float, scenes: Any = None):
         self.packed, self.near, self.scenes = packed, near, scenes
+
+    def general(self, *inputs: Tensor) -> tuple[Tensor, ...]:
+        return general.surface(self.packed, self.near, *inputs)
 
     def forward(self, points: Tensor, attributes: Tensor) -> tuple[Tensor, ...]:
         if self.scenes is None:

@@ -1,8 +1,39 @@
-"""Smooth normals of a mesh, in plain torch."""
+"""Shading in plain torch: light reflected by a white Lambertian surface of a given normal."""
 
 from __future__ import annotations
 
 import torch
+
+from vig_renderer.harmonics import COSINE_LOBE, sh_basis
+
+
+def shade(
+    normals: torch.Tensor,
+    owner: torch.Tensor,
+    light: torch.Tensor,
+    direction: torch.Tensor,
+    radiance: torch.Tensor,
+) -> torch.Tensor:
+    """Return the light that white surfaces reflect, (N, 3): max(0, sum A_l L_lm Y_lm(n)) + radiance
+    max(0, n . direction).
+
+    normals (N, 3): unit, world frame. owner (N,): which of the O lights below shines on each. light
+    (O, 9, 3): SH coefficients of incident radiance, RGB. direction (O, 3): unit, towards a distant lamp.
+    radiance (O, 3): its light that a white surface facing the lamp reflects. No shadows.
+    """
+    lobe = torch.tensor(COSINE_LOBE, dtype=normals.dtype, device=normals.device)
+    basis = sh_basis(normals) * lobe
+    # One object, the usual case: no gathering of its light for each normal.
+    if len(light) == 1:
+        diffuse = basis @ light[0]
+        cosine = normals @ direction[0]
+        radiance = radiance.expand(len(normals), 3)
+    else:
+        diffuse = torch.einsum("nl,nlc->nc", basis, light[owner])
+        cosine = (normals * direction[owner]).sum(1)
+        radiance = radiance[owner]
+    reflected: torch.Tensor = diffuse.clamp_min(0.0) + cosine.clamp_min(0.0)[:, None] * radiance
+    return reflected
 
 
 def smooth_normals(vertices: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import torch
@@ -53,3 +54,38 @@ def pyramid(texture: torch.Tensor) -> Pyramid:
             break
         level = F.adaptive_avg_pool2d(level, (max(height // 2, 1), max(width // 2, 1)))
     return Pyramid(torch.cat(parts), torch.tensor(table, dtype=torch.int32, device=texture.device))
+
+
+def sample_texture(texture: Pyramid, uv: torch.Tensor, footprint: torch.Tensor) -> torch.Tensor:
+    """Look a texture up at N points: (N, C), in plain torch.
+
+    uv (N, 2): (0, 0) is the image's lower left corner, (1, 1) its upper right, repeated outside. footprint
+    (N, 2, 2): how uv change per pixel to the right, then per pixel downwards. The level of detail is the
+    logarithm of the pixel's root mean square size in texels. Differentiable in texels, uv and footprint.
+    """
+    size = texture.levels[0, [2, 1]].to(uv)
+    last = len(texture.levels) - 1
+    square = (footprint * size).square().sum(dim=(1, 2)) / 2
+    level = 0.5 / math.log(2.0) * square.clamp_min(1e-12).log()
+    fine = level.detach().floor().clamp(0, last).long()
+    between = (level > 0) & (level < last)
+    share = torch.where(between, level - fine, 0.0)[:, None]
+    coarse = (fine + 1).clamp_max(last)
+    # Trilinear: the two nearest levels, blended (Williams 1983).
+    return (1 - share) * _bilinear(texture, fine, uv) + share * _bilinear(texture, coarse, uv)
+
+
+def _bilinear(texture: Pyramid, level: torch.Tensor, uv: torch.Tensor) -> torch.Tensor:
+    start, height, width = texture.levels[level].long().unbind(1)
+    # Whole turns of the texture are dropped first: large uv must not overflow. v runs up, rows run down.
+    u, v = (uv - uv.detach().floor()).unbind(1)
+    x, y = u * width - 0.5, (1 - v) * height - 0.5
+    left, top = x.detach().floor().long(), y.detach().floor().long()
+    across, down = (x - left)[:, None], (y - top)[:, None]
+
+    def texel(row: torch.Tensor, column: torch.Tensor) -> torch.Tensor:
+        return texture.texels.index_select(0, start + row.remainder(height) * width + column.remainder(width))
+
+    upper = (1 - across) * texel(top, left) + across * texel(top, left + 1)
+    lower = (1 - across) * texel(top + 1, left) + across * texel(top + 1, left + 1)
+    return (1 - down) * upper + down * lower

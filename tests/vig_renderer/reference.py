@@ -11,9 +11,9 @@ from typing import Any
 
 import torch
 
-from tests.vig_renderer.general import MARGIN
 from vig_native import engine
 from vig_renderer import NEAR, Pyramid, Topology
+from vig_renderer.general import MARGIN
 
 Edges = set[tuple[int, int, int, int, int]]
 """Visible occlusion edges: vertex a, vertex b, axis, line, the first of the two pixels."""

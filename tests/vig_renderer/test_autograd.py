@@ -1,4 +1,4 @@
-"""Renderings within what torch offers: inference mode, pickle; and what is refused."""
+"""Renderings within what torch offers: batches of cotangents, inference mode, pickle."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 import torch
-from torch.autograd import forward_ad
 
 from vig_renderer import Rendering, Scene, render
 
@@ -39,15 +38,35 @@ def place() -> torch.Tensor:
     return torch.tensor([0.01, -0.02, 0.4], dtype=torch.float64, requires_grad=True)
 
 
-def test_what_is_not_differentiated_is_refused(draw: Draw, place: torch.Tensor) -> None:
-    image = draw(place).rgb
-    with pytest.raises(NotImplementedError, match="one cotangent at a time; got a batch"):
-        torch.autograd.grad(image, place, torch.ones(4, *image.shape).double(), is_grads_batched=True)
-    (slope,) = torch.autograd.grad(draw(place).rgb.square().sum(), place, create_graph=True)
-    with pytest.raises(RuntimeError, match="differentiate twice"):
-        slope.sum().backward()
-    with forward_ad.dual_level(), pytest.raises(NotImplementedError, match="forward"):
-        draw(forward_ad.make_dual(place.detach(), torch.ones_like(place)))
+def one_by_one(draw: Draw, place: torch.Tensor, name: str, cotangents: torch.Tensor) -> torch.Tensor:
+    return torch.stack([torch.autograd.grad(getattr(draw(place), name), place, row)[0] for row in cotangents])
+
+
+@pytest.mark.parametrize("name", ["rgb", "coverage", "full_masks", "normals"])
+def test_batches_of_cotangents_are_those_one_by_one(draw: Draw, place: torch.Tensor, name: str) -> None:
+    image = getattr(draw(place), name)
+    random = torch.Generator().manual_seed(0)
+    cotangents = torch.randn(4, *image.shape, generator=random, dtype=image.dtype)
+    expected = one_by_one(draw, place, name, cotangents)
+    seen = torch.autograd.grad(image, place, cotangents, retain_graph=True, is_grads_batched=True)[0]
+    torch.testing.assert_close(seen, expected, rtol=1e-8, atol=1e-10)
+
+    def pulled(row: torch.Tensor) -> torch.Tensor:
+        return torch.autograd.grad(image, place, row, retain_graph=True)[0]
+
+    torch.testing.assert_close(torch.func.vmap(pulled)(cotangents), expected, rtol=1e-8, atol=1e-10)
+
+
+def test_a_jacobian_of_all_pixels_at_once_is_that_of_one_after_another(
+    draw: Draw, place: torch.Tensor
+) -> None:
+    def coverage(where: torch.Tensor) -> torch.Tensor:
+        return draw(where).coverage
+
+    jacobian: Callable[..., Any] = torch.autograd.functional.jacobian
+    expected = jacobian(coverage, place)
+    assert expected.abs().max() > 0
+    torch.testing.assert_close(jacobian(coverage, place, vectorize=True), expected, rtol=1e-8, atol=1e-10)
 
 
 def test_renderings_are_pickled_saved_and_copied_whole(draw: Draw, place: torch.Tensor) -> None:

@@ -8,7 +8,7 @@ import torch
 from vig_renderer.internals import transforms
 
 
-def test_transforms_are_seen_where_torch_tells(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_transforms_are_seen_and_else_assumed(monkeypatch: pytest.MonkeyPatch) -> None:
     one, inside = torch.ones(2), []
 
     def look(tensor: torch.Tensor) -> torch.Tensor:
@@ -21,4 +21,4 @@ def test_transforms_are_seen_where_torch_tells(monkeypatch: pytest.MonkeyPatch) 
     for name in ("peek_interpreter_stack", "is_legacy_batchedtensor"):
         with monkeypatch.context() as patch:
             patch.delattr(torch._C._functorch, name)
-            assert not transforms(one)
+            assert transforms(one)

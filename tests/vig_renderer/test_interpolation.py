@@ -9,8 +9,9 @@ import pytest
 import torch
 
 from tests.vig_renderer import reference
-from tests.vig_renderer.interpolation import barycentrics, interpolate, sample_texture
 from vig_renderer import Pyramid, pyramid
+from vig_renderer.interpolation import barycentrics, interpolate
+from vig_renderer.texture import sample_texture
 
 Function = Callable[..., torch.Tensor]
 

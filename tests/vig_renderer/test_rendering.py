@@ -3,6 +3,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import fields, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +19,7 @@ from vig_renderer import (
     Rendering,
     Scene,
     Topology,
+    jacobian,
     pyramid,
     render,
 )
@@ -53,7 +55,7 @@ def numbers(rendering: Rendering) -> list[torch.Tensor]:
 
 
 def check_gradients(made: World, rng: np.random.Generator, shading: str, samples: int) -> None:
-    """Reverse derivative against central differences, for every input in a random direction."""
+    """Reverse derivative against central differences, for every input in a random direction; forward too."""
     weights: list[torch.Tensor] = []
 
     def loss(values: dict[str, torch.Tensor]) -> torch.Tensor:
@@ -75,6 +77,8 @@ def check_gradients(made: World, rng: np.random.Generator, shading: str, samples
             continue
         direction = gradient / gradient.norm() + 0.5 * random / random.norm()
         analytic = float((gradient * direction).sum())
+        _, forward = torch.func.jvp(partial(along, name), (torch.zeros_like(direction),), (direction,))
+        assert float(forward) == pytest.approx(analytic, rel=1e-8), name
         # Large steps may meet a jump (a T-junction), small ones are rounded off: one of them must agree.
         errors = []
         for step in (1e-6, 1e-7, 1e-8, 1e-5):
@@ -235,6 +239,20 @@ def test_a_texture_is_seen_in_perspective_and_far_away_as_its_mean() -> None:
     assert row.item() == pytest.approx(1.0) and 0 < v < 0.5
 
 
+def test_the_jacobian_of_a_picture_is_that_of_its_rows(world: Callable[..., World]) -> None:
+    made = world(np.random.default_rng(11), size=12)
+
+    def picture(place: torch.Tensor) -> torch.Tensor:
+        return render(made.build({**made.inputs, "front translation": place})).rgb
+
+    value, rates = jacobian(picture, made.inputs["front translation"])
+    assert rates.shape == (*value.shape, 3)
+    expected = torch.autograd.functional.jacobian(picture, made.inputs["front translation"])
+    torch.testing.assert_close(rates, expected)
+    with pytest.raises(ValueError, match=r"\(P,\)"):
+        jacobian(picture, torch.zeros(1, 3))
+
+
 def test_what_cannot_be_drawn_is_refused(world: Callable[..., World]) -> None:
     made = world(np.random.default_rng(12))
     for name, value in made.inputs.items():
@@ -294,6 +312,37 @@ def test_normals_given_with_an_object_turn_with_it(world: Callable[..., World]) 
     assert not torch.equal(render(replace(made.scene, objects=[turned])).rgb, render(made.scene).rgb)
 
 
+@pytest.mark.parametrize("shading", ["vertex", "pixel"])
+def test_second_derivatives_are_exact_where_no_edge_appears(shading: str) -> None:
+    """Of a loss of two balls, one before the other, against central differences of its first derivative."""
+    mesh = trimesh.creation.icosphere(subdivisions=2, radius=0.1)
+    vertices, topology = torch.from_numpy(np.array(mesh.vertices)), Topology.of(mesh.faces, mesh.vertices)
+    light = torch.tensor([2.4, 0.3, 1.0, -0.6, 0.1, -0.2, 0.2, 0.1, -0.1]).double()
+    kinds = {field.name: getattr(AHEAD, field.name) for field in fields(AHEAD)}
+    camera = Pinhole(
+        *(value.double() if isinstance(value, torch.Tensor) else value for value in kinds.values())
+    )
+
+    def slope(moved: torch.Tensor) -> torch.Tensor:
+        moved = moved if moved.requires_grad else moved.clone().requires_grad_()
+        colour, behind = torch.ones(3).double(), torch.tensor([0.03, 0.02, 0.8]).double()
+        front = MeshObject(vertices, topology, moved[3:] * colour, translation=moved[:3], light=light)
+        back = MeshObject(vertices, topology, 0.5 * colour, translation=behind, light=light)
+        seen = render(Scene([front, back], camera), shading=shading)
+        loss = seen.rgb.square().sum() + seen.coverage.square().sum()
+        return torch.autograd.grad(loss, moved, create_graph=True)[0]
+
+    at = torch.tensor([0.013, 0.0177, 0.5, 0.7]).double()
+    start, step = at.clone().requires_grad_(), 1e-7
+    rows = [torch.autograd.grad(part, start, retain_graph=True)[0] for part in slope(start)]
+    ahead = [
+        (slope(at + step * axis) - slope(at - step * axis)) / (2 * step) for axis in torch.eye(4).double()
+    ]
+    found, expected = torch.stack(rows), torch.stack(ahead, 1).detach()
+    assert expected[:3, :3].abs().min() > 1
+    torch.testing.assert_close(found, expected, rtol=1e-4, atol=1e-2)
+
+
 def test_a_nearer_near_plane_draws_small_things_as_large_ones() -> None:
     """All lengths times .01, the near plane, too: the same picture, and depths times .01."""
     large = ball((0.02, 0.01, 0.3), (0.8, 0.4, 0.2))
@@ -305,3 +354,10 @@ def test_a_nearer_near_plane_draws_small_things_as_large_ones() -> None:
     torch.testing.assert_close(close.depth, 0.01 * usual.depth, atol=1e-7, rtol=1e-4)
     assert torch.equal(close.triangle_id, usual.triangle_id)
     assert float(render(Scene([large], AHEAD), near=0.25).depth.min()) > 0.25
+
+    def seen(shift: torch.Tensor) -> torch.Tensor:
+        moved = replace(small, vertices=small.vertices + shift)
+        return render(Scene([moved], AHEAD), near=1e-4).coverage.sum()
+
+    (backward,) = torch.autograd.grad(seen(at := torch.zeros(3, requires_grad=True)), at)
+    torch.testing.assert_close(jacobian(seen, torch.zeros(3))[1], backward, rtol=1e-3, atol=1.0)

@@ -5,9 +5,8 @@ import pytest
 import torch
 import trimesh
 
-from tests.vig_renderer.interpolation import shade
 from vig.scene import irradiance
-from vig_renderer.shading import smooth_normals, unit
+from vig_renderer.shading import shade, smooth_normals, unit
 from vig_world.mesh import vertex_normals
 
 

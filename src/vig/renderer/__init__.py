@@ -13,6 +13,7 @@ __all__ = [
     "Rendering",
     "Scene",
     "Topology",
+    "jacobian",
     "pyramid",
     "render",
     "render_latents",

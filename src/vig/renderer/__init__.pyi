@@ -7,5 +7,6 @@ from vig_renderer import Pyramid as Pyramid
 from vig_renderer import Rendering as Rendering
 from vig_renderer import Scene as Scene
 from vig_renderer import Topology as Topology
+from vig_renderer import jacobian as jacobian
 from vig_renderer import pyramid as pyramid
 from vig_renderer import render as render

@@ -1,6 +1,6 @@
-"""Pictures in plain torch on the native library's visibility, which the native stages are compared with.
+"""Pictures in plain torch on the native library's visibility: forward mode and second derivatives, too.
 
-`packed` lists the objects.
+Each function matches that of the same name in `native.py`; `packed` lists the objects.
 """
 
 from __future__ import annotations
@@ -13,19 +13,11 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from tests.vig_renderer.interpolation import (
-    Crossings,
-    antialias,
-    barycentrics,
-    interpolate,
-    sample_texture,
-    shade,
-)
-from vig_renderer import NEAR, Pyramid, Rendering, Scene
 from vig_renderer.defaults import default_settings
-from vig_renderer.packing import INPUTS, PackedScenes, pack
-from vig_renderer.rendering import spread_masks
-from vig_renderer.shading import smooth_normals, unit
+from vig_renderer.interpolation import Crossings, antialias, barycentrics, interpolate
+from vig_renderer.packing import INPUTS, PackedScenes
+from vig_renderer.shading import shade, smooth_normals, unit
+from vig_renderer.texture import Pyramid, sample_texture
 
 MARGIN = 1
 """Pixels drawn around the image and cut off again, so that its own border is blended like its middle."""
@@ -42,6 +34,12 @@ class _Opaque(torch.autograd.Function):
     @staticmethod
     def setup_context(ctx: Any, inputs: tuple[Any, ...], output: Any) -> None:
         ctx.mark_non_differentiable(*output)
+
+    @staticmethod
+    def vmap(info: Any, axes: tuple[Any, ...], run: Callable[..., Any], *arguments: Any) -> Any:
+        if any(axis is not None for axis in axes[1:]):
+            raise NotImplementedError("the renderer draws no scenes under vmap; give `render` a list of them")
+        return run(*arguments), (None,) * 4
 
 
 @dataclass(frozen=True)
@@ -127,25 +125,6 @@ class Tables:
             torch.tensor([0, *accumulate(counts)])[:-1],
             torch.tensor(packed.place).long(),
         )
-
-
-def render(
-    scenes: Scene | list[Scene], shading: str = "vertex", samples: int = 1, near: float = NEAR
-) -> Rendering:
-    """See `vig_renderer.render`."""
-    packed = pack([scenes] if isinstance(scenes, Scene) else scenes)
-    packed.check_numbers()
-    columns = (LIT if shading == "vertex" else ALBEDO).stop
-    rgb, coverage, visible, points, attributes = draw(
-        packed, samples, columns, near, packed.background, *packed.tensors[1:]
-    )
-    return Rendering.lazily(
-        rgb,
-        coverage,
-        visible,
-        lambda: spread_masks(packed, visible, lambda: full_masks(packed, samples, near, points)[0]),
-        lambda: surface(packed, near, points, attributes),
-    )
 
 
 @default_settings()

@@ -1,14 +1,10 @@
-"""Vertex attributes, light and textures at pixels, and the blending at occlusion edges, in plain torch."""
+"""Vertex attributes at pixels, and the blending of pixels at occlusion edges, in plain torch."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import torch
-
-from vig_renderer import Pyramid
-from vig_renderer.harmonics import COSINE_LOBE, sh_basis
 
 
 @dataclass(frozen=True)
@@ -133,67 +129,3 @@ def interpolate(attributes: torch.Tensor, corners: torch.Tensor, weights: torch.
     rows = attributes.index_select(0, corners.reshape(-1)).view(len(corners), 3, attributes.shape[1])
     # A batched product: one kernel for forward and backward where a sum over corners takes three.
     return (weights[:, None] @ rows)[:, 0]
-
-
-def shade(
-    normals: torch.Tensor,
-    owner: torch.Tensor,
-    light: torch.Tensor,
-    direction: torch.Tensor,
-    radiance: torch.Tensor,
-) -> torch.Tensor:
-    """Return the light that white surfaces reflect, (N, 3): max(0, sum A_l L_lm Y_lm(n)) + radiance
-    max(0, n . direction).
-
-    normals (N, 3): unit, world frame. owner (N,): which of the O lights below shines on each. light
-    (O, 9, 3): SH coefficients of incident radiance, RGB. direction (O, 3): unit, towards a distant lamp.
-    radiance (O, 3): its light that a white surface facing the lamp reflects. No shadows.
-    """
-    lobe = torch.tensor(COSINE_LOBE, dtype=normals.dtype, device=normals.device)
-    basis = sh_basis(normals) * lobe
-    # One object, the usual case: no gathering of its light for each normal.
-    if len(light) == 1:
-        diffuse = basis @ light[0]
-        cosine = normals @ direction[0]
-        radiance = radiance.expand(len(normals), 3)
-    else:
-        diffuse = torch.einsum("nl,nlc->nc", basis, light[owner])
-        cosine = (normals * direction[owner]).sum(1)
-        radiance = radiance[owner]
-    reflected: torch.Tensor = diffuse.clamp_min(0.0) + cosine.clamp_min(0.0)[:, None] * radiance
-    return reflected
-
-
-def sample_texture(texture: Pyramid, uv: torch.Tensor, footprint: torch.Tensor) -> torch.Tensor:
-    """Look a texture up at N points: (N, C), in plain torch.
-
-    uv (N, 2): (0, 0) is the image's lower left corner, (1, 1) its upper right, repeated outside. footprint
-    (N, 2, 2): how uv change per pixel to the right, then per pixel downwards. The level of detail is the
-    logarithm of the pixel's root mean square size in texels. Differentiable in texels, uv and footprint.
-    """
-    size = texture.levels[0, [2, 1]].to(uv)
-    last = len(texture.levels) - 1
-    square = (footprint * size).square().sum(dim=(1, 2)) / 2
-    level = 0.5 / math.log(2.0) * square.clamp_min(1e-12).log()
-    fine = level.detach().floor().clamp(0, last).long()
-    between = (level > 0) & (level < last)
-    share = torch.where(between, level - fine, 0.0)[:, None]
-    coarse = (fine + 1).clamp_max(last)
-    # Trilinear: the two nearest levels, blended (Williams 1983).
-    return (1 - share) * _bilinear(texture, fine, uv) + share * _bilinear(texture, coarse, uv)
-
-
-def _bilinear(texture: Pyramid, level: torch.Tensor, uv: torch.Tensor) -> torch.Tensor:
-    start, height, width = texture.levels[level].long().unbind(1)
-    # Whole turns of the texture are dropped first: large uv must not overflow. v runs up, rows run down.
-    u, v = (uv - uv.detach().floor()).unbind(1)
-    x, y = u * width - 0.5, (1 - v) * height - 0.5
-    left, top = x.detach().floor().long(), y.detach().floor().long()
-    across, down = (x - left)[:, None], (y - top)[:, None]
-
-    def texel(row: torch.Tensor, column: torch.Tensor) -> torch.Tensor:
-        return texture.texels.index_select(0, start + row.remainder(height) * width + column.remainder(width))
-
-    upper = (1 - across) * texel(top, left) + across * texel(top, left + 1)
-    lower = (1 - across) * texel(top + 1, left) + across * texel(top + 1, left + 1)
-    return (1 - down) * upper + down * lower
