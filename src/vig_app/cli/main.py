@@ -31,6 +31,7 @@ from vig_app.cli.common import (
     Verb,
     ViewCommand,
     verbs_of_packages,
+    without_empty_defaults,
 )
 from vig_app.cli.options import FitCommand
 from vig_app.cli.speed import extra_of
@@ -132,7 +133,7 @@ def _parsed(verbs: list[Verb], arguments: list[str]) -> Any:
         group, _, name = verb.name.rpartition(" ")
         if group and group not in groups:
             groups[group] = tyro.extras.SubcommandApp()
-        (groups[group] if group else app).command(name=name)(verb.settings)
+        (groups[group] if group else app).command(name=name)(without_empty_defaults(verb.settings))
     for group, inner in groups.items():
         app.command(inner, name=group, help=GROUPS[group])
     complaint = io.StringIO()
@@ -143,7 +144,7 @@ def _parsed(verbs: list[Verb], arguments: list[str]) -> Any:
                 description="Explain objects in photos, even where they are hidden. Version: vig --version."
                 ' Tab completion in bash: eval "$(vig --tyro-print-completion bash)".',
                 args=arguments,
-                config=(tyro.conf.FlagCreatePairsOff, tyro.conf.OmitArgPrefixes),
+                config=(tyro.conf.FlagCreatePairsOff, tyro.conf.OmitArgPrefixes, tyro.conf.DisallowNone),
             )
     except SystemExit as ended:
         if not ended.code:
@@ -152,7 +153,7 @@ def _parsed(verbs: list[Verb], arguments: list[str]) -> Any:
     words = " ".join(re.sub("[\u2500-\u257f]|-{9,}", " ", " ".join(lines)).split())
     if wrong := re.search(r"Error parsing (\S+?): .*?matching (\S+) .*?from \[(.*?)\]\.", words):
         option, kind, given = wrong.groups()
-        words = f"expected {option} {kind.replace('{None}|', '')}; got {given}."
+        words = f"expected {option} {kind}; got {given}."
     words = re.sub(r" Perhaps you meant: (\S+).*", r". Did you mean \1?", words)
     words = re.sub(r" (For full helptext|Argument helptext|Available subcommands).*", "", words)
     named = " ".join(takewhile(lambda word: not word.startswith("-"), arguments[:1]))
