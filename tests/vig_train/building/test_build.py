@@ -20,6 +20,7 @@ from vig.parallel import thread_limit
 from vig.scene import ObjectClass, Symmetry
 from vig.scene.object_class import BUILD_COMMAND
 from vig_train.building import BuildResult, BuildSettings, build_class
+from vig_train.building.build import STEPS as STEP_COUNT
 from vig_train.building.build import check_folder, is_step
 from vig_train.building.pictures import save_mesh_sheet
 from vig_train.cli.classes import build
@@ -311,7 +312,7 @@ def test_the_card_names_the_authors_of_a_catalogues_meshes(
     made = build_class(f"{path}:fin", tmp_path / "pack", settings, said.append, progress=True)
     assert f"2 meshes from {path}:fin" in said
     steps = [line.format(meshes=f"{path}:fin") for line in STEPS]
-    assert [line for line in said if is_step(line)] == steps
+    assert [line for line in said if is_step(line)] == steps and len(steps) == STEP_COUNT
     shown = capsys.readouterr().err
     for counted in ("2 of 2 files", "2 of 2 surfaces", "8 of 8 comparisons", "2 of 2 meshes"):
         assert counted in shown
