@@ -51,11 +51,11 @@ PLACES = [f"{package}.{name}" for package, names in ORDER.items() for name in na
 
 # The budget. A commit may lower a number; one that raises it says in CHANGELOG what was taken out for it.
 LINES = {
-    "vig_native": 7_945, "vig_renderer": 1_683, "vig": 15_071, "vig_app": 8_445, "vig_world": 18_104,
-    "vig_train": 12_016, "vig_paper": 2_691,
+    "vig_native": 7_945, "vig_renderer": 1_683, "vig": 15_072, "vig_app": 8_426, "vig_world": 18_104,
+    "vig_train": 12_012, "vig_paper": 2_691,
 }  # fmt: skip
-CONSTANTS = 1_254
-REACHED_LINES = {"vig.explainer": 13_004, "vig_app.cli.fit": 18_831}
+CONSTANTS = 1_252
+REACHED_LINES = {"vig.explainer": 13_004, "vig_app.cli.fit": 18_832}
 """Lines of the modules that one imports, directly and indirectly: what is read to change it."""
 
 PICKLERS = {"pickle", "cPickle", "_pickle", "dill", "cloudpickle", "joblib", "shelve", "marshal"}

@@ -19,33 +19,21 @@ import tyro
 
 from vig import __version__
 from vig.io.errors import UserError
-from vig_app.cli.common import (
-    BopCommand,
-    Demo,
-    Doctor,
-    ExitCode,
-    ExportCommand,
-    Gallery,
-    SchemaCommand,
-    ServeCommand,
-    Verb,
-    ViewCommand,
-    verbs_of_packages,
-    without_empty_defaults,
-)
+from vig_app.cli import common
+from vig_app.cli.common import ExitCode, Verb, verbs_of_packages, without_empty_defaults
 from vig_app.cli.options import FitCommand
 from vig_app.cli.speed import extra_of
 
 VERBS = (
-    Verb("demo", Demo, "vig_app.cli.demo:demo"),
+    Verb("demo", common.Demo, "vig_app.cli.demo:demo"),
     Verb("fit", FitCommand, "vig_app.cli.fit:fit"),
-    Verb("export", ExportCommand, "vig_app.cli.results:export"),
-    Verb("view", ViewCommand, "vig_app.cli.view:view"),
-    Verb("serve", ServeCommand, "vig_app.cli.serve:serve"),
-    Verb("gallery", Gallery, "vig_app.cli.results:gallery"),
-    Verb("bop", BopCommand, "vig_app.cli.bop:bop"),
-    Verb("doctor", Doctor, "vig_app.cli.doctor:run_doctor"),
-    Verb("schema", SchemaCommand, "vig_app.cli.results:print_schema"),
+    Verb("export", common.ExportCommand, "vig_app.cli.results:export"),
+    Verb("view", common.ViewCommand, "vig_app.cli.view:view"),
+    Verb("serve", common.ServeCommand, "vig_app.cli.serve:serve"),
+    Verb("gallery", common.Gallery, "vig_app.cli.results:gallery"),
+    Verb("bop", common.BopCommand, "vig_app.cli.bop:bop"),
+    Verb("doctor", common.Doctor, "vig_app.cli.doctor:run_doctor"),
+    Verb("schema", common.SchemaCommand, "vig_app.cli.results:print_schema"),
 )
 GROUPS = {
     "class": "Make a class from a folder of meshes, and train its network.",

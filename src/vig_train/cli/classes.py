@@ -66,21 +66,17 @@ def build(settings: Build) -> int:
     (settings.out / BUILD_COMMAND).unlink(missing_ok=True)
     is_trained = (settings.out / WEIGHTS_FILE).exists()
     if settings.json:
-        errors = result.components.errors
-        print(
-            json.dumps(
-                {
-                    "folder": str(settings.out),
-                    "meshes": len(result.scans),
-                    "taken": {result.scans[number].name: split for number, split in result.splits.items()},
-                    "refused": result.refused,
-                    "symmetry": result.upright.symmetries.symmetry,
-                    "components": len(result.components.basis),
-                    "leave_one_out": errors[len(result.components.basis)] if errors else None,
-                },
-                indent=2,
-            )
-        )
+        errors, components = result.components.errors, len(result.components.basis)
+        described = {
+            "folder": str(settings.out),
+            "meshes": len(result.scans),
+            "taken": {result.scans[number].name: split for number, split in result.splits.items()},
+            "refused": result.refused,
+            "symmetry": result.upright.symmetries.symmetry,
+            "components": components,
+            "leave_one_out": errors[components] if errors else None,
+        }
+        print(json.dumps(described, indent=2))
         return 0
     upright = settings.out / "build" / "2-upright.png"
     print(f"look at {settings.out / 'card.md'}; where {upright} is wrong: --up, --front, --turn, --drop")

@@ -334,3 +334,22 @@ def test_the_command_to_run_again_states_what_differs_from_the_defaults() -> Non
     )
     expected = "vig class build 'my meshes' --out car --front=-z --turn 7:90 8:180 --drop 5 --no-materials"
     assert command_line("vig class build", told, ("meshes",), ("json",)) == expected
+
+
+def test_the_command_numbers_its_stages_and_those_of_the_quick_recognizer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def built(meshes: Path, out: Path, settings: BuildSettings, say: Any, *rest: Any) -> None:
+        for line in ("reading meshes ...", "2 meshes", "1/3 images: done in 4 s", "2/3 heads: training ..."):
+            say(line)
+        raise UserError("enough")
+
+    monkeypatch.setattr("vig_train.building.build_class", built)
+    with pytest.raises(UserError, match="enough"):
+        build(Build(tmp_path, tmp_path / "pack"))
+    assert capsys.readouterr().out.splitlines() == [
+        "stage 1 of 12, 0 min so far: reading meshes ...",
+        "2 meshes",
+        "stage 2 of 12, 0 min so far: images: done in 4 s",
+        "stage 3 of 12, 0 min so far: heads: training ...",
+    ]
