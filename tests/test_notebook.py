@@ -29,7 +29,7 @@ def shown(source: str, names: dict[str, Any]) -> Any:
 
 def test_it_is_stored_without_results_and_installs_vig_first() -> None:
     assert all(cell["outputs"] == [] for cell in CELLS if cell["cell_type"] == "code")
-    assert CODE[0].splitlines()[-1] == "%pip install --quiet vig"
+    assert CODE[0].splitlines()[-1] == "%pip install --quiet .."
     assert not any("%" in line[:1] for source in CODE[1:] for line in source.splitlines())
 
 

@@ -399,7 +399,7 @@ class Explanation:
 
         Args:
             folder: Folder of `save`, as some formats name its mask.
-            formats: Any of "bop", "coco", "nerfstudio", "ros" and "usd".
+            formats: Any of "blender", "bop", "coco", "nerfstudio", "ros" and "usd".
             photo: Name of the photo in the files.
 
         Raises:

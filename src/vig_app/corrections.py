@@ -33,7 +33,7 @@ class State(PlainHints):
     """All that a user knows of a photo; places are in its pixels, angles in degrees.
 
     `camera` is fx, fy, cx, cy of its lens; `found` is the probability of presence
-    of an object that vig found, whose box is not the user's.
+    of an object that vig found, whose box is not the user's; 0 where the user states that there is none.
     """
 
     box: Box | None = None

@@ -127,8 +127,8 @@ def filled(polygon: Polygon, width: int, height: int) -> np.ndarray:
 def read_labels(path: Path, say: Callable[[str], None]) -> dict[str, list[Label]]:
     """Return the labels of each photo, by its name or path, of a file or the files of a folder.
 
-    `say` is called with a line on each file of a folder that cannot be read. Raises UserError where a file
-    cannot, or there are no labels.
+    `say` is called with a line on each file of a folder that cannot be read, and on what is left out. Raises
+    UserError where a file cannot be read, or there are no labels.
     """
     files = [path]
     if path.is_dir():
@@ -141,7 +141,7 @@ def read_labels(path: Path, say: Callable[[str], None]) -> dict[str, list[Label]
                     f"expected masks of what is seen; got '{file.name}', whole ones. Give the others."
                 )
             with reading(file, "labels of COCO, labelme or CVAT", REMEDY):
-                for name, label in _labels_in(file, read_bytes(file, MOST_TABLE)):
+                for name, label in _labels_in(file, read_bytes(file, MOST_TABLE), say):
                     labels[name] += [] if label is None else [label]
         except UserError as error:
             if not path.is_dir():
@@ -152,8 +152,8 @@ def read_labels(path: Path, say: Callable[[str], None]) -> dict[str, list[Label]
     return dict(labels)
 
 
-def _labels_in(file: Path, data: bytes) -> Iterator[tuple[str, Label | None]]:
-    """Yield photos' names with their labels, with None where a photo has none."""
+def _labels_in(file: Path, data: bytes, say: Callable[[str], None]) -> Iterator[tuple[str, Label | None]]:
+    """Yield photos' names with their labels, with None where a photo has none; `say` as of `read_labels`."""
     if data.lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"<"):
         root = ElementTree.fromstring(data)
         if root.tag != "annotations":
@@ -171,6 +171,9 @@ def _labels_in(file: Path, data: bytes) -> Iterator[tuple[str, Label | None]]:
         shapes = [shape for shape in map(_labelme_shape, content["shapes"]) if shape]
         yield from _joined(name, None if None in sides else sides, shapes)  # type: ignore[arg-type]
     elif isinstance(content, dict) and "images" in content and "annotations" in content:
+        known = {image["id"] for image in content["images"]}
+        if lost := sum(row["image_id"] not in known for row in content["annotations"]):
+            say(f"{file}: {lost} of {len(content['annotations'])} annotations name no image of it; left out")
         yield from _coco_labels(content)
     else:
         raise ValueError("JSON of another kind")

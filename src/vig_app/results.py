@@ -7,7 +7,7 @@ import io
 import json
 import re
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack, suppress
 from functools import cache
 from itertools import islice
@@ -120,6 +120,12 @@ def name_of(row: Mapping[str, Any]) -> str:
     """Return the photo's name, and which of its objects a row is of where it has several."""
     _, several, which = row["folder"].partition("/")
     return PurePath(row["photo"]).name + (f" {which}" if several else "")
+
+
+def without_dismissed(rows: Collection[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return rows without those of absent objects of photos that show others."""
+    shown = {row["folder"].split("/")[0] for row in rows if row["verdict"] != "absent"}
+    return [row for row in rows if row["verdict"] != "absent" or row["folder"].split("/")[0] not in shown]
 
 
 class RowsOnDisk:

@@ -194,6 +194,15 @@ def test_whole_masks_of_vig_are_refused(tmp_path: Path) -> None:
         read_labels(file, pytest.fail)
 
 
+def test_annotations_of_images_that_are_not_there_are_counted_in_a_line(tmp_path: Path) -> None:
+    content = coco(bbox=[1, 2, 3, 4])
+    content["annotations"].append({**content["annotations"][0], "image_id": 99})
+    (tmp_path / "a.json").write_text(json.dumps(content))
+    lines: list[str] = []
+    assert [len(labels) for labels in read_labels(tmp_path / "a.json", lines.append).values()] == [1]
+    assert lines == [f"{tmp_path / 'a.json'}: 1 of 2 annotations name no image of it; left out"]
+
+
 def test_an_unknown_category_is_named_by_its_number(tmp_path: Path) -> None:
     (label,) = labels_of(tmp_path, coco(category_id=9, bbox=[3, 2, 6, 4]))
     assert label.name == "category 9" and not label.problem

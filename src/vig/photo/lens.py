@@ -239,6 +239,12 @@ def _numbers_in(value: Any) -> Iterator[Any]:
             values += item
 
 
+def check_camera(camera: Any) -> None:
+    """Raise UserError for what is no camera in a form of `Intrinsics.of`, whatever the photo."""
+    if not isinstance(camera, Intrinsics | float):
+        _four_numbers(camera)
+
+
 def _four_numbers(camera: Any) -> tuple[float, float, float, float]:
     """Return fx, fy, cx, cy from any form of them."""
     given = camera

@@ -104,8 +104,14 @@ def _is_highest(values: np.ndarray) -> np.ndarray:
 
 def box_overlap(one: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> float:
     """Return the intersection over union of boxes x, y, w, h."""
+    shared = box_shared(one, other)
+    return shared / (one[2] * one[3] + other[2] * other[3] - shared)
+
+
+def box_shared(one: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> float:
+    """Return the area that boxes x, y, w, h have in common."""
     shared = 1.0
     for low, size in ((0, 2), (1, 3)):
         end = min(one[low] + one[size], other[low] + other[size])
         shared *= max(0.0, end - max(one[low], other[low]))
-    return shared / (one[2] * one[3] + other[2] * other[3] - shared)
+    return shared

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from enum import IntEnum
+from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_type_hints
 
 import tyro
 
@@ -184,6 +185,19 @@ class Verb:
         """Do the work with these settings; returns the exit code."""
         module, _, function = getattr(settings, "work", self.work).partition(":")
         return int(getattr(import_module(module), function)(settings))
+
+
+@cache
+def without_empty_defaults(settings: type) -> type:
+    """Return a dataclass whose help, and that of its groups, states no defaults None, False and ()."""
+    settings.__annotations__ = get_type_hints(settings, include_extras=True)
+    for each in fields(settings):
+        kind = settings.__annotations__[each.name]
+        if is_dataclass(kind):
+            without_empty_defaults(kind)  # type: ignore[arg-type]
+        elif any(each.default is empty for empty in (None, False, ())):
+            settings.__annotations__[each.name] = Annotated[kind, tyro.conf.arg(help_behavior_hint="")]
+    return settings
 
 
 def verbs_of_packages() -> tuple[Verb, ...]:

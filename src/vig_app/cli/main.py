@@ -19,32 +19,21 @@ import tyro
 
 from vig import __version__
 from vig.io.errors import UserError
-from vig_app.cli.common import (
-    BopCommand,
-    Demo,
-    Doctor,
-    ExitCode,
-    ExportCommand,
-    Gallery,
-    SchemaCommand,
-    ServeCommand,
-    Verb,
-    ViewCommand,
-    verbs_of_packages,
-)
+from vig_app.cli import common
+from vig_app.cli.common import ExitCode, Verb, verbs_of_packages, without_empty_defaults
 from vig_app.cli.options import FitCommand
 from vig_app.cli.speed import extra_of
 
 VERBS = (
-    Verb("demo", Demo, "vig_app.cli.demo:demo"),
+    Verb("demo", common.Demo, "vig_app.cli.demo:demo"),
     Verb("fit", FitCommand, "vig_app.cli.fit:fit"),
-    Verb("export", ExportCommand, "vig_app.cli.results:export"),
-    Verb("view", ViewCommand, "vig_app.cli.view:view"),
-    Verb("serve", ServeCommand, "vig_app.cli.serve:serve"),
-    Verb("gallery", Gallery, "vig_app.cli.results:gallery"),
-    Verb("bop", BopCommand, "vig_app.cli.bop:bop"),
-    Verb("doctor", Doctor, "vig_app.cli.doctor:run_doctor"),
-    Verb("schema", SchemaCommand, "vig_app.cli.results:print_schema"),
+    Verb("export", common.ExportCommand, "vig_app.cli.results:export"),
+    Verb("view", common.ViewCommand, "vig_app.cli.view:view"),
+    Verb("serve", common.ServeCommand, "vig_app.cli.serve:serve"),
+    Verb("gallery", common.Gallery, "vig_app.cli.results:gallery"),
+    Verb("bop", common.BopCommand, "vig_app.cli.bop:bop"),
+    Verb("doctor", common.Doctor, "vig_app.cli.doctor:run_doctor"),
+    Verb("schema", common.SchemaCommand, "vig_app.cli.results:print_schema"),
 )
 GROUPS = {
     "class": "Make a class from a folder of meshes, and train its network.",
@@ -132,7 +121,7 @@ def _parsed(verbs: list[Verb], arguments: list[str]) -> Any:
         group, _, name = verb.name.rpartition(" ")
         if group and group not in groups:
             groups[group] = tyro.extras.SubcommandApp()
-        (groups[group] if group else app).command(name=name)(verb.settings)
+        (groups[group] if group else app).command(name=name)(without_empty_defaults(verb.settings))
     for group, inner in groups.items():
         app.command(inner, name=group, help=GROUPS[group])
     complaint = io.StringIO()
@@ -143,7 +132,7 @@ def _parsed(verbs: list[Verb], arguments: list[str]) -> Any:
                 description="Explain objects in photos, even where they are hidden. Version: vig --version."
                 ' Tab completion in bash: eval "$(vig --tyro-print-completion bash)".',
                 args=arguments,
-                config=(tyro.conf.FlagCreatePairsOff, tyro.conf.OmitArgPrefixes),
+                config=(tyro.conf.FlagCreatePairsOff, tyro.conf.OmitArgPrefixes, tyro.conf.DisallowNone),
             )
     except SystemExit as ended:
         if not ended.code:
@@ -152,7 +141,7 @@ def _parsed(verbs: list[Verb], arguments: list[str]) -> Any:
     words = " ".join(re.sub("[\u2500-\u257f]|-{9,}", " ", " ".join(lines)).split())
     if wrong := re.search(r"Error parsing (\S+?): .*?matching (\S+) .*?from \[(.*?)\]\.", words):
         option, kind, given = wrong.groups()
-        words = f"expected {option} {kind.replace('{None}|', '')}; got {given}."
+        words = f"expected {option} {kind}; got {given}."
     words = re.sub(r" Perhaps you meant: (\S+).*", r". Did you mean \1?", words)
     words = re.sub(r" (For full helptext|Argument helptext|Available subcommands).*", "", words)
     named = " ".join(takewhile(lambda word: not word.startswith("-"), arguments[:1]))

@@ -35,11 +35,11 @@ def export(settings: ExportCommand) -> int:
 def gallery(settings: Gallery) -> int:
     """Write the page and name it; returns the exit code."""
     cards, found = cards_of(settings.results, settings.out)
-    photos, page = len(cards), settings.out / "index.html"
-    title = f"{photos} photos explained" if photos == found else f"{photos} of {found} photos explained"
+    shown, page = len(cards), settings.out / "index.html"
+    title = f"{shown} objects explained" if shown == found else f"{shown} of {found} objects explained"
     write_page(page, gallery_html(cards, title))
     if settings.json:
-        result = {"page": str(page), "photos": photos, "folder": str(settings.out)}
+        result = {"page": str(page), "photos": shown, "folder": str(settings.out)}
         print(json.dumps(result, indent=2))
     else:
         end(settings.out, f"made a page: open {page}")

@@ -16,6 +16,7 @@ from PIL import Image
 
 from vig import __version__
 from vig.explanation import Explanation
+from vig.inference import Verdict
 from vig.io.files import atomic_write
 from vig.photo.images import png_bytes
 from vig.record import glb_from_object
@@ -90,6 +91,8 @@ def write_scene(path: Path, scene: SceneExplanation, textures: Sequence[Texture 
     for name, each, pose, scale, texture in zip(
         scene.names, scene.objects, poses, scales, textures, strict=True
     ):
+        if each.verdict is Verdict.ABSENT:
+            continue
         node = world_from_camera @ np.diag([scale, scale, scale, 1.0]) @ pose
         objects.append(GlbObject.of(each, name, node, texture, {"scale": scale}))
     height, width = scene.objects[0].picture.shape[:2]

@@ -59,6 +59,8 @@ def summary(described: dict[str, Any]) -> str:
     """Return class, trusted parts with their probabilities, and the share hidden."""
     confidence, hidden = described["confidence"], described["hidden_fraction"]
     if described["verdict"] == "absent":
+        if not described["present"]:
+            return f"{described['class']}: none; below is the fit that was dismissed"
         return (
             f"{described['class']}: in the photo with a probability of {_rounded_down(described):.0%}, below"
             f" the {LEAST_PRESENT:.0%} needed; below is the fit at the likeliest place, which was rejected"

@@ -28,7 +28,7 @@ from vig_app.corrections import CORRECTIONS, REMEDY, Correction, State, place_of
 from vig_app.exports import export_explanation, remove_exports
 from vig_app.labels import Label
 from vig_app.report.folder import FILES, OPTIONAL_FILES, save_explanation, save_scene
-from vig_app.results import COLUMNS, row_of_record
+from vig_app.results import COLUMNS, row_of_record, without_dismissed
 
 PARTIAL = ".partial"
 """End of the name of a folder that is not complete."""
@@ -175,10 +175,11 @@ class Work:
                 given = State(box=box, focal=task.focal, camera=_lens(task, explanation), found=found)
                 state = states.get(name, given)
                 state.write(beside / name, task.photo, explanation.object_class, name in states, place)
-        return [
+        rows = [
             row_of(task, explanation) | {"folder": f"{task.folder.name}/{name}", "object": number}
             for number, (name, explanation) in enumerate(zip(scene.names, scene.objects, strict=True), 1)
         ]
+        return without_dismissed(rows)
 
     def write(self, task: Task, explanation: Explanation, corrected: State | None = None) -> None:
         """Write all files of a photo beside its folder, then in their place; see `beside_folder`."""

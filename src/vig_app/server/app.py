@@ -126,6 +126,14 @@ def refuse(request: Request, error: Exception) -> JSONResponse:
     return JSONResponse({"error": f"expected a form or JSON that suits; got {words}."}, status)
 
 
+async def check_fields(request: Request) -> None:
+    """Raise UserError for fields that a form does not have, or that stand in the address."""
+    others = {*await request.form()} - {"photo", "box", "mask", "class"} | {*request.query_params}
+    if others:
+        words = "expected the form's fields photo, box, mask and class"
+        raise UserError(f"{words}; got {', '.join(map(repr, sorted(others)))[:80]}.")
+
+
 def app_of(service: Service, **limits: Any) -> FastAPI:
     """Return the application; `limits` are those of `Limits`."""
     app = FastAPI(title="vig", version=__version__, description="Explains an object in a photo.")
@@ -138,12 +146,12 @@ def app_of(service: Service, **limits: Any) -> FastAPI:
         """Return the version and the classes."""
         return {"status": "UP", "vig": __version__, "classes": [*service.explainers]}
 
-    @app.post("/explain")
+    @app.post("/explain", dependencies=[Depends(check_fields)])
     def explain(posted: Annotated[Posted, Depends()]) -> dict[str, Any]:
         """Return what explanation.json holds."""
         return service.answer(lambda explanation, folder: explanation.to_dict(), *posted.given)
 
-    @app.post("/explain/{file}", response_class=Response)
+    @app.post("/explain/{file}", response_class=Response, dependencies=[Depends(check_fields)])
     def explain_as(
         file: Literal["mask.png", "overlay.png", "object.glb", "report.html"],
         posted: Annotated[Posted, Depends()],

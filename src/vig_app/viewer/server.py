@@ -31,7 +31,7 @@ from vig_app.report.contents import drawing_data
 from vig_app.report.drawing import views_of
 from vig_app.report.folder_page import reduced
 from vig_app.report.html import filled, jpeg_bytes, jpeg_url
-from vig_app.viewer.session import Change, changed, cleared, marked, placed
+from vig_app.viewer.session import Change, changed, cleared, dismissed, marked, placed
 from vig_app.viewer.walk import Walk
 
 HOST = "127.0.0.1"
@@ -50,8 +50,8 @@ class Action:
     """
 
     do: Literal[
-        "box", "point", "mark", "view", "elevation", "roll", "visible", "clear", "undo", "save", "find",
-        "step", "open",
+        "box", "point", "mark", "view", "elevation", "roll", "visible", "none", "clear", "undo", "save",
+        "find", "step", "open",
     ]  # fmt: skip
     at: tuple[float, ...] = ()
     value: float | None = None
@@ -251,6 +251,8 @@ class Viewer:
                 return changed(**{f"{action.do}_deg": value})
             case "visible":
                 return changed(visible=bool(value))
+            case "none":
+                return dismissed
             case "clear":
                 return cleared
         return None

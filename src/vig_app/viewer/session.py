@@ -30,7 +30,7 @@ Places = Sequence[tuple[float, float]]
 class Session:
     """One photo, its explanation, and the states that led there.
 
-    Changes are `Session.boxed`, `placed`, `marked`, `changed` and `cleared`.
+    Changes are `Session.boxed`, `placed`, `marked`, `changed`, `dismissed` and `cleared`.
     """
 
     def __init__(
@@ -138,6 +138,11 @@ def marked(label: PixelLabel, x: float, y: float, radius: float, path: Places = 
 def changed(**values: Any) -> Change:
     """Return the correction of the state: a view, whether nothing hides the object; None leaves one open."""
     return lambda state: replace(state, **values)
+
+
+def dismissed(state: State) -> State:
+    """Return the state in which there is no such object; a box drawn later brings it back."""
+    return replace(cleared(state), found=0.0)
 
 
 def cleared(state: State) -> State:

@@ -19,7 +19,7 @@ from vig_app.exports import export_explanation, export_run, formats_in
 from vig_app.report.folder import FILES, OPTIONAL_FILES
 from vig_app.report.folder_page import review_order, write_run_page
 from vig_app.report.sheet import write_sheets
-from vig_app.results import TABLES, name_of, read_results, write_table
+from vig_app.results import TABLES, name_of, read_results, without_dismissed, write_table
 from vig_app.runs import Task, ledger_of
 from vig_app.runs.work import row_of
 from vig_app.viewer.session import Session
@@ -172,7 +172,7 @@ class Walk:
                 row = row_of(Task(self.session.path, item.folder), explanation)
                 item.found.update({name: value for name, value in row.items() if name not in OWN})
                 by_folder = {row["folder"]: row for row in rows} | {item.found["folder"]: item.found}
-                write_table(self.run, by_folder.values())
+                write_table(self.run, without_dismissed(by_folder.values()))
         item.photo = item.box = None  # which are in its corrections.json now
         item.corrected = self.saved = True
         export_explanation(explanation, item.folder, formats, self.session.path.name)

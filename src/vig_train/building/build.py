@@ -148,13 +148,13 @@ def build_class(
 
 MOST_NAMED = 8
 """Files that are named in one line."""
-STEP = " ..."
-"""Ends the lines of `build_class` with which a step begins that takes a while; others state results."""
+STEPS = 9
+"""Steps of `build_class` that take a while, and begin with a line of their own."""
 
 
 def is_step(line: str) -> bool:
-    """Return whether a line of `build_class` begins a step."""
-    return line.endswith(STEP)
+    """Return whether a line of `build_class` begins a step; others state results."""
+    return line.endswith(" ...")
 
 
 def _write_command(out: Path, command: str) -> None:

@@ -14,7 +14,7 @@ from vig.known_object import Surface
 from vig.known_object.packs import SUFFIXES
 from vig.scene import ObjectClass, Symmetry
 from vig.scene.object_class import axis_name
-from vig_train.building.build import build_class, is_step
+from vig_train.building.build import build_class
 from vig_train.building.settings import BuildSettings, axis_vector, fills_unit_cube
 from vig_world.asset_cache import asset_cache
 from vig_world.assets.own.folder import fingerprint
@@ -102,7 +102,7 @@ def _made_pack(
     making = Path(tempfile.mkdtemp(prefix="making-", dir=pack.parent))
     say(f"'{mesh.name}' is made ready: some 15 seconds, a minute on a busy machine")
     try:
-        build_class(mesh, making / "pack", settings, lambda line: say(line) if is_step(line) else None)
+        build_class(mesh, making / "pack", settings, lambda line: None)
         object_from_mesh = ObjectClass.load(making / "pack").object_from_mesh
         if object_from_mesh is not None:
             Surface.of(simplified(pieces, MOST_FACES), object_from_mesh).save(making / "pack")

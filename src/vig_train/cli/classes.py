@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
+import time
 from math import inf
 
 from vig.io.errors import UserError
@@ -17,6 +19,7 @@ def build(settings: Build) -> int:
     """Run `vig class build`."""
     from vig.recognition import WEIGHTS_FILE
     from vig_train.building import BuildSettings, build_class
+    from vig_train.building.build import STEPS, is_step
 
     try:
         from vig_train import class_training
@@ -42,9 +45,18 @@ def build(settings: Build) -> int:
         dict.fromkeys(settings.places, 1.0),
         settings.materials,
     )
-    say = (lambda line: None) if settings.json else (lambda line: print(in_one_line(line), flush=True))
     command = command_line("vig class build", settings, positional=("meshes",))
     trains = settings.recognizer and class_training is not None
+    began, stage = time.monotonic(), itertools.count(1)
+
+    def say(line: str) -> None:
+        step = re.sub(r"^\d/\d ", "", line)  # the quick recognizer has three steps of its own
+        if is_step(line) or step != line:
+            minutes = (time.monotonic() - began) / 60
+            line = f"stage {next(stage)} of {STEPS + 3 * trains}, {minutes:.0f} min so far: {step}"
+        if not settings.json:
+            print(in_one_line(line), flush=True)
+
     result = build_class(
         settings.meshes, settings.out, build_settings, say, not settings.json, command, not trains
     )
@@ -54,21 +66,17 @@ def build(settings: Build) -> int:
     (settings.out / BUILD_COMMAND).unlink(missing_ok=True)
     is_trained = (settings.out / WEIGHTS_FILE).exists()
     if settings.json:
-        errors = result.components.errors
-        print(
-            json.dumps(
-                {
-                    "folder": str(settings.out),
-                    "meshes": len(result.scans),
-                    "taken": {result.scans[number].name: split for number, split in result.splits.items()},
-                    "refused": result.refused,
-                    "symmetry": result.upright.symmetries.symmetry,
-                    "components": len(result.components.basis),
-                    "leave_one_out": errors[len(result.components.basis)] if errors else None,
-                },
-                indent=2,
-            )
-        )
+        errors, components = result.components.errors, len(result.components.basis)
+        described = {
+            "folder": str(settings.out),
+            "meshes": len(result.scans),
+            "taken": {result.scans[number].name: split for number, split in result.splits.items()},
+            "refused": result.refused,
+            "symmetry": result.upright.symmetries.symmetry,
+            "components": components,
+            "leave_one_out": errors[components] if errors else None,
+        }
+        print(json.dumps(described, indent=2))
         return 0
     upright = settings.out / "build" / "2-upright.png"
     print(f"look at {settings.out / 'card.md'}; where {upright} is wrong: --up, --front, --turn, --drop")

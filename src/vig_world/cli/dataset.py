@@ -50,7 +50,8 @@ def make(settings: Make) -> int:
     reasons = ", ".join(
         f"{REASONS.get(name, name)} {count}" for name, count in described["rejections"].items()
     )
-    print(f"rejected  {described['rejections_per_sample']:.2f} candidates a sample ({reasons or 'none'})")
+    redrawn = described["rejections_per_sample"]
+    print(f"redrawn   {redrawn:.1f} placements a sample, before one suited ({reasons or 'none'})")
     end(folder, f"made a dataset: vig dataset show {folder} draws a sheet of it")
     return 0
 

@@ -248,7 +248,7 @@ def test_without_a_place_or_with_a_damaged_surface(
 
 def test_a_known_object_is_followed_and_found_again_after_it_was_hidden(pack: Path) -> None:
     start, turn = pose_at(1), Rotation.from_rotvec([0.02, -0.03, 0.02]).as_matrix()
-    tracker, errors, lost = Tracker(pack, K=K), [], []
+    tracker, errors, lost = Tracker(pack, camera=K), [], []
     pose, middle = start.copy(), start[:3, :3] @ [0, 0, SIDES[2] / 2] + start[:3, 3]
     for number in range(14):
         photo, mask = photo_of(pose)
@@ -285,7 +285,7 @@ def test_what_has_no_print_is_lost_and_found_again_at_once(pack: Path, cover: st
     hidden = (
         np.zeros_like(photo) if cover == "black" else np.where(mask[..., None], 120, photo).astype(np.uint8)
     )
-    tracker = Tracker(pack, K=K)
+    tracker = Tracker(pack, camera=K)
     tracker.start(photo, box=box_round(mask))
     poses = [tracker(frame) for frame in [hidden] * 3 + [photo] * 3]
     assert [pose.lost for pose in poses] == [True] * 3 + [False] * 3
@@ -297,7 +297,7 @@ def test_what_has_no_print_is_lost_and_found_again_at_once(pack: Path, cover: st
 def test_a_place_that_the_lens_does_not_see_is_lost(pack: Path) -> None:
     pose = pose_at(1)
     photo, mask = photo_of(pose)
-    tracker = Tracker(pack, K=K)
+    tracker = Tracker(pack, camera=K)
     tracker.start(photo, box=box_round(mask))
     assert tracker._known is not None
     tracker._known.pose = pose
@@ -377,8 +377,8 @@ def test_a_whole_photo_is_searched(tmp_path: Path) -> None:
         assert (back.mask & seen).sum() > 0.8 * (back.mask | seen).sum()
     alone = explainers[0].explain(photo, camera=lens)
     assert off(alone.camera_from_object, poses[0])[0] < 5 and alone.present > 0.7
-    tracked = Tracker(folder, K=lens)(photo)
-    assert Tracker(folder, K=lens)(np.full_like(photo, 90)) is None
+    tracked = Tracker(folder, camera=lens)(photo)
+    assert Tracker(folder, camera=lens)(np.full_like(photo, 90)) is None
     assert tracked is not None and off(tracked.camera_from_object, poses[1])[0] < 5
     with pytest.raises(UserError, match="alone"):
         explain_found(photo, [*explainers, Explainer("mug")], 4)

@@ -15,6 +15,7 @@ from benchmarks.groups import Group, make_group
 from vig.explanation import Explanation
 from vig.io.errors import UserError
 from vig.several import MOST_OBJECTS, SceneExplanation, explain_found, explain_together, order
+from vig.several.explain import ghosts
 from vig.several.joint import _Refit, _without, _without_cycles
 from vig_app.cli.main import main
 from vig_app.exports import export_run
@@ -135,6 +136,21 @@ def test_one_object_is_explained_as_alone(
     found = explain_together(group.photo, [explainers[group.spec.members[0].class_name]], boxes_of(group)[:1])
     assert found.objects[0].azimuth_deg == alone[0].azimuth_deg
     assert not found.occludes.any()
+
+
+def test_a_find_within_another_with_an_improbable_mask_is_a_ghost(alone: list[Explanation]):
+    def with_mask(each: Explanation, confidence: float, view: float = 0.2) -> Explanation:
+        return replace(each, fit=replace(each.fit, mask_confidence=confidence, confidence=view))
+
+    first, elsewhere = (with_mask(each, 0.9) for each in alone[:2])
+    assert ghosts([first, elsewhere, with_mask(first, 0.01)]) == [False, False, True]
+    assert not any(ghosts([first, with_mask(first, 0.06)])), "its mask may be right"
+    assert not any(ghosts([first, with_mask(first, float("nan"))])), "nothing was learned of it"
+    assert not any(ghosts([first, with_mask(first, 0.01, 0.9)])), "its view is right"
+    assert not any(ghosts([with_mask(elsewhere, 0.01), first])), "an object of its own"
+    hidden = replace(with_mask(elsewhere, 0.01), others=np.ones(elsewhere.amodal.shape, bool))
+    assert ghosts([hidden, first]) == [True, False]
+    assert not any(ghosts([with_mask(first, 0.01)] * 2)), "one of them stays"
 
 
 def test_what_cannot_be_explained_is_refused(

@@ -45,6 +45,15 @@ def test_help_offers_what_there_is():
     assert get_args(get_type_hints(ModelOptions)["likelihood"]) == tuple(LIKELIHOODS)
 
 
+@pytest.mark.parametrize("verb", ["fit", "view", "export", "class build", "dataset make", "evaluate"])
+def test_help_states_no_empty_defaults(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main([*verb.split(), "--help"])
+    words = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert "default: " in words or verb == "export"
+    assert not re.search(r"\{None\}|default: (None|False)?\)", words)
+
+
 def test_chosen_files_have_the_mask_of_an_export_and_links_that_lead_somewhere(tmp_path: Path) -> None:
     """A large photo beside a small one: its picture is smaller than it, the mask is not."""
     photos = [tmp_path / "a.png", tmp_path / "b.png"]

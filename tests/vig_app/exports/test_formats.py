@@ -200,7 +200,7 @@ def test_a_format_names_the_files_that_it_writes(
 
 
 def test_unknown_formats_are_refused(explanation: vig.Explanation, tmp_path: Path) -> None:
-    with pytest.raises(UserError, match="expected a list of formats out of bop, coco"):
+    with pytest.raises(UserError, match="expected a list of formats out of blender, bop, coco"):
         explanation.export(tmp_path, ["obj"])
     with pytest.raises(UserError, match="got 'bop'"):
         explanation.export(tmp_path, "bop")

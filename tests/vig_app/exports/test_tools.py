@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -13,11 +15,14 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 import vig
+from vig.scene.light import linear_from_srgb, sh_basis
 from vig_app.examples import example_photos
 from vig_app.exports import export_run, remove_exports
+from vig_app.exports.formats import blender
 from vig_app.labels import filled, read_labels
 from vig_app.results import write_table
 from vig_app.runs.work import Task, row_of
+from vig_world.renderers.cycles.renderer import find_python
 
 NAME = "COCO_val2014_000000000139.png"
 
@@ -262,6 +267,52 @@ def test_nerfstudio_gets_the_photo_and_does_not_train_on_what_hides_the_object(
     assert (explanation.amodal & ~explanation.mask).any(), "something hides a part of it"
     photo = np.asarray(Image.open(tmp_path / frame["file_path"]))
     np.testing.assert_array_equal(photo, explanation.picture)
+
+
+def test_blenders_panorama_has_the_light_that_falls_on_the_turned_object(
+    explanation: vig.Explanation, tmp_path: Path
+) -> None:
+    """Its middle column is +X, columns go clockwise, rows up; the object is turned by minus the azimuth."""
+    folder = explanation.export(tmp_path, ["blender"], NAME) / "blender"
+    assert sorted(path.name for path in folder.iterdir()) == sorted(path[8:] for path in blender.FILES)
+    compile((folder / "scene.py").read_text(), "scene.py", "exec")
+    radiance, turn = (
+        np.load(folder / "light.npy"),
+        Rotation.from_euler("z", explanation.azimuth_deg, degrees=True),
+    )
+    for row, column, place in (
+        (16, 32, (1, 0, 0)),
+        (16, 16, (0, 1, 0)),
+        (16, 48, (0, -1, 0)),
+        (31, 0, (0, 0, 1)),
+    ):
+        expected = sh_basis(turn.apply(place)) @ explanation.latents.light[0]
+        assert radiance[row, column, :3] == pytest.approx(max(expected, 0.0), abs=0.1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("focal", [None, (300.0, 310.0, 90.0, 70.0)])
+def test_blenders_render_lies_on_the_object(focal: tuple | None, tmp_path: Path) -> None:
+    try:
+        python = find_python()
+    except vig.UserError as error:
+        pytest.skip(str(error))
+    explanation = vig.Explainer("teapot").explain(example_photos()[1].photo, camera=focal)
+    folder = explanation.export(tmp_path, ["blender"], NAME) / "blender"
+    (tmp_path / "render.py").write_text(
+        f"import runpy\nscene = runpy.run_path({str(folder / 'scene.py')!r})['scene']\n"
+        f"scene.cycles.samples, scene.render.filepath = 16, {str(tmp_path / 'render.png')!r}\n"
+        "import bpy\nbpy.ops.render.render(write_still=True, scene=scene.name)\n"
+    )
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    subprocess.run([python, tmp_path / "render.py"], check=True, env=environment, capture_output=True)
+    rendered, own = np.asarray(Image.open(tmp_path / "render.png")), explanation.render()
+    covered = rendered[..., 3] > 127
+    assert overlap(covered, own[..., 3] > 0.5) > 0.99 and overlap(covered, explanation.amodal) > 0.97
+    colours = linear_from_srgb(rendered[covered & explanation.mask][:, :3] / 255)
+    np.testing.assert_allclose(
+        colours.mean(0), explanation.photo[covered & explanation.mask].mean(0), rtol=0.1
+    )
 
 
 def test_a_result_saved_again_leaves_no_export_of_the_one_before(

@@ -91,8 +91,9 @@ def test_health_and_openapi_name_what_there_is(client: TestClient) -> None:
         (413, "pixels", picture_header(20_000, 10_000), {}),
         (422, "expected a box", None, {"box": "1,2,3"}),
         (422, "expected a class of teapot; got 'dog'", None, {"class": "dog"}),
+        (422, "photo, box, mask and class; got 'boxes', 'focal'", None, {"boxes": "1", "focal": "500"}),
     ],
-    ids=["text", "cut", "huge", "box", "class"],
+    ids=["text", "cut", "huge", "box", "class", "others"],
 )
 def test_what_cannot_be_explained_is_refused_in_a_line(
     client: TestClient, status: int, words: str, photo: bytes | None, fields: dict[str, str]
@@ -108,6 +109,8 @@ def test_requests_of_another_kind_are_refused(client: TestClient) -> None:
     assert client.post("/explain", content=b"x", headers={"Content-Type": "text/plain"}).status_code == 415
     assert client.post("/explain", data={"box": BOX}).status_code == 415  # a form of another kind
     assert client.post("/explain", files={"box": b"1"}).status_code == 422
+    answer = client.post("/explain?box=1,2,30,40", files={"photo": PHOTO.read_bytes()})
+    assert answer.status_code == 422 and answer.json()["error"].endswith("got 'box'.")
 
 
 def test_pages_of_other_sites_are_refused(service: Service, client: TestClient) -> None:

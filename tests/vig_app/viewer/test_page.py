@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import vig
 from tests.support import LOW_CONTRAST
 from vig.inference import PixelLabel
 from vig.io.errors import UserError
@@ -23,7 +24,7 @@ from vig_app.corrections import State
 from vig_app.examples import example_photos
 from vig_app.results import read_results, write_table
 from vig_app.viewer.server import Viewer
-from vig_app.viewer.session import changed, marked, placed
+from vig_app.viewer.session import changed, dismissed, marked, placed
 from vig_app.viewer.walk import Walk
 
 SCREENS = {"phone": (390, 844), "laptop": (1280, 800), "wide": (1920, 1080)}
@@ -473,6 +474,33 @@ def test_one_of_several_objects_is_corrected_and_taken_up(tmp_path: Path) -> Non
         error = next(row["error"] for row in read_results(tmp_path / "run") if row["folder"] == "two")
         assert "two/1-teapot/corrections.json' was made for; got others" in error
         assert (folder.with_name("1-teapot") / "corrections.json").read_bytes() == kept
+
+
+def test_one_of_several_that_is_not_there_leaves_table_and_exports(tmp_path: Path) -> None:
+    (tmp_path / "photos").mkdir()
+    for name in ("one", "two"):
+        large_photo(tmp_path / "photos" / f"{name}.png")
+    boxes = {"one.png": [130, 75, 135, 140], "two.png": [[130, 75, 135, 140], [10, 10, 90, 90]]}
+    (tmp_path / "boxes.json").write_text(json.dumps(boxes))
+    run = tmp_path / "run"
+    command = tmp_path / "photos", "--boxes", tmp_path / "boxes.json", "--quiet", "--out", run
+    fit(*command, "--export", "coco")
+    walk = Walk.of_folder(run)
+    walk.open(next(n for n, item in enumerate(walk.items) if item.folder.name == "2-teapot"))
+    walk.session.correct(dismissed)
+    walk.save()
+    walk.close()
+    for again in (False, True):
+        if again:
+            fit(*command, "--export", "coco")
+        assert [row["folder"] for row in read_results(run)] == ["one", "two/1-teapot"]
+        assert len(json.loads((run / "coco.json").read_text())["annotations"]) == 2
+        assert State.read(run / "two" / "2-teapot")[2].found == 0
+    with Image.open(run / "two" / "mask.png") as mask:
+        assert set(np.unique(np.asarray(mask))) == {0, 1}
+    walk = Walk.of_folder(run / "two")  # where it can be taken back
+    walk.open(next(n for n, item in enumerate(walk.items) if item.folder.name == "2-teapot"))
+    assert walk.session.explanation.verdict is vig.Verdict.ABSENT
 
 
 @pytest.mark.parametrize("change", [{"format": 2}, {"state": {"nose": 1}}, {"class": "mug"}], ids=str)

@@ -28,7 +28,7 @@ from vig_app.examples import example_photos
 from vig_app.results import write_table
 from vig_app.viewer import Session
 from vig_app.viewer.server import Viewer
-from vig_app.viewer.session import changed, cleared, marked, placed
+from vig_app.viewer.session import changed, cleared, dismissed, marked, placed
 from vig_app.viewer.walk import Walk
 
 
@@ -95,6 +95,18 @@ def test_every_correction_is_a_state_that_can_be_taken_back(session: Session) ->
     for _ in range(9):
         session.correct(None)
     assert session.explanation.to_dict() == first.to_dict() and len(session.states) == 1
+
+
+def test_an_object_that_is_not_there_is_absent_until_a_box_is_drawn(session: Session, tmp_path: Path) -> None:
+    session.correct(placed("spout", 150.0, 140.0), dismissed)
+    absent = session.explanation
+    assert absent.verdict is vig.Verdict.ABSENT and not absent.amodal.any() and not session.state.points
+    assert absent.reason == "there is no teapot here, as was stated by hand"
+    session.save(tmp_path / "saved")
+    again = Session(session.explainer, *(State.read(tmp_path / "saved")[number] for number in (0, 2)))
+    assert again.explanation.verdict is vig.Verdict.ABSENT
+    again.correct(again.boxed(130, 75, 135, 140))
+    assert again.explanation.verdict is not vig.Verdict.ABSENT
 
 
 def test_a_box_is_cut_at_the_photos_edges_and_a_bad_one_loses_nothing(session: Session) -> None:

@@ -20,6 +20,7 @@ from vig.parallel import thread_limit
 from vig.scene import ObjectClass, Symmetry
 from vig.scene.object_class import BUILD_COMMAND
 from vig_train.building import BuildResult, BuildSettings, build_class
+from vig_train.building.build import STEPS as STEP_COUNT
 from vig_train.building.build import check_folder, is_step
 from vig_train.building.pictures import save_mesh_sheet
 from vig_train.cli.classes import build
@@ -311,7 +312,7 @@ def test_the_card_names_the_authors_of_a_catalogues_meshes(
     made = build_class(f"{path}:fin", tmp_path / "pack", settings, said.append, progress=True)
     assert f"2 meshes from {path}:fin" in said
     steps = [line.format(meshes=f"{path}:fin") for line in STEPS]
-    assert [line for line in said if is_step(line)] == steps
+    assert [line for line in said if is_step(line)] == steps and len(steps) == STEP_COUNT
     shown = capsys.readouterr().err
     for counted in ("2 of 2 files", "2 of 2 surfaces", "8 of 8 comparisons", "2 of 2 meshes"):
         assert counted in shown
@@ -333,3 +334,22 @@ def test_the_command_to_run_again_states_what_differs_from_the_defaults() -> Non
     )
     expected = "vig class build 'my meshes' --out car --front=-z --turn 7:90 8:180 --drop 5 --no-materials"
     assert command_line("vig class build", told, ("meshes",), ("json",)) == expected
+
+
+def test_the_command_numbers_its_stages_and_those_of_the_quick_recognizer(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def built(meshes: Path, out: Path, settings: BuildSettings, say: Any, *rest: Any) -> None:
+        for line in ("reading meshes ...", "2 meshes", "1/3 images: done in 4 s", "2/3 heads: training ..."):
+            say(line)
+        raise UserError("enough")
+
+    monkeypatch.setattr("vig_train.building.build_class", built)
+    with pytest.raises(UserError, match="enough"):
+        build(Build(tmp_path, tmp_path / "pack"))
+    assert capsys.readouterr().out.splitlines() == [
+        "stage 1 of 12, 0 min so far: reading meshes ...",
+        "2 meshes",
+        "stage 2 of 12, 0 min so far: images: done in 4 s",
+        "stage 3 of 12, 0 min so far: heads: training ...",
+    ]

@@ -52,8 +52,7 @@ def test_a_mesh_becomes_a_pack_once(cache: Path, tmp_path: Path, monkeypatch: py
     # The scale is 0.4 m over the height of 1.5, and the stated axis is not levelled to a foot.
     np.testing.assert_allclose(object_class.object_from_mesh[2, :3], [-0.4 / 1.5, 0, 0], rtol=0.02, atol=1e-9)
     assert np.ptp(object_class.shape_model.mean, axis=0).max() == pytest.approx(0.4)
-    assert "made ready" in told[0] and len(told) > 5 and all(line.endswith(" ...") for line in told[1:-1])
-    assert "longest side is 0.4 m" in told[-1]
+    assert "made ready" in told[0] and "longest side is 0.4 m" in told[1] and len(told) == 2
     monkeypatch.setattr(single, "build_class", None)
     assert pack_of_mesh(file, 0.4, up="-X") == pack, "not built again"
 

@@ -39,7 +39,7 @@ def test_make_ends_with_deciles_rejections_and_the_folder(
     hidden, rejected, folder = out.splitlines()
     assert code == 0 and folder == "vig-dataset" and (tmp_path / folder / "info.json").is_file()
     assert hidden.startswith("hidden    0-10%: ") and "90-100%: 0" in hidden
-    assert rejected.startswith("rejected  ") and "candidates a sample" in rejected
+    assert rejected.startswith("redrawn  ") and "placements a sample, before one suited" in rejected
     progress, made = err.splitlines()[-2:]
     assert progress.startswith("3 of 3 samples")
     assert made.startswith("vig: made a dataset: vig dataset show vig-dataset")

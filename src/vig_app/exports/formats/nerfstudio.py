@@ -14,30 +14,16 @@ from vig.io.files import write_json
 from vig.photo.images import coded, write_png
 from vig_app.glb import LOOKS_BACK
 
-TRANSFORMS = "transforms.json"
-PHOTO = "nerfstudio/photo.png"
-MASK = "nerfstudio/mask.png"
-FILES = (TRANSFORMS, PHOTO, MASK)
+FILES = ("transforms.json", "nerfstudio/photo.png", "nerfstudio/mask.png")
 
 
 def write(folder: Path, explanation: Explanation, photo: str) -> None:
     """Write one frame."""
-    camera = explanation.camera
-    write_png(folder / PHOTO, coded(explanation.picture))
-    write_png(folder / MASK, explanation.mask)
-    frame = {
-        "file_path": PHOTO,
-        "mask_path": MASK,
-        "transform_matrix": (np.linalg.inv(explanation.camera_from_object) @ LOOKS_BACK).tolist(),
-    }
-    described = {
-        "camera_model": "OPENCV",
-        "w": camera.width,
-        "h": camera.height,
-        "fl_x": camera.focal,
-        "fl_y": camera.focal_y or camera.focal,
-        "cx": camera.cx,
-        "cy": camera.cy,
-        "frames": [frame],
-    }
-    write_json(folder / TRANSFORMS, described)
+    camera, (described, picture, mask) = explanation.camera, FILES
+    write_png(folder / picture, coded(explanation.picture))
+    write_png(folder / mask, explanation.mask)
+    pose = np.linalg.inv(explanation.camera_from_object) @ LOOKS_BACK
+    frame = {"file_path": picture, "mask_path": mask, "transform_matrix": pose.tolist()}
+    lens = {"fl_x": camera.focal, "fl_y": camera.focal_y or camera.focal, "cx": camera.cx, "cy": camera.cy}
+    size = {"camera_model": "OPENCV", "w": camera.width, "h": camera.height}
+    write_json(folder / described, size | lens | {"frames": [frame]})

@@ -6,37 +6,30 @@ The frame is the optical one of the camera that took the photo, `Explanation.pin
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from vig.explanation import Explanation
 from vig.io.files import write_json
 
-POSE = "pose.yaml"
-CAMERA = "camera_info.yaml"
-FILES = (POSE, CAMERA)
+FILES = ("pose.yaml", "camera_info.yaml")
 
 
 def write(folder: Path, explanation: Explanation, photo: str) -> None:
     """Write JSON, which is YAML."""
     intrinsics, pose, covariance = explanation.pinhole_pose()
-    stamp = {"header": {"frame_id": "camera_optical_frame"}}
+    stamp: dict[str, Any] = {"header": {"frame_id": "camera_optical_frame"}}
     position = dict(zip("xyz", pose[:3, 3].tolist(), strict=True))
-    quaternion = quaternion_of(pose[:3, :3]).tolist()
-    orientation = dict(zip("xyzw", quaternion, strict=True))
+    orientation = dict(zip("xyzw", quaternion_of(pose[:3, :3]).tolist(), strict=True))
     placed = {"position": position, "orientation": orientation}
     estimate = {"pose": placed, "covariance": covariance.ravel().tolist()}
-    write_json(folder / POSE, stamp | {"pose": estimate})
-    info = {
-        "width": explanation.camera.width,
-        "height": explanation.camera.height,
-        "distortion_model": "plumb_bob",
-        "d": [0.0] * 5,
-        "k": intrinsics.ravel().tolist(),
-        "r": np.eye(3).ravel().tolist(),
-        "p": np.c_[intrinsics, np.zeros(3)].ravel().tolist(),
-    }
-    write_json(folder / CAMERA, stamp | info)
+    camera = explanation.camera
+    info = {"width": camera.width, "height": camera.height, "distortion_model": "plumb_bob", "d": [0.0] * 5}
+    matrices = {"k": intrinsics, "r": np.eye(3), "p": np.c_[intrinsics, np.zeros(3)]}
+    info |= {name: matrix.ravel().tolist() for name, matrix in matrices.items()}
+    write_json(folder / FILES[0], stamp | {"pose": estimate})
+    write_json(folder / FILES[1], stamp | info)
 
 
 def quaternion_of(rotation: np.ndarray) -> np.ndarray:
