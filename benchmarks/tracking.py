@@ -114,7 +114,7 @@ def tracked_poses(
     """The tracker's poses, whose camera is known, and their errors (T, 8) in standard deviations."""
     views = [View.of_scene(scene, explainer.object_class) for scene in scenes]
     x, y, w, h = box_of(pictures[0].amodal) or (0, 0, 1, 1)
-    tracker = Tracker(explainer, camera=views[0].camera.K)
+    tracker = Tracker(explainer, K=views[0].camera.K)
     poses = [tracker(pictures[0].image) or tracker.start(pictures[0].image, box=(x, y, w, h))]
     poses += [tracker.step(picture.image) for picture in pictures[1:]]
     found, errors = [pose for pose in poses if pose is not None], []

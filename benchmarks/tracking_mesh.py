@@ -63,7 +63,7 @@ def _measured(explainer: Explainer, arguments: argparse.Namespace, number: int) 
         if tracker is None and picture.occlusion >= 0.3:
             continue
         if tracker is None:
-            first, tracker = picture.image, Tracker(explainer, camera=view.camera.K)
+            first, tracker = picture.image, Tracker(explainer, K=view.camera.K)
             box = box_of(picture.amodal)
             pose = tracker.start(picture.image, box=box)
         else:

@@ -133,7 +133,7 @@ def test_poses_and_masks_are_those_of_the_tracker(example: ModuleType) -> None:
     node.taken["camera_info"](info_of(K, width, height))
     for _ in range(4):
         node.taken["image"](image_of(picture))
-    tracker = vig.Tracker("teapot", camera=K)
+    tracker = vig.Tracker("teapot", K=K)
     expected = [tracker(picture) for _ in range(4)][-1]
     poses, masks = node.published["pose"], node.published["mask"]
     assert len(poses) == len(masks) == 4 and expected is not None

@@ -85,7 +85,7 @@ class VigNode(Node):
             self.get_logger().error(str(error), throttle_duration_sec=10.0)
             return
         if camera != self.camera:
-            self.camera, self.tracker = camera, vig.Tracker(self.explainer, camera=camera[2:])
+            self.camera, self.tracker = camera, vig.Tracker(self.explainer, K=camera[2:])
 
     def on_image(self, image: Any) -> None:
         """Publish the pose and mask in an image."""

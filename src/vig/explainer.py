@@ -119,7 +119,8 @@ class Explainer:
         window: Window | None = None,
         focal: float | None = None,
         hints: Hints | None = None,
-        camera: Any = None,
+        K: Any = None,
+        mask: np.ndarray | None = None,
     ) -> Explanation:
         """Explain one photo.
 
@@ -133,18 +134,21 @@ class Explainer:
                 a file's EXIF data, else that of a telephoto lens, and with a window that of the standard
                 camera.
             hints: Prior knowledge of the object in this photo.
-            camera: The whole intrinsics of the photo, without distortion, in place of a focal length: fx, fy,
-                cx, cy in pixels, K (3, 3), or a mapping that has them, such as BOP's {"cam_K": ...}. The
-                answer's `camera` is then this one, and its pose exact wherever the object is in the photo.
+            K: The whole intrinsics of the photo, without distortion, in place of a focal length: fx, fy, cx
+                and cy in pixels, a matrix (3, 3), or a mapping that has them, such as BOP's {"cam_K": ...}.
+                The answer's `camera` is then this one, and its pose exact wherever the object is.
+            mask: (H, W) bool, the object's visible pixels, in place of `Hints.mask`.
 
         Raises:
             UserError: The photo, the box, the window, the focal length, the camera or a hint cannot be used.
         """
+        if mask is not None:
+            hints = replace(hints or Hints(), mask=mask)
         if window is not None and isinstance(hints, Hints) and hints.roll_deg is not None:
             raise UserError("expected a window or a roll among the hints; got both. Turn the window by it.")
         if window is not None and (box is not None or not isinstance(window, Window)):
             raise UserError(f"expected a box or a vig.photo.Window; got {box!r} and {window!r}. Give one.")
-        lens = lens_of(photo, focal, camera)
+        lens = lens_of(photo, focal, K)
         return on_one_core(partial(self._explained, photo, box, window, lens, hints))
 
     def explain_followed(

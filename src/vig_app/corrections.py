@@ -77,13 +77,16 @@ class State(PlainHints):
         focal = self.focal if given else focal_of(path)
         hints = self.hints(width, height, others)
         try:
-            explanation = explainer.explain(photo, self.box, focal=focal, hints=hints, camera=self.camera)
+            explanation = explainer.explain(photo, self.box, focal=focal, hints=hints, K=self.camera)
         except UserError as error:
             raise UserError(str(error).replace("the photo", path.name, 1)) from None
         exif = not given and focal is not None and explainer.settings.camera_distance_ratio is None
         explanation = replace(explanation, focal_from="exif") if exif else explanation
         if self.found is not None and (explanation.hints or Hints()).clues() is None:
-            fit = judge_presence(explanation.fit, self.found, explainer.object_class.name)
+            name = explainer.object_class.name
+            fit = judge_presence(explanation.fit, self.found, name)
+            if not self.found:
+                fit = replace(fit, reason=f"there is no {name} here, as was stated by hand")
             explanation = replace(explanation, fit=fit)
         return explanation if others is None else replace(explanation, others=others)
 

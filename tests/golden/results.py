@@ -66,9 +66,7 @@ def explanations() -> dict[str, Any]:
     results["mug_behind_car"] = mug.explain(PHOTOS / "mug_behind_car.png", box=(119, 81, 93, 81))
     camera = {"fx": 500, "fy": 500, "cx": 170, "cy": 110}
     hints = Hints(elevation_deg=20, points={"handle": (186, 131)})
-    results["brown_mug"] = mug.explain(
-        PHOTOS / "brown_mug.png", (119, 81, 74, 72), hints=hints, camera=camera
-    )
+    results["brown_mug"] = mug.explain(PHOTOS / "brown_mug.png", (119, 81, 74, 72), hints=hints, K=camera)
     boxes = [(151, 110, 109, 107), (80, 151, 91, 104)]
     scene = explain_together(PHOTOS / "teapot_and_mug.png", [teapot, mug], boxes)
     results |= dict(zip(scene.names, scene.objects, strict=True))

@@ -23,8 +23,7 @@ def judge_presence(fit: Fit, present: float, name: str) -> Fit:
     sure = present >= 0.7
     judged = replace(fit, present=present, mask_trusted=fit.mask_trusted and sure)
     if present < LEAST_PRESENT:
-        found = f"no {name} was found in the photo; give a box if there is one"
-        reason = found if present else f"there is no {name} here, as was stated by hand"
+        reason = f"no {name} was found in the photo; give a box if there is one"
         nothing = np.zeros_like(fit.visible)
         hidden = np.zeros_like(fit.mask)
         absent = replace(judged, verdict=Verdict.ABSENT, reason=reason, confidence=0.0, alternatives=())

@@ -33,7 +33,7 @@ def explain_together(
     explainers: Sequence[Explainer],
     boxes: Sequence[Box],
     focal: float | None = None,
-    camera: Any = None,
+    K: Any = None,
 ) -> SceneExplanation:
     """Explain several objects of one photo together.
 
@@ -42,7 +42,7 @@ def explain_together(
         explainers: One for each object, that of its class; the same one may stand for several.
         boxes: Boxes round each whole object, hidden parts included.
         focal: Focal length in pixels; see `Explainer.explain`.
-        camera: Intrinsics in place of a focal length; see `Explainer.explain`.
+        K: Intrinsics in place of a focal length; see `Explainer.explain`.
 
     Raises:
         UserError: See `Explainer.explain`; also for more or fewer boxes than explainers, or too many.
@@ -53,9 +53,9 @@ def explain_together(
             f"expected an explainer and a box for each of 1 to {MOST_OBJECTS} objects; got"
             f" {len(explainers)} and {len(boxes)}. Give as many of both."
         )
-    picture, lens = coded_photo(photo), lens_of(photo, focal, camera)
+    picture, lens = coded_photo(photo), lens_of(photo, focal, K)
     alone = [
-        _with_source(explainer.explain(picture, box, camera=lens and lens[0]), lens)
+        _with_source(explainer.explain(picture, box, K=lens and lens[0]), lens)
         for explainer, box in zip(explainers, boxes, strict=True)
     ]
     jointly = partial(fit_known_jointly, boxes=boxes) if _known(explainers) else fit_jointly
@@ -68,7 +68,7 @@ def explain_found(
     explainers: Sequence[Explainer],
     most: int,
     focal: float | None = None,
-    camera: Any = None,
+    K: Any = None,
 ) -> SceneExplanation:
     """Find objects of one or more classes in a photo, and explain them together.
 
@@ -79,7 +79,7 @@ def explain_found(
         explainers: One for each class.
         most: Number of objects, at most.
         focal: Focal length in pixels; see `Explainer.explain`.
-        camera: Intrinsics in place of a focal length; see `Explainer.explain`.
+        K: Intrinsics in place of a focal length; see `Explainer.explain`.
 
     Raises:
         UserError: See `Explainer.explain`; also if nothing is found.
@@ -89,7 +89,7 @@ def explain_found(
         raise UserError("expected an explainer for each class that is sought; got none. Give one.")
     if not isinstance(most, int) or not 1 <= most <= MOST_OBJECTS:
         raise UserError(f"expected 1 to {MOST_OBJECTS} objects; got {most}. Give a number within.")
-    picture, lens = coded_photo(photo), lens_of(photo, focal, camera)
+    picture, lens = coded_photo(photo), lens_of(photo, focal, K)
     names = " or ".join(each.object_class.name for each in explainers[:5])
     names += f" or one of {len(explainers) - 5} others" if len(explainers) > 5 else ""
     nothing = UserError(f"expected a {names} in the photo; found none. Give boxes.")

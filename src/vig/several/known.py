@@ -44,7 +44,7 @@ def fit_known_jointly(
         marks = np.zeros(hidden.shape, np.uint8)
         marks[hidden] = PixelLabel.IN_FRONT
         told = replace(one.hints or Hints(), marks=marks)
-        explained = explainers[index].explain(one.picture, boxes[index], hints=told, camera=one.window.lens)
+        explained = explainers[index].explain(one.picture, boxes[index], hints=told, K=one.window.lens)
         return replace(explained, focal_from=one.focal_from, hints=one.hints)
 
     return in_depth(alone, again)

@@ -80,7 +80,7 @@ def track(
     focal: float | None = None,
     hints: Hints | None = None,
     on_frame: Callable[[int, Explanation], None] | None = None,
-    camera: Any = None,
+    K: Any = None,
 ) -> Track:
     """Explain the frames of a video as one object that moves and turns smoothly.
 
@@ -97,7 +97,7 @@ def track(
         focal: Focal length in pixels of all frames; see `Explainer.explain`.
         hints: Prior knowledge in all frames.
         on_frame: Called with the number and the explanation of each frame, and of those fitted again.
-        camera: Intrinsics of all frames in place of a focal length, see `Explainer.explain`; poses are then
+        K: Intrinsics of all frames in place of a focal length, see `Explainer.explain`; poses are then
             in the frame of this camera.
 
     Raises:
@@ -108,8 +108,8 @@ def track(
     if not isinstance(explainer, Explainer):
         explainer = Explainer(explainer)
     if explainer.known is not None and explainer.known.is_followed(hints or Hints()):
-        return _track_known(frames, explainer, box, focal if camera is None else camera, hints, on_frame)
-    follower = Follower(explainer, focal, hints, camera)
+        return _track_known(frames, explainer, box, focal if K is None else K, hints, on_frame)
+    follower = Follower(explainer, focal, hints, K)
     alone: list[Sighting] = []
     for number, frame in enumerate(frames):
         explanation, sighting = follower.explain(frame, box if number == 0 else None)
@@ -132,7 +132,7 @@ def track(
     for number, sighting in enumerate(alone):
         if trajectory.contradicts(number, sighting, fold):
             window, frame_hints = trajectory.expected(number, hints)
-            explanation = explainer.explain_followed(frames[number], window, focal, frame_hints, camera)
+            explanation = explainer.explain_followed(frames[number], window, focal, frame_hints, K)
             again[number] = Sighting.of(explanation)
             if on_frame is not None:
                 on_frame(number, explanation)

@@ -70,19 +70,19 @@ class Tracker:
 
     Example:
         ```python
-        tracker = vig.Tracker("mug", camera=(800, 800, 320, 240))
+        tracker = vig.Tracker("mug", K=(800, 800, 320, 240))
         for frame in camera:
             pose = tracker(frame)
             print(pose.camera_from_object, pose.covariance, pose.lost)
         ```
     """
 
-    def __init__(self, object_class: str | Path | ObjectClass | Explainer = "teapot", camera: Any = None):
+    def __init__(self, object_class: str | Path | ObjectClass | Explainer = "teapot", K: Any = None):
         """Load a class, or take an explainer.
 
         Args:
             object_class: A class as `Explainer` takes it, or an explainer, which has settings.
-            camera: Its intrinsics, K (3, 3) or as `Explainer.explain` takes them. Without them the focal
+            K: Intrinsics of the camera, (3, 3) or as `Explainer.explain` takes them. Without them the focal
                 length is a guess, and so are the distance and the units of the pose.
 
         Raises:
@@ -92,9 +92,9 @@ class Tracker:
             object_class = Explainer(object_class)
         self.explainer = object_class
         self._fold = max(object_class.object_class.symmetry.fold, 1)
-        if camera is not None:
-            check_camera(camera)
-        self._camera, self._number = camera, -1
+        if K is not None:
+            check_camera(K)
+        self._K, self._number = K, -1
         self._follower: Follower | None = None
         self._known: PoseFollower | None = None
         self._last: float | None = None
@@ -108,7 +108,7 @@ class Tracker:
         frame: Photo,
         mask: np.ndarray | None = None,
         box: Box | None = None,
-        camera: Any = None,
+        K: Any = None,
         hints: Hints | None = None,
     ) -> TrackedPose | None:
         """Begin, or begin anew, by explaining the object as in a photo.
@@ -117,7 +117,7 @@ class Tracker:
             frame: A photo as `Explainer.explain` takes it; those that follow have its size.
             mask: (H, W) bool, the object's visible pixels, or
             box: x, y, width, height in pixels round the whole object; without either it is sought.
-            camera: Intrinsics in place of the tracker's.
+            K: Intrinsics in place of the tracker's.
             hints: Further knowledge of this frame.
 
         Returns:
@@ -127,8 +127,8 @@ class Tracker:
             UserError: See `Explainer.explain`.
         """
         self._number += 1
-        if (camera := self._camera if camera is None else camera) is not None:
-            self._camera = camera_as_shown(frame, camera)
+        if (K := self._K if K is None else K) is not None:
+            self._K = camera_as_shown(frame, K)
         if mask is not None:
             hints = replace(hints or Hints(), mask=mask)
         return self._begun(coded_photo(frame), hints, box)
@@ -172,26 +172,26 @@ class Tracker:
         began = time.perf_counter()
         if (known := self.explainer.known) is not None and known.is_followed(hints or Hints()):
             if hints is None and box is None:
-                lens = None if self._camera is None else (self._camera, "given")
+                lens = None if self._K is None else (self._K, "given")
                 look = partial(self.explainer.explain_seen, WholePhoto(picture), lens, 1)
                 seen = on_one_core(look)
                 if not seen or seen[0].verdict is Verdict.ABSENT:
                     return None
                 explanation = seen[0]
             else:
-                explanation = self.explainer.explain(picture, box=box, hints=hints, camera=self._camera)
+                explanation = self.explainer.explain(picture, box=box, hints=hints, K=self._K)
             assert explanation.window.lens is not None
             pose = explanation.camera_from_object
             usual = explained_share(explanation.fit)
             self._known = PoseFollower(known, explanation.window.lens, pose, usual)
             self._size = picture.shape[1], picture.shape[0]
             return self._known_pose(explanation, began)
-        follower = Follower(self.explainer, hints=hints, camera=self._camera)
+        follower = Follower(self.explainer, hints=hints, camera=self._K)
         explanation, sighting = follower.explain(picture, box)
         if sighting.lost and hints is None and box is None:
             return None
         window, (height, width) = explanation.window, picture.shape[:2]
-        if self._camera is None:
+        if self._K is None:
             focal = explanation.camera_distance_ratio * FOCAL_OVER_WIDTH * window.side
             follower.camera = self._matrix = np.array(
                 [[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]]

@@ -161,7 +161,7 @@ def prepare(packs: dict[int, Path]) -> Callable[[BopImage], tuple[list[str], lis
         for instance in image.instances:
             try:
                 explanation = explainer_of(instance.number).explain(
-                    image.photo, camera=image.camera, hints=Hints(mask=instance.visible())
+                    image.photo, K=image.camera, hints=Hints(mask=instance.visible())
                 )
             except UserError as error:
                 problems.append(

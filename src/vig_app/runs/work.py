@@ -137,7 +137,7 @@ class Work:
             if task.mask is not None:
                 hints = replace(hints or Hints(), mask=read_mask(task.mask))
             explanation = self.explainer.explain(
-                task.photo, task.box, focal=task.focal, hints=hints, camera=task.camera
+                task.photo, task.box, focal=task.focal, hints=hints, K=task.camera
             )
         self.write(task, explanation, state)
         return row_of(task, explanation)

@@ -78,7 +78,7 @@ def _explained_photos(
         true[:3, :3], true[:3, 3] = view.rotation, view.translation
         advance(1)
         if (box := box_of_silhouette(silhouette)) is not None:
-            yield explainer.explain(image, box, camera=camera), true
+            yield explainer.explain(image, box, K=camera), true
 
 
 def position_error(explanation: Explanation, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -107,11 +107,11 @@ def off(found: np.ndarray, true: np.ndarray) -> tuple[float, float]:
 def test_any_rotation_is_found(pack: Path, seed: int) -> None:
     pose = pose_at(seed)
     photo, mask = photo_of(pose)
-    found = Explainer(pack).explain(photo, box_round(mask), camera=K, hints=Hints(mask=mask))
+    found = Explainer(pack).explain(photo, box_round(mask), K=K, mask=mask)
     turned, moved = off(found.camera_from_object, pose)
     assert turned < 4 and moved < 0.01
     assert (found.mask & mask).sum() > 0.9 * (found.mask | mask).sum()
-    boxed = Explainer(pack).explain(photo, box_round(mask), camera=K)
+    boxed = Explainer(pack).explain(photo, box_round(mask), K=K)
     assert off(boxed.camera_from_object, pose)[0] < 6 and boxed.verdict is Verdict.AMBIGUOUS
     matrix, pinhole, covariance = found.pinhole_pose()
     np.testing.assert_allclose(matrix, K)
@@ -131,7 +131,7 @@ def test_a_covered_object_is_found(pack: Path) -> None:
     x, width = int(box[0]), int(box[2])
     photo[:, x + int(0.6 * width) :] = (90, 140, 60)
     seen[:, x + int(0.6 * width) :] = False
-    with_mask = Explainer(pack).explain(photo, box, camera=K, hints=Hints(mask=seen))
+    with_mask = Explainer(pack).explain(photo, box, K=K, hints=Hints(mask=seen))
     assert off(with_mask.camera_from_object, pose)[0] < 6
     assert with_mask.hidden_fraction == pytest.approx(1 - seen.sum() / mask.sum(), abs=0.08)
 
@@ -143,7 +143,7 @@ def test_the_outline_tells_any_rotation_of_one_colour(tmp_path: Path, seed: int)
     replace(surface, texels=np.full_like(surface.texels, 128)).save(tmp_path)
     pose = pose_at(seed)
     photo, mask = photo_of(pose)
-    found = Explainer(tmp_path).explain(photo, box_round(mask), camera=K, hints=Hints(mask=mask))
+    found = Explainer(tmp_path).explain(photo, box_round(mask), K=K, hints=Hints(mask=mask))
     # Half a turn about each of its axes leaves a carton's shape as it is.
     symmetries = [np.diag(signs) for signs in ([1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1])]
     turned = [pose[:3, :3] @ symmetry @ found.camera_from_object[:3, :3].T for symmetry in symmetries]
@@ -156,7 +156,7 @@ def test_a_dark_photo_is_as_good(pack: Path) -> None:
     pose = pose_at(2)
     photo, mask = photo_of(pose)
     dark = np.rint(photo * 0.12).astype(np.uint8)
-    found = Explainer(pack).explain(dark, box_round(mask), camera=K, hints=Hints(mask=mask))
+    found = Explainer(pack).explain(dark, box_round(mask), K=K, hints=Hints(mask=mask))
     assert off(found.camera_from_object, pose)[0] < 4
 
 
@@ -218,17 +218,17 @@ def test_hints_narrow_the_search(pack: Path) -> None:
     turned = pose.copy()
     turned[:3, :3] = Rotation.from_rotvec([0.1, -0.1, 0.1]).as_matrix() @ pose[:3, :3]
     explainer = Explainer(pack)
-    from_pose = explainer.explain(photo, box_round(mask), camera=K, hints=Hints(pose=turned, mask=mask))
+    from_pose = explainer.explain(photo, box_round(mask), K=K, hints=Hints(pose=turned, mask=mask))
     assert off(from_pose.camera_from_object, pose)[0] < 4
     assert from_pose.verdict is Verdict.AMBIGUOUS and "only the pose" in from_pose.reason
     elsewhere = from_pose.azimuth_deg + 180
-    held = explainer.explain(photo, box_round(mask), camera=K, hints=Hints(azimuth_deg=elsewhere, mask=mask))
+    held = explainer.explain(photo, box_round(mask), K=K, hints=Hints(azimuth_deg=elsewhere, mask=mask))
     assert abs((held.azimuth_deg - elsewhere + 180) % 360 - 180) < 60
     assert held.verdict is not Verdict.TRUSTED
-    standing = explainer.explain(photo, box_round(mask), camera=K, hints=Hints(roll_deg=0, mask=mask))
+    standing = explainer.explain(photo, box_round(mask), K=K, hints=Hints(roll_deg=0, mask=mask))
     assert from_pose.elevation_deg < -20 and standing.elevation_deg >= 0
     marks = np.where(mask, PixelLabel.SEEN, PixelLabel.UNKNOWN).astype(np.uint8)
-    marked = explainer.explain(photo, camera=K, hints=Hints(pose=turned, marks=marks, visible=True))
+    marked = explainer.explain(photo, K=K, hints=Hints(pose=turned, marks=marks, visible=True))
     assert off(marked.camera_from_object, pose)[0] < 4 and marked.hidden_fraction == 0
 
 
@@ -248,7 +248,7 @@ def test_without_a_place_or_with_a_damaged_surface(
 
 def test_a_known_object_is_followed_and_found_again_after_it_was_hidden(pack: Path) -> None:
     start, turn = pose_at(1), Rotation.from_rotvec([0.02, -0.03, 0.02]).as_matrix()
-    tracker, errors, lost = Tracker(pack, camera=K), [], []
+    tracker, errors, lost = Tracker(pack, K=K), [], []
     pose, middle = start.copy(), start[:3, :3] @ [0, 0, SIDES[2] / 2] + start[:3, 3]
     for number in range(14):
         photo, mask = photo_of(pose)
@@ -274,7 +274,7 @@ def test_a_mask_alone_tells_the_place(pack: Path, seed: int) -> None:
     """At any roll, which turns the window of the fit."""
     pose = pose_at(seed)
     photo, mask = photo_of(pose)
-    found = Explainer(pack).explain(photo, camera=K, hints=Hints(mask=mask))
+    found = Explainer(pack).explain(photo, K=K, hints=Hints(mask=mask))
     assert off(found.camera_from_object, pose)[0] < 4
 
 
@@ -285,7 +285,7 @@ def test_what_has_no_print_is_lost_and_found_again_at_once(pack: Path, cover: st
     hidden = (
         np.zeros_like(photo) if cover == "black" else np.where(mask[..., None], 120, photo).astype(np.uint8)
     )
-    tracker = Tracker(pack, camera=K)
+    tracker = Tracker(pack, K=K)
     tracker.start(photo, box=box_round(mask))
     poses = [tracker(frame) for frame in [hidden] * 3 + [photo] * 3]
     assert [pose.lost for pose in poses] == [True] * 3 + [False] * 3
@@ -297,7 +297,7 @@ def test_what_has_no_print_is_lost_and_found_again_at_once(pack: Path, cover: st
 def test_a_place_that_the_lens_does_not_see_is_lost(pack: Path) -> None:
     pose = pose_at(1)
     photo, mask = photo_of(pose)
-    tracker = Tracker(pack, camera=K)
+    tracker = Tracker(pack, K=K)
     tracker.start(photo, box=box_round(mask))
     assert tracker._known is not None
     tracker._known.pose = pose
@@ -320,7 +320,7 @@ def test_a_video_is_tracked_both_ways_from_where_the_object_is_found(tmp_path: P
     frames[0] = np.full_like(frames[0], 90)
     told: list[int] = []
     followed = track(
-        frames, tmp_path, camera=K * np.array([[3], [3], [1]]), on_frame=lambda number, _: told.append(number)
+        frames, tmp_path, K=K * np.array([[3], [3], [1]]), on_frame=lambda number, _: told.append(number)
     )
     assert [frame.lost for frame in followed.frames] == [True, False, False, False]
     assert told == [1, 2, 3, 0] and [frame.number for frame in followed.frames] == [0, 1, 2, 3]
@@ -335,7 +335,7 @@ def test_keypoints_tell_how_likely_a_pose_is(pack: Path, monkeypatch: pytest.Mon
     pytest.importorskip("cv2")
     pose = pose_at(2)
     photo, mask = photo_of(pose, None, 2)
-    given = {"box": box_round(mask), "camera": K * np.array([[2], [2], [1]])}
+    given = {"box": box_round(mask), "K": K * np.array([[2], [2], [1]])}
     found = Explainer(pack).explain(photo, **given, hints=Hints(mask=mask))
     boxed = Explainer(pack).explain(photo, **given)
     assert found.verdict is Verdict.TRUSTED and 0.91 <= found.confidence <= 1
@@ -365,8 +365,8 @@ def test_a_whole_photo_is_searched(tmp_path: Path) -> None:
     assert (whole[0] & whole[1]).any()
     lens = K * np.array([[3], [3], [1]])
     for scene in (
-        explain_found(photo, explainers, 4, camera=lens),
-        explain_together(photo, explainers, [box_round(mask) for mask in whole], camera=lens),
+        explain_found(photo, explainers, 4, K=lens),
+        explain_together(photo, explainers, [box_round(mask) for mask in whole], K=lens),
     ):
         assert len(scene.objects) == 2
         front, back = sorted(scene.objects, key=lambda each: each.camera_from_object[2, 3])
@@ -375,10 +375,10 @@ def test_a_whole_photo_is_searched(tmp_path: Path) -> None:
         assert scene.occludes.sum() == 1
         seen = whole[1] & ~whole[0]
         assert (back.mask & seen).sum() > 0.8 * (back.mask | seen).sum()
-    alone = explainers[0].explain(photo, camera=lens)
+    alone = explainers[0].explain(photo, K=lens)
     assert off(alone.camera_from_object, poses[0])[0] < 5 and alone.present > 0.7
-    tracked = Tracker(folder, camera=lens)(photo)
-    assert Tracker(folder, camera=lens)(np.full_like(photo, 90)) is None
+    tracked = Tracker(folder, K=lens)(photo)
+    assert Tracker(folder, K=lens)(np.full_like(photo, 90)) is None
     assert tracked is not None and off(tracked.camera_from_object, poses[1])[0] < 5
     with pytest.raises(UserError, match="alone"):
         explain_found(photo, [*explainers, Explainer("mug")], 4)

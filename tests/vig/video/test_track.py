@@ -210,8 +210,8 @@ def test_frames_without_the_object_are_refused(
 
 def test_a_camera_that_is_given_is_that_of_the_poses(video: Video, explainer: vig.Explainer) -> None:
     aside = np.array([[300.0, 0, -150], [0, 320.0, 60], [0, 0, 1]])
-    found = vig.track(video.frames[:2], explainer, video.box, camera=aside).frames
-    fitted = explainer.explain(video.frames[0], video.box, camera=aside).camera_from_object
+    found = vig.track(video.frames[:2], explainer, video.box, K=aside).frames
+    fitted = explainer.explain(video.frames[0], video.box, K=aside).camera_from_object
     for frame in found:
         assert np.array_equal(frame.camera.K, aside)
         assert np.abs(frame.camera_from_object[:3, 3] - fitted[:3, 3]).max() < 0.1 * fitted[2, 3]

@@ -24,7 +24,7 @@ K = np.array([[400.0, 0, 75], [0, 400.0, 75], [0, 0, 1]])
 
 @pytest.fixture(scope="module")
 def poses(quick_video: Video, explainer: vig.Explainer) -> list[TrackedPose]:
-    tracker = vig.Tracker(explainer, camera=K)
+    tracker = vig.Tracker(explainer, K=K)
     first = tracker.start(quick_video.frames[0], box=quick_video.box)
     assert first is not None
     return [first, *(tracker.step(frame) for frame in quick_video.frames[1:])]
@@ -47,7 +47,7 @@ def test_a_pot_that_turns_by_ten_degrees_a_frame_is_followed(
 def test_the_network_sees_each_frame_once_and_every_second_one_mirrored(
     quick_video: Video, explainer: vig.Explainer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    tracker, seen = vig.Tracker(explainer, camera=K), []
+    tracker, seen = vig.Tracker(explainer, K=K), []
     tracker.start(quick_video.frames[0], box=quick_video.box)
     plain = explainer.recognizer._predict
     monkeypatch.setattr(
@@ -86,7 +86,7 @@ def test_a_pose_before_a_camera_that_looks_aside_is_that_of_the_fit(
     quick_video: Video, explainer: vig.Explainer
 ) -> None:
     aside = np.array([[300.0, 0, -150], [0, 320.0, 60], [0, 0, 1]])
-    pose = vig.Tracker(explainer, camera=aside).start(quick_video.frames[0], box=quick_video.box)
+    pose = vig.Tracker(explainer, K=aside).start(quick_video.frames[0], box=quick_video.box)
     assert pose is not None and np.array_equal(pose.camera.K, aside)
     here, fitted = pose.camera_from_object, pose.explanation.camera_from_object
     assert np.abs(here[:3, 3] - fitted[:3, 3]).max() < 0.02 * fitted[2, 3]
@@ -120,7 +120,7 @@ def test_an_object_that_stays_lost_stays_within_its_deviations(
     video: Video, explainer: vig.Explainer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """However long, and whatever the fits of frames without it say."""
-    tracker = vig.Tracker(explainer, camera=K)
+    tracker = vig.Tracker(explainer, K=K)
     tracker.start(video.frames[0], box=video.box)
     before = [tracker.step(video.frames[0]) for _ in range(3)][-1]
     fit = before.explanation.fit
@@ -141,7 +141,7 @@ def test_an_object_that_stays_lost_stays_within_its_deviations(
 
 
 def test_a_box_with_nothing_in_it_is_lost_and_does_not_count(video: Video, explainer: vig.Explainer) -> None:
-    tracker, empty = vig.Tracker(explainer, camera=K), np.full((150, 150, 3), (40, 90, 60), np.uint8)
+    tracker, empty = vig.Tracker(explainer, K=K), np.full((150, 150, 3), (40, 90, 60), np.uint8)
     x, y, w, h = video.box
     first = tracker.start(empty, box=(x + w / 4, y + h / 4, w / 2, h / 2))
     assert first is not None and first.lost
@@ -153,7 +153,7 @@ def test_a_box_with_nothing_in_it_is_lost_and_does_not_count(video: Video, expla
 
 
 def test_an_object_that_went_away_is_sought_everywhere(video: Video, explainer: vig.Explainer) -> None:
-    tracker = vig.Tracker(explainer, camera=K)
+    tracker = vig.Tracker(explainer, K=K)
     wide = np.full((150, 400, 3), (40, 90, 60), np.uint8)
     here, there = wide.copy(), wide.copy()
     here[:, :150], there[:, -150:] = video.frames[0], video.frames[0]
@@ -185,7 +185,7 @@ def test_what_cannot_be_tracked_is_refused(video: Video, explainer: vig.Explaine
         tracker.step(video.frames[0][:, :140])
     for camera, words in ((np.zeros((3, 3)), "K as"), ("abc", "fx, fy, cx, cy or K .*; got 'abc'")):
         with pytest.raises(UserError, match=words):
-            vig.Tracker(explainer, camera=camera)
+            vig.Tracker(explainer, K=camera)
     wrong: Any = 12
     with pytest.raises(UserError):
         vig.Tracker(wrong)

@@ -29,7 +29,7 @@ NAME = "COCO_val2014_000000000139.png"
 
 @pytest.fixture(scope="module")
 def explanation() -> vig.Explanation:
-    return vig.Explainer("teapot").explain(example_photos()[1].photo, camera=(300, 310, 90, 70))
+    return vig.Explainer("teapot").explain(example_photos()[1].photo, K=(300, 310, 90, 70))
 
 
 @pytest.fixture(scope="module")
@@ -297,7 +297,7 @@ def test_blenders_render_lies_on_the_object(focal: tuple | None, tmp_path: Path)
         python = find_python()
     except vig.UserError as error:
         pytest.skip(str(error))
-    explanation = vig.Explainer("teapot").explain(example_photos()[1].photo, camera=focal)
+    explanation = vig.Explainer("teapot").explain(example_photos()[1].photo, K=focal)
     folder = explanation.export(tmp_path, ["blender"], NAME) / "blender"
     (tmp_path / "render.py").write_text(
         f"import runpy\nscene = runpy.run_path({str(folder / 'scene.py')!r})['scene']\n"
