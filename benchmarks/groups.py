@@ -20,7 +20,7 @@ from vig_world.assets.coats import draw_coat, mean_albedo
 from vig_world.assets.footprint import Footprint, extreme_points
 from vig_world.assets.target import draw_shape, standing_vertices, target_vertices
 from vig_world.composition.photographs import DECORATED, METAL
-from vig_world.composition.sampling import CompositionError, sample, turned
+from vig_world.composition.sampling import CompositionError, sample, turn_scene
 from vig_world.composition.stage import LAYOUT_SIZE, MARGIN, Actor, StagedRoom, items_of
 from vig_world.dataset.spec import SceneSpec, Split
 from vig_world.library import Library
@@ -87,7 +87,7 @@ class GroupSpec:
         """Return the camera in each member's frame, for an image of width x height pixels."""
         first = self.members[0]
         object_class = next(each for each in classes if each.name == first.class_name)
-        view = View.of_scene(first.scene, object_class, height).framed(width, height)
+        view = View.of_scene(first.scene, object_class, height).reframe(width, height)
         return [member.view(view) for member in self.members]
 
 
@@ -141,7 +141,7 @@ class _GroupBuilder:
         self.library, self.classes, self.scene = library, classes, scene
         self.members = [Member(first.name, scene, 0.0, (0.0, 0.0))]
         height = 2 * LAYOUT_SIZE
-        self.view = View.of_scene(scene, first, height).framed(round(aspect * height), height)
+        self.view = View.of_scene(scene, first, height).reframe(round(aspect * height), height)
         vertices = target_vertices(scene, first)
         actor = Actor.of(
             View.through(scene.lens, first, scene.azimuth, scene.elevation, LAYOUT_SIZE),
@@ -220,7 +220,7 @@ def _seen_from(
     offset = np.array([*place, 0.0])
     x, y, z = about_z(-turn) @ (eye - offset) - [0.0, 0.0, object_class.target_height]
     return replace(
-        turned(scene, -turn, offset),
+        turn_scene(scene, -turn, offset),
         azimuth=math.atan2(x, -y) % (2 * math.pi),
         elevation=math.asin(z / math.sqrt(x * x + y * y + z * z)),
     )
@@ -289,7 +289,7 @@ def make_group(
     by_name = {each.name: each for each in classes}
     views = spec.views(classes, *size)
     drawn = [
-        render(library, member.scene, by_name[member.class_name], view.scaled(FINER))
+        render(library, member.scene, by_name[member.class_name], view.scale(FINER))
         for member, view in zip(spec.members, views, strict=True)
     ]
     uncovered = np.stack([one.visible for one in drawn])

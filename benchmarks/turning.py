@@ -11,7 +11,7 @@ import numpy as np
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig_world.assets.target import target_vertices
-from vig_world.composition.sampling import CompositionError, measure, sample, turned
+from vig_world.composition.sampling import CompositionError, measure, sample, turn_scene
 from vig_world.composition.stage import LAYOUT_SIZE, Actor
 from vig_world.dataset.spec import SceneSpec
 from vig_world.library import Library
@@ -51,10 +51,8 @@ class Turning:
         for time in np.linspace(-0.5, 0.5, count).tolist():
             turn = time + self.uneven / whole * math.sin(whole * time + self.phase)
             shift = time * np.array(self.way)
-            props = tuple(
-                prop if prop.role == "clutter" else prop.shifted(shift) for prop in self.scene.props
-            )
-            yield turned(replace(self.scene, props=props), -turn * self.turn)
+            props = tuple(prop if prop.role == "clutter" else prop.shift(shift) for prop in self.scene.props)
+            yield turn_scene(replace(self.scene, props=props), -turn * self.turn)
 
 
 def draw_turning(library: Library, object_class: ObjectClass, seed: int, index: int) -> Turning:

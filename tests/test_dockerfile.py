@@ -15,7 +15,7 @@ import pytest
 
 from vig_app.cli.common import verbs_of_packages
 from vig_app.cli.main import VERBS
-from vig_app.cli.main import _parsed as parsed
+from vig_app.cli.main import _parse_arguments as parsed
 
 ROOT = Path(__file__).parents[1]
 

@@ -32,7 +32,7 @@ from vig.scene.object_class import PACKAGED
 from vig.search import Budget, LevenbergMarquardt
 from vig_app.cli.common import verbs_of_packages
 from vig_app.cli.main import VERBS
-from vig_app.cli.main import _parsed as parsed
+from vig_app.cli.main import _parse_arguments as parsed
 from vig_paper.optimizers import BFGS, LBFGS, ConjugateGradient, Dogleg, GradientDescent
 from vig_train.training.drawing import Drawing
 from vig_train.training.studio import StudioSettings

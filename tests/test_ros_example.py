@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import vig
-from vig.photo.images import coded, coded_photo
+from vig.photo.images import as_srgb, coded_photo
 from vig_app.examples import example_photos
 
 typesys = pytest.importorskip("rosbags.typesys")
@@ -124,7 +124,7 @@ def info_of(K: tuple[float, float, float, float], width: int, height: int) -> Si
 
 
 def test_poses_and_masks_are_those_of_the_tracker(example: ModuleType) -> None:
-    picture = coded(coded_photo(example_photos()[1].photo))
+    picture = as_srgb(coded_photo(example_photos()[1].photo))
     height, width = picture.shape[:2]
     K = 400.0, 400.0, width / 2, height / 2
     node = example.VigNode()

@@ -96,7 +96,7 @@ print("and in degrees:", np.degrees(of_grasp[3:]).round(1))
 photo = example_photos()[0].photo
 found = explainer.explain(photo)
 latents, drawn_at = found.latents, 4
-large = found.camera.scaled(drawn_at)
+large = found.camera.scale(drawn_at)
 view = torch.tensor(latents.azimuth[0]), torch.tensor(latents.elevation[0])
 camera = Pinhole.on_sphere(large, *view)
 

@@ -149,7 +149,7 @@ class Explainer:
         if window is not None and (box is not None or not isinstance(window, Window)):
             raise UserError(f"expected a box or a vig.photo.Window; got {box!r} and {window!r}. Give one.")
         lens = lens_of(photo, focal, K)
-        return on_one_core(partial(self._explained, photo, box, window, lens, hints))
+        return on_one_core(partial(self._explain, photo, box, window, lens, hints))
 
     def explain_followed(
         self,
@@ -168,10 +168,10 @@ class Explainer:
         that is `expected` few others are tried: a third of the time.
         """
         lens = lens_of(photo, focal, camera)
-        follow = partial(self._explained, photo, box, window, lens, hints, framed=False)
+        follow = partial(self._explain, photo, box, window, lens, hints, framed=False)
         return on_one_core(partial(follow, turned=camera is not None, expected=expected))
 
-    def _explained(
+    def _explain(
         self,
         photo: Photo,
         box: Box | None,
@@ -193,7 +193,7 @@ class Explainer:
             resolve(self.settings, self.object_class, photo=window is None or not framed),
             1.0,
         )
-        hints = hints.checked(width, height, self.object_class) if hints else None
+        hints = hints.check(width, height, self.object_class) if hints else None
         if not self.recognizer.informed:
             settings, expected = without_network(settings), None
         elif expected is not None:
@@ -302,10 +302,10 @@ class Explainer:
             raise UserError("expected cameras or a focal length; got both. Cameras have their own.")
         items = (
             (photo, box, lens_of(photo, focal, camera), hint)
-            for photo, box, hint, camera in _matched(photos, box=boxes, hint=hints, camera=cameras)
+            for photo, box, hint, camera in zip_photos(photos, box=boxes, hint=hints, camera=cameras)
         )
         if number == 1:
-            explanations: Iterator[Explanation | UserError] = (self._tried(item) for item in items)
+            explanations: Iterator[Explanation | UserError] = (self._try_item(item) for item in items)
         else:
             if (folder := self.object_class.folder) is None:
                 raise UserError(
@@ -314,7 +314,7 @@ class Explainer:
             sent = ((_sendable(photo), *others) for photo, *others in items)
             shared = folder, self.settings
             answers = map_in_processes(_prepare, shared, sent, int(number))
-            explanations = map(self._received, answers)
+            explanations = map(self._receive, answers)
         for place, result in enumerate(explanations):
             if not isinstance(result, UserError):
                 yield result
@@ -324,14 +324,14 @@ class Explainer:
                 skip(place, result)
 
     @with_default_settings
-    def _tried(self, item: Item) -> Explanation | UserError:
+    def _try_item(self, item: Item) -> Explanation | UserError:
         photo, box, lens, hints = item
         try:
-            return on_one_core(partial(self._explained, photo, box, None, lens, hints))
+            return on_one_core(partial(self._explain, photo, box, None, lens, hints))
         except UserError as error:
             return error
 
-    def _received(self, answer: Any) -> Explanation | UserError:
+    def _receive(self, answer: Any) -> Explanation | UserError:
         if isinstance(answer, UserError):
             return answer
         return Explanation(object_class=self.object_class, **answer)
@@ -388,7 +388,7 @@ def lens_of(photo: Photo, focal: float | None = None, camera: Any = None) -> Len
     return None if of_file is None else (of_file, "exif")
 
 
-def _matched(photos: Iterable[Photo], **others: Iterable[Any] | None) -> Iterator[tuple[Any, ...]]:
+def zip_photos(photos: Iterable[Photo], **others: Iterable[Any] | None) -> Iterator[tuple[Any, ...]]:
     """Yield each photo with its item of each of the others, None where these are not given.
 
     UserError where their numbers differ.
@@ -417,7 +417,7 @@ def _prepare(shared: tuple[Path, ExplainSettings]) -> Callable[[Any], Any]:
     explainer = Explainer(*shared)
 
     def work(item: Item) -> Any:
-        explanation = explainer._tried(item)
+        explanation = explainer._try_item(item)
         if isinstance(explanation, UserError):
             return explanation
         return {name: value for name, value in vars(explanation).items() if name != "object_class"}

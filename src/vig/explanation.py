@@ -357,7 +357,7 @@ class Explanation:
             trusted=list(self.trusted),
             points=self.points,
             bounds=[side.tolist() for side in (self.vertices.min(0), self.vertices.max(0))],
-            hints=HintsRecord(**(self.hints.described() if self.hints else {})),
+            hints=HintsRecord(**(self.hints.to_plain() if self.hints else {})),
         )
         # Numbers of numpy are among a window's and a camera's.
         plain: dict[str, Any] = msgspec.to_builtins(described, enc_hook=float)

@@ -102,7 +102,7 @@ class Hints(PlainHints):
         arrays = self.mask, self.marks, self.pose
         return self.plain != PlainHints().plain or any(array is not None for array in arrays)
 
-    def checked(self, width: int, height: int, object_class: ObjectClass) -> Hints:
+    def check(self, width: int, height: int, object_class: ObjectClass) -> Hints:
         """Return hints with arrays of their types; UserError where they do not suit the photo or class."""
         changed: dict[str, Any] = {}
         for name, kind in (("mask", bool), ("marks", np.uint8)):
@@ -125,7 +125,7 @@ class Hints(PlainHints):
                     )
                 changed[name] = array.astype(kind)
         if self.strokes:
-            changed["marks"] = self._painted(changed.get("marks"), width, height)
+            changed["marks"] = self._paint_strokes(changed.get("marks"), width, height)
             changed["strokes"] = ()
         if self.mask is not None and not changed["mask"].any():
             raise UserError(
@@ -156,7 +156,7 @@ class Hints(PlainHints):
             changed["pose"] = checked_pose(self.pose, object_class.viewing_distance)
         return replace(self, **changed)
 
-    def _painted(self, marks: np.ndarray | None, width: int, height: int) -> np.ndarray:
+    def _paint_strokes(self, marks: np.ndarray | None, width: int, height: int) -> np.ndarray:
         """Return marks (H, W) uint8 with the strokes."""
         marks = np.zeros((height, width), np.uint8) if marks is None else marks.copy()
         for stroke in self.strokes:
@@ -182,7 +182,7 @@ class Hints(PlainHints):
         points = np.array(list(self.points.values()), float).reshape(-1, 2)
         return LocationHints(seen, points) if seen is not None or len(points) else None
 
-    def described(self) -> dict[str, Any]:
+    def to_plain(self) -> dict[str, Any]:
         """Return the hints in plain values: for masks and marks the number of pixels."""
         description: dict[str, Any] = {}
         for one in fields(self):

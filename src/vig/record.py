@@ -198,36 +198,36 @@ def record(
         family=family_of(fit.latents.shape[0], object_class),
         verdict=fit.verdict.name.lower(),  # type: ignore[arg-type]
         reason=fit.reason,
-        confidence=_known(fit.confidence),
-        present=_known(fit.present),
-        mask_confidence=_known(fit.mask_confidence),
-        trusted_from=TrustedFrom(_known(fit.view_threshold), _known(fit.mask_threshold)),
+        confidence=_none_if_nan(fit.confidence),
+        present=_none_if_nan(fit.present),
+        mask_confidence=_none_if_nan(fit.mask_confidence),
+        trusted_from=TrustedFrom(_none_if_nan(fit.view_threshold), _none_if_nan(fit.mask_threshold)),
         **_numbers(fit.latents),
-        roll_deg=_rounded(math.degrees(camera.roll)),
+        roll_deg=_round_numbers(math.degrees(camera.roll)),
         deviation=Deviation(
-            _rounded(min(math.degrees(deviation["azimuth"][0]), most_deg)) if turns else None,
-            _rounded(math.degrees(deviation["elevation"][0])),
-            *(_rounded(deviation[name]) for name in ("albedo", "light", "shape")),
+            _round_numbers(min(math.degrees(deviation["azimuth"][0]), most_deg)) if turns else None,
+            _round_numbers(math.degrees(deviation["elevation"][0])),
+            *(_round_numbers(deviation[name]) for name in ("albedo", "light", "shape")),
         ),
         alternatives=[
             Alternative(
-                probability=_known(view.probability),
-                behind_nats=_known(view.behind),
+                probability=_none_if_nan(view.probability),
+                behind_nats=_none_if_nan(view.behind),
                 **_numbers(view.latents),
-                roll_deg=_rounded(math.degrees(seen.roll)),
+                roll_deg=_round_numbers(math.degrees(seen.roll)),
                 K=seen.K.tolist(),
                 camera_from_object=_pose(seen, view.latents),
             )
             for view, seen in zip(fit.alternatives, cameras[1:], strict=True)
         ],
-        evidence_nats=_rounded(fit.evidence),
-        start_evidence_nats=_rounded(fit.start_evidence),
+        evidence_nats=_round_numbers(fit.evidence),
+        start_evidence_nats=_round_numbers(fit.start_evidence),
         evaluations=fit.evaluations,
         window=Window(window.left, window.top, window.side),
         framing=Framing(
-            _rounded(fit.framing[:2]),
-            _rounded(math.exp(float(fit.framing[2]))),
-            _rounded(math.degrees(fit.framing[3])),
+            _round_numbers(fit.framing[:2]),
+            _round_numbers(math.exp(float(fit.framing[2]))),
+            _round_numbers(math.degrees(fit.framing[3])),
         ),
         camera=Camera(
             camera.width,
@@ -294,11 +294,11 @@ def camera_from_mesh(camera_from_object: np.ndarray, object_class: ObjectClass) 
 def _numbers(latents: Latents) -> dict[str, Any]:
     """Return the fields of one set of latents (B = 1)."""
     return {
-        "azimuth_deg": _rounded(math.degrees(float(latents.azimuth[0])) % 360),
-        "elevation_deg": _rounded(math.degrees(float(latents.elevation[0]))),
-        "albedo": _rounded(latents.albedo[0]),
-        "light": _rounded(latents.light[0]),
-        "shape": _rounded(latents.shape[0]),
+        "azimuth_deg": _round_numbers(math.degrees(float(latents.azimuth[0])) % 360),
+        "elevation_deg": _round_numbers(math.degrees(float(latents.elevation[0]))),
+        "albedo": _round_numbers(latents.albedo[0]),
+        "light": _round_numbers(latents.light[0]),
+        "shape": _round_numbers(latents.shape[0]),
     }
 
 
@@ -307,12 +307,12 @@ def _pose(camera: PhotoCamera, latents: Latents) -> list[list[float]]:
     return pose
 
 
-def _known(value: float) -> float | None:
+def _none_if_nan(value: float) -> float | None:
     """Return a number, None where it is NaN, hence unknown."""
-    return None if math.isnan(value) else _rounded(value)
+    return None if math.isnan(value) else _round_numbers(value)
 
 
-def _rounded(value: float | np.ndarray, digits: int = 5) -> Any:
+def _round_numbers(value: float | np.ndarray, digits: int = 5) -> Any:
     if isinstance(value, np.ndarray):
         return [round(number, digits) for number in value.tolist()]
     return round(float(value), digits)

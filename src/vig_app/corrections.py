@@ -56,7 +56,7 @@ class State(PlainHints):
             checked_focal(self.focal)
         if self.camera is not None:
             Intrinsics.of(self.camera, width, height)
-        self.hints(width, height).checked(width, height, object_class)
+        self.hints(width, height).check(width, height, object_class)
 
     def to_json(self) -> dict[str, Any]:
         """Return the content of corrections.json and of the page of `vig view`."""
@@ -64,7 +64,7 @@ class State(PlainHints):
         first = {"box": content.pop("box"), "points": content.pop("points"), "marks": content.pop("strokes")}
         return first | content
 
-    def explained(
+    def explain(
         self, explainer: Explainer, path: Path, photo: np.ndarray, others: np.ndarray | None = None
     ) -> Explanation:
         """Explain the photo (H, W, 3) of a file with these hints; `others` as of `hints`.

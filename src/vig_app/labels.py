@@ -99,14 +99,14 @@ class Label:
                 raise ValueError(self.problem)
             if self.size is not None and self.size != (width, height):
                 raise ValueError("those of a picture of {} x {}".format(*self.size))
-            masks = [filled(polygon, width, height) for polygon in self.polygons]
+            masks = [fill_polygon(polygon, width, height) for polygon in self.polygons]
             masks += [] if self.runs is None else [self.runs.mask(width, height)]
         except ValueError as error:
             raise UserError(f"expected labels for {width} x {height} pixels; got {error}. {REMEDY}") from None
         return Hints(mask=np.any(masks, axis=0) if masks else None, points=self.points)
 
 
-def filled(polygon: Polygon, width: int, height: int) -> np.ndarray:
+def fill_polygon(polygon: Polygon, width: int, height: int) -> np.ndarray:
     """Return the pixels (H, W) bool whose centres are in a polygon; ValueError where it crosses itself."""
     turns = np.zeros((height, width + 1), np.int64)
     for (x, y), (next_x, next_y) in zip(polygon, (*polygon[1:], polygon[0]), strict=True):
@@ -160,7 +160,7 @@ def _labels_in(file: Path, data: bytes, say: Callable[[str], None]) -> Iterator[
             raise ValueError(f"XML of '{root.tag}'")
         for image in root.iter("image"):
             size = int(image.attrib["width"]), int(image.attrib["height"])
-            yield from _joined(image.attrib["name"], size, list(_cvat_shapes(image)))
+            yield from _join_shapes(image.attrib["name"], size, list(_cvat_shapes(image)))
         return
     content = parse_json(data)
     if isinstance(content, dict) and "shapes" in content:
@@ -169,7 +169,7 @@ def _labels_in(file: Path, data: bytes, say: Callable[[str], None]) -> Iterator[
         name = os.path.realpath(beside) if beside.exists() else name.rpartition("/")[2]
         sides = content.get("imageWidth"), content.get("imageHeight")
         shapes = [shape for shape in map(_labelme_shape, content["shapes"]) if shape]
-        yield from _joined(name, None if None in sides else sides, shapes)  # type: ignore[arg-type]
+        yield from _join_shapes(name, None if None in sides else sides, shapes)  # type: ignore[arg-type]
     elif isinstance(content, dict) and "images" in content and "annotations" in content:
         known = {image["id"] for image in content["images"]}
         if lost := sum(row["image_id"] not in known for row in content["annotations"]):
@@ -234,11 +234,11 @@ def _coco_label(row: dict[str, Any], image: dict[str, Any], category: dict[str, 
 def coco_runs(mask: dict[str, Any], around: Box | None = None) -> Runs:
     """Return COCO's run lengths of a mask of a whole photo, compressed or not."""
     (height, width), counts = map(int, mask["size"]), mask["counts"]
-    counts = _decoded(counts) if isinstance(counts, str) else map(int, counts)
+    counts = _decode_runs(counts) if isinstance(counts, str) else map(int, counts)
     return Runs(tuple(counts), (0, 0, width, height), around=around)
 
 
-def _decoded(text: str) -> list[int]:
+def _decode_runs(text: str) -> list[int]:
     """Return the run lengths of COCO's compressed form: differences in groups of five bits."""
     counts: list[int] = []
     value = shift = 0
@@ -258,7 +258,7 @@ Shape = tuple[bool, Any, Label]
 """Whether a shape is a point; its group or None; what it states."""
 
 
-def _joined(
+def _join_shapes(
     name: str, size: tuple[int, int] | None, shapes: list[Shape]
 ) -> Iterator[tuple[str, Label | None]]:
     """Yield a photo's name with a label for each group and each shape without one.
@@ -284,7 +284,7 @@ def _joined(
     yield from ((name, label) for label in objects.values())
 
 
-def _stated(kind: str, name: str, places: np.ndarray, runs: Runs | None = None) -> Label:
+def _label_of_shape(kind: str, name: str, places: np.ndarray, runs: Runs | None = None) -> Label:
     """Return the label of a shape of a kind: point, polygon, mask, or another with corners (N, 2)."""
     if kind == "point":
         return Label(None, points={name: tuple(places[0].tolist())})
@@ -309,7 +309,7 @@ def _labelme_label(kind: str, shape: dict[str, Any]) -> Label:
             mask = np.asarray(picture) > 0
         left, top = places.min(0).round().astype(int).tolist()
         runs = Runs(tuple(run_lengths(mask)["counts"]), (left, top, *mask.shape[::-1]))
-    return _stated(kind, str(shape["label"]), places, runs)
+    return _label_of_shape(kind, str(shape["label"]), places, runs)
 
 
 def _cvat_shapes(image: ElementTree.Element) -> Iterator[Shape]:
@@ -330,4 +330,4 @@ def _cvat_label(kind: str, at: dict[str, str]) -> Label:
         places = np.array(at["points"].replace(";", ",").split(","), float).reshape(-1, 2)
     else:
         places = np.array([[v for k, v in at.items() if k[0] == axis] for axis in "xy"], float).T
-    return _stated(kind, name, places, runs)
+    return _label_of_shape(kind, name, places, runs)

@@ -15,7 +15,7 @@ from vig.explanation import Explanation
 from vig.parallel import on_one_core
 from vig.photo import Window
 from vig.photo.filters import erosion
-from vig.photo.images import coded
+from vig.photo.images import as_srgb
 from vig.photo.outline import FINER, line_reach, line_width
 from vig.renderer.drawing import draw_latents
 from vig.scene import Camera
@@ -64,14 +64,14 @@ def overlay(explanation: Explanation, photo: np.ndarray | None = None) -> np.nda
 
     photo: Its photo (h, w, 3) uint8 made smaller, `SMALLEST_PICTURE` pixels or more; by default as it is.
     """
-    photo = coded(explanation.picture) if photo is None else photo
-    window = explanation.window.scaled(photo.shape[1] / explanation.picture.shape[1])
+    photo = as_srgb(explanation.picture) if photo is None else photo
+    window = explanation.window.scale(photo.shape[1] / explanation.picture.shape[1])
     return draw_outlines(photo, window, *explanation.outlines)
 
 
 def scene_overlay(scene: SceneExplanation) -> np.ndarray:
     """Draw `SceneExplanation.overlay`."""
-    picture = coded(scene.objects[0].picture).astype(np.float32)
+    picture = as_srgb(scene.objects[0].picture).astype(np.float32)
     width = max(1, round(max(picture.shape) / 500))
     for number, each in enumerate(scene.objects):
         colour = COLOURS[number % len(COLOURS)]
@@ -144,15 +144,15 @@ def close_up(explanation: Explanation) -> CloseUp:
     """Draw the window of an explanation in `PANEL` pixels a side."""
     object_class, latents = explanation.object_class, explanation.latents
     camera = explanation.window_camera
-    camera = camera.scaled(PANEL / camera.width)
+    camera = camera.scale(PANEL / camera.width)
     drawn = on_one_core(functools.partial(draw_latents, latents, object_class, camera))
     pose = camera.camera_from_object(latents)
     model, triangle = object_class.shape_model, drawn.triangle_id
     everything = slice(0, PANEL), slice(0, PANEL)
     window, picture = explanation.window, explanation.picture
     if (coarser := int(window.side / (2 * PANEL))) > 1:  # as much of a large photo's detail as shows
-        window = window.scaled(1 / coarser)
-        picture = np.asarray(Image.fromarray(coded(picture)).reduce(coarser))
+        window = window.scale(1 / coarser)
+        picture = np.asarray(Image.fromarray(as_srgb(picture)).reduce(coarser))
     return CloseUp(
         photo=window.crop(picture, PANEL)[0],
         rendering=drawn.rgb,

@@ -206,7 +206,7 @@ class _Search:
         while self.steps < self.budget.iterations:
             origin, value_before, steps_before = self.best.point, self.best.value, self.steps
             lower, upper = self.problem.lower, self.problem.upper
-            free = lower < upper if bounded else ~_held(self.best, self.problem)
+            free = lower < upper if bounded else ~_fixed_parameters(self.best, self.problem)
             self.converged = not free.any()
             if self.converged:
                 return
@@ -271,7 +271,7 @@ class _Search:
             raise StopIteration
 
 
-def _held(at: _Evaluated, problem: Problem) -> np.ndarray:
+def _fixed_parameters(at: _Evaluated, problem: Problem) -> np.ndarray:
     """Return parameters (P',) bool that are fixed or rest on a bound that the gradient pushes against."""
     lower, upper = problem.lower, problem.upper
     below, above = (at.point <= lower) & (at.gradient <= 0), (at.point >= upper) & (at.gradient >= 0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 
-def welded(vertices: np.ndarray) -> np.ndarray:
+def weld_vertices(vertices: np.ndarray) -> np.ndarray:
     """Return the first vertex at the place of each vertex: (V,)."""
     _, first, inverse = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
     return first[inverse.reshape(-1)].astype(np.int32)

@@ -10,7 +10,7 @@ import torch
 
 from vig_native import engine
 from vig_renderer.checks import check_table
-from vig_renderer.edges import edges_of, welded
+from vig_renderer.edges import edges_of, weld_vertices
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class Topology:
         texture_faces = _rows("texture_faces", texture_faces)
         if texture_faces.shape != faces.shape:
             raise ValueError(f"texture_faces must be {faces.shape}, like faces; got {texture_faces.shape}")
-        edges = edges_of(welded(vertices)[faces] if len(faces) else faces)
+        edges = edges_of(weld_vertices(vertices)[faces] if len(faces) else faces)
         return Topology(
             torch.from_numpy(faces.astype(np.int32, order="C")),
             torch.from_numpy(texture_faces.astype(np.int32, order="C")),

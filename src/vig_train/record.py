@@ -82,7 +82,7 @@ class Record:
         self._save()
 
     @contextmanager
-    def timed(self, step: str) -> Iterator[None]:
+    def time_step(self, step: str) -> Iterator[None]:
         """Count a block's time as the step's; the step is complete when the block raises nothing."""
         entry, started = self._step(step), time.monotonic()
         self.data["steps"][step] = entry

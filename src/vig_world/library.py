@@ -24,7 +24,7 @@ from vig_world.assets.own.furniture import read_furniture
 from vig_world.assets.own.props import read_props
 from vig_world.assets.panoramas.light import grey, light_parts, local_light, project_panorama
 from vig_world.assets.panoramas.painting import panorama
-from vig_world.assets.shapes import scaled
+from vig_world.assets.shapes import scale_mesh
 from vig_world.assets.textures import FINISHES, KINDS, texture
 from vig_world.assets.things import (
     ZONE_NAMES,
@@ -170,9 +170,9 @@ class Library:
         else:
             model = self._props[family][number % len(self._props[family])]
             parts = vary(model.read(), rng) if model.varies else model.read()
-        return Prop(family, tuple((scaled(mesh, 0.5**halvings), stuff) for mesh, stuff in parts))
+        return Prop(family, tuple((scale_mesh(mesh, 0.5**halvings), stuff) for mesh, stuff in parts))
 
-    def packed(self, family: str, number: int) -> PackedAsset:
+    def pack_prop(self, family: str, number: int) -> PackedAsset:
         """Return a prop for the rasteriser."""
         return self.shape(family, number)[0]
 
@@ -186,10 +186,10 @@ class Library:
             extremes = extreme_points(np.concatenate([mesh.vertices for mesh, _ in parts]))
             return {"extremes": extremes, **pack(parts)}
 
-        held = self._held(bool(self.own.props), f"prop/{family}/{number}", made)
+        held = self._cached(bool(self.own.props), f"prop/{family}/{number}", made)
         return PackedAsset.from_arrays(held), held["extremes"]
 
-    def _held(self, own: bool, name: str, make: Callable[[], Arrays]) -> Arrays:
+    def _cached(self, own: bool, name: str, make: Callable[[], Arrays]) -> Arrays:
         """Return the arrays of an asset of the split, kept on disk but for a user's own."""
         return make() if own else asset_cache().arrays(f"{self.split}/{name}", make)
 
@@ -245,7 +245,7 @@ class Library:
                 **pack(layout.parts),
             }
 
-        held = self._held(bool(self.own.furniture), f"layout/{number}", made)
+        held = self._cached(bool(self.own.furniture), f"layout/{number}", made)
         kind, height, supports, grounds = unpacked_text(held["text"])
         return PreparedRoom(
             Layout(
@@ -298,7 +298,7 @@ class Library:
             pyramid, mean = TextureLevels.of(finish), float(finish.mean())
             return {"texels": pyramid.texels, "numbers": packed_text([pyramid.log_size, mean])}
 
-        held = self._held(False, f"surface/{kind}/{number}", made)
+        held = self._cached(False, f"surface/{kind}/{number}", made)
         (width, height), mean = unpacked_text(held["numbers"])
         return TextureLevels(held["texels"], (width, height)), mean
 
@@ -313,23 +313,23 @@ class Library:
         """Return panorama `number`: (H, 2H, 3) radiance at the paper's exposure; custom ones: their size."""
         own = self.own.panoramas
         if own:
-            return _exposed(own[number].radiance)
+            return _expose(own[number].radiance)
 
         def made() -> Arrays:
-            return {"radiance": _exposed(panorama(asset_rng(self.split, "panorama", number)))}
+            return {"radiance": _expose(panorama(asset_rng(self.split, "panorama", number)))}
 
-        return self._held(False, f"panorama/{number}", made)["radiance"]
+        return self._cached(False, f"panorama/{number}", made)["radiance"]
 
     def surroundings(self, number: int) -> np.ndarray:
         """Return panorama `number` for a path tracer: that of `radiance`, or a custom one at full size."""
         own = self.own.panoramas
-        return _exposed(own[number].sharp()) if own else self.radiance(number)
+        return _expose(own[number].sharp()) if own else self.radiance(number)
 
     def _light_parts(self, number: int) -> np.ndarray:
         def made() -> Arrays:
             return {"light": light_parts(self.radiance(number))}
 
-        return self._held(bool(self.own.panoramas), f"light/{number}", made)["light"]
+        return self._cached(bool(self.own.panoramas), f"light/{number}", made)["light"]
 
     def light(self, number: int, angle: float, ground_albedo: float) -> np.ndarray:
         """Return SH light (9,) above a level support in a panorama turned by `angle` radians about +Z.
@@ -345,7 +345,7 @@ class Library:
         return light
 
 
-def _exposed(radiance: np.ndarray) -> np.ndarray:
+def _expose(radiance: np.ndarray) -> np.ndarray:
     """Return a panorama (H, 2H, 3) at the paper's exposure."""
     return radiance * (EXPOSURE_L00 / grey(project_panorama(radiance))[0])
 

@@ -38,7 +38,7 @@ class Mesh:
         check_indices("faces", self.faces, len(self.vertices))
 
 
-def stacked(meshes: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
+def stack_meshes(meshes: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
     """Return vertices (V, 3) and faces (F, 3) of meshes, or of anything that has these, as of one."""
     starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes[:-1]])
     faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]

@@ -9,7 +9,7 @@ from benchmarks import turning
 from benchmarks.turning import HIDDEN, OPEN, Turning, draw_turning
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
-from vig_world.composition.sampling import CompositionError, sample, turned
+from vig_world.composition.sampling import CompositionError, sample, turn_scene
 from vig_world.dataset.spec import SceneSpec
 from vig_world.library import Library
 from vig_world.renderers.rasterized import render
@@ -40,13 +40,13 @@ def test_what_hides_the_object_passes_and_its_angle_goes_round(
 def test_only_the_object_turns(library: Library, packaged: ObjectClass, video: Turning) -> None:
     """Told in the object's frame everything else turns, so that the picture beside the object is the same."""
     one = render(library, video.scene, packaged)
-    other = render(library, turned(video.scene, 1.0), packaged)
+    other = render(library, turn_scene(video.scene, 1.0), packaged)
     beside = ~(one.amodal | other.amodal)
     off = np.abs(one.image.astype(int) - other.image.astype(int))[beside]
     assert beside.sum() > 3000 and np.mean(off) < 1.5 and np.median(off) == 0
     both = one.visible & other.visible
     assert np.abs(one.image.astype(int) - other.image.astype(int))[both].mean() > 3
-    whole = render(library, turned(video.scene, 2 * np.pi), packaged)
+    whole = render(library, turn_scene(video.scene, 2 * np.pi), packaged)
     assert np.abs(one.image.astype(int) - whole.image.astype(int)).mean() < 0.5
 
 

@@ -99,7 +99,7 @@ def test_damaged_calibrations(pack: Path) -> None:
     def used(path: Path) -> None:
         calibration = FitCalibration.load(path)
         assert 0 <= calibration.confidence(features) <= 1
-        widened = calibration.widened(np.ones(calibration.scale.shape[1]), features, True)
+        widened = calibration.widen_deviations(np.ones(calibration.scale.shape[1]), features, True)
         assert np.isfinite(widened).all()
 
     read_damaged(pack / "calibration.json", damaged_json, used, 100, 4, 40)

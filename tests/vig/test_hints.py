@@ -377,7 +377,7 @@ def test_a_pose_may_lack_its_last_row() -> None:
     ],
 )
 def test_a_mask_is_taken_in_any_usual_type(mask: Any) -> None:
-    hints = Hints(mask=mask).checked(40, 30, ObjectClass.load("teapot"))
+    hints = Hints(mask=mask).check(40, 30, ObjectClass.load("teapot"))
     np.testing.assert_array_equal(hints.mask, np.eye(30, 40, dtype=bool))
 
 
@@ -385,10 +385,10 @@ def test_a_mask_is_taken_in_any_usual_type(mask: Any) -> None:
 def test_numbers_may_be_numpys_or_tensors(kind: Any) -> None:
     teapot = ObjectClass.load("teapot")
     given = Hints(azimuth_deg=kind(30), elevation_deg=kind(20), points={"spout": (kind(12), kind(9))})
-    hints = given.checked(40, 30, teapot)
+    hints = given.check(40, 30, teapot)
     assert (hints.azimuth_deg, hints.elevation_deg, hints.points) == (30.0, 20.0, {"spout": (12.0, 9.0)})
     with pytest.raises(UserError, match="azimuth_deg"):
-        Hints(azimuth_deg=True).checked(40, 30, teapot)
+        Hints(azimuth_deg=True).check(40, 30, teapot)
 
 
 def test_a_mask_or_points_without_a_box_place_the_window(explainer: vig.Explainer) -> None:

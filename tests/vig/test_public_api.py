@@ -269,7 +269,7 @@ def test_an_explanation_is_drawn_where_it_was_fitted_and_turned_and_relit(
     np.testing.assert_allclose(explanation.render(light=2 * light)[..., :3], 2 * drawn[..., :3], rtol=1e-4)
     black = explanation.render(albedo=np.zeros(3))
     assert not black[inside, :3].any() and np.array_equal(black[..., 3], drawn[..., 3])
-    small = explanation.render(camera=explanation.camera.scaled(0.5))
+    small = explanation.render(camera=explanation.camera.scale(0.5))
     assert small.shape == (70, 100, 4)
 
 

@@ -17,9 +17,9 @@ from vig_app.cli.boxes import labels_of as labels_for
 from vig_app.cli.main import main
 from vig_app.cli.options import PlaceOptions
 from vig_app.examples import example_photos
-from vig_app.labels import Label, _decoded, filled, read_labels
+from vig_app.labels import Label, _decode_runs, fill_polygon, read_labels
 from vig_app.runs import Task
-from vig_app.runs.work import labelled
+from vig_app.runs.work import apply_labels
 
 WIDTH, HEIGHT = 12, 8
 MASK = np.zeros((HEIGHT, WIDTH), bool)
@@ -135,7 +135,7 @@ def test_compressed_run_lengths_are_those_of_coco() -> None:
     pixels = np.random.default_rng(0).random((40, 31)) < 0.3
     pixels[:, 9:20] = True  # lengths of several characters
     encoded = mask.encode(np.asfortranarray(pixels.astype(np.uint8)))
-    assert _decoded(encoded["counts"].decode()) == run_lengths(pixels)["counts"]
+    assert _decode_runs(encoded["counts"].decode()) == run_lengths(pixels)["counts"]
 
 
 @pytest.mark.parametrize(
@@ -221,8 +221,8 @@ def test_points_are_those_of_the_one_object_of_the_class(tmp_path: Path) -> None
 
 
 def test_small_slips_of_the_hand_are_no_crossing() -> None:
-    drawn = filled((*SQUARE, (3.0, 2.5), (2.9, 2.4)), WIDTH, HEIGHT)
-    np.testing.assert_array_equal(drawn, filled(SQUARE, WIDTH, HEIGHT))
+    drawn = fill_polygon((*SQUARE, (3.0, 2.5), (2.9, 2.4)), WIDTH, HEIGHT)
+    np.testing.assert_array_equal(drawn, fill_polygon(SQUARE, WIDTH, HEIGHT))
 
 
 def test_a_run_goes_on_past_labels_that_cannot_be_used(
@@ -274,7 +274,7 @@ def test_boxes_of_several_labels_are_explained_together(tmp_path: Path) -> None:
     photo = example_photos()[1].photo
     boxes = ((35.0, 39.0, 80.0, 79.0), (2.0, 40.0, 40.0, 80.0))
     labels = tuple(Label("teapot", (150, 150), box=box) for box in boxes)
-    task = labelled(Task(photo, tmp_path, labels=labels, most=2))
+    task = apply_labels(Task(photo, tmp_path, labels=labels, most=2))
     assert task.objects == (("teapot", boxes[0]), ("teapot", boxes[1]))
     with pytest.raises(UserError, match="got points alone"):
-        labelled(Task(photo, tmp_path, labels=(Label("teapot", points={"spout": (9, 9)}),), most=2))
+        apply_labels(Task(photo, tmp_path, labels=(Label("teapot", points={"spout": (9, 9)}),), most=2))

@@ -63,7 +63,7 @@ def test_verdicts_and_hints_are_those_of_the_core() -> None:
         roll_deg=3.0,
         pose=np.eye(4),
     )
-    described = full.described()
+    described = full.to_plain()
     assert msgspec.to_builtins(decode(record.Hints, described)) == described and len(described) == 8
 
 

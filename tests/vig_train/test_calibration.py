@@ -161,7 +161,7 @@ def test_nine_in_ten_intervals_hold_in_either_group(samples: CalibrationSamples)
     for trusted in (True, False):
         group = (confidence >= learned.threshold) == trusted
         pairs = zip(samples.deviation[group], samples.features[group], strict=True)
-        wide = np.stack([learned.widened(*pair, trusted) for pair in pairs])
+        wide = np.stack([learned.widen_deviations(*pair, trusted) for pair in pairs])
         held = np.abs(samples.error[group]) <= 1.6449 * wide
         assert held.mean(0) == pytest.approx(0.9, abs=0.02)
 

@@ -27,7 +27,7 @@ def test_settings_and_machine_are_recorded(tmp_path: Path) -> None:
 
 
 def test_a_run_of_the_same_settings_goes_on(tmp_path: Path) -> None:
-    with opened(tmp_path / "r", seed=4).timed("train"):
+    with opened(tmp_path / "r", seed=4).time_step("train"):
         pass
     record = opened(tmp_path / "r", seed=4)
     assert record.complete("train") and not record.complete("page")
@@ -52,7 +52,7 @@ def test_other_settings_are_refused_by_the_first_that_differs(tmp_path: Path, ot
 def test_an_unfinished_step_keeps_its_time(tmp_path: Path) -> None:
     record = opened(tmp_path / "r")
     record.data["steps"]["train"] = {"complete": False, "seconds": 100.0, "sittings": 1, "finished": None}
-    with pytest.raises(ZeroDivisionError), record.timed("train"):
+    with pytest.raises(ZeroDivisionError), record.time_step("train"):
         _ = 1 / 0
     record = opened(tmp_path / "r")
     assert not record.complete("train") and record.seconds("train") >= 100

@@ -83,7 +83,7 @@ def test_kept_assets_are_those_that_were_made(tmp_path: Path, monkeypatch: pytes
     first, view = libraries[0], View.of(ObjectClass.load(TEAPOT), 0.4, 0.3, 75)
     for other in libraries[1:]:
         for a, b in (
-            (first.packed("vase", 2), other.packed("vase", 2)),
+            (first.pack_prop("vase", 2), other.pack_prop("vase", 2)),
             (first.plan(1).packed, other.plan(1).packed),
         ):
             ours, theirs = (depth([Item(each, np.eye(3), np.zeros(3))], view)[0] for each in (a, b))

@@ -103,18 +103,18 @@ class FitCalibration:
     def confidence(self, features: np.ndarray) -> float:
         """Return the probability that a fit's view is right; it fades to 0 for photos out of distribution."""
         view = _logistic(self.view_weights, self.view_bias, features)
-        return float(faded(view, self.in_distribution(features)))
+        return float(fade_confidence(view, self.in_distribution(features)))
 
     def mask_confidence(self, features: np.ndarray) -> float:
         """Return the probability that a fit's mask is right; it fades as `confidence` does."""
         mask = _logistic(self.mask_weights, self.mask_bias, features)
-        return float(faded(mask, self.in_distribution(features)))
+        return float(fade_confidence(mask, self.in_distribution(features)))
 
     def in_distribution(self, features: np.ndarray) -> np.ndarray:
         """Return the probability () that a photo is of the distribution learned on, 1 / 2 a priori."""
         return _logistic(self.in_distribution_weights, self.in_distribution_bias, features)
 
-    def widened(self, deviation: np.ndarray, features: np.ndarray, trusted: bool) -> np.ndarray:
+    def widen_deviations(self, deviation: np.ndarray, features: np.ndarray, trusted: bool) -> np.ndarray:
         """Return the standard deviations (P,) from those of the curvature."""
         row = 0 if trusted else 1
         wide = np.sqrt((self.scale[row] * deviation) ** 2 + self.floor[row] ** 2)
@@ -164,7 +164,7 @@ class FitCalibration:
             return FitCalibration(**checked)
 
 
-def faded(view: np.ndarray, in_distribution: np.ndarray) -> np.ndarray:
+def fade_confidence(view: np.ndarray, in_distribution: np.ndarray) -> np.ndarray:
     """Return confidence from probabilities that a view or mask is right, and the photo in distribution."""
     faded_view: np.ndarray = view * np.minimum(2 * in_distribution, 1)
     return faded_view

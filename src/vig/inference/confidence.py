@@ -62,7 +62,7 @@ def assess(
     features = _features(latents, shown, judge or prediction, selection)
     labels = None if hints is None else hints.labels
     share = 0.0 if settings.likelihood.mask is None else settings.network_mask_share
-    coverage, visible = _joined(shown, prediction.mask[0], labels, share)
+    coverage, visible = _join_masks(shown, prediction.mask[0], labels, share)
     confidence, verdict, reason = _verdict(
         selection, features, calibration, bool((visible > 0.5).any()), settings
     )
@@ -85,8 +85,8 @@ def assess(
         unsure_view = verdict is not Verdict.TRUSTED and symmetry.fold > 0 and not told
         deviation[place] = uniform if unsure_view else min(float(deviation[place]), uniform)
     elif calibration is not None:
-        about_view = float(calibration.widened(deviation, features, True)[place])
-        deviation = calibration.widened(deviation, features, verdict is Verdict.TRUSTED)
+        about_view = float(calibration.widen_deviations(deviation, features, True)[place])
+        deviation = calibration.widen_deviations(deviation, features, verdict is Verdict.TRUSTED)
         if verdict is not Verdict.TRUSTED:
             about_view = _among_views(about_view, confidence, judge or prediction, latents.azimuth)
         deviation[place] = min(about_view, uniform)
@@ -213,7 +213,7 @@ def _show(objective: Objective, point: np.ndarray, latents: Latents, model: Pixe
     return _Shown(*(image[0] for image in images))
 
 
-def _joined(
+def _join_masks(
     shown: _Shown, predicted: np.ndarray, labels: np.ndarray | None, share: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the coverage and visible (H, W) of a fit, joined with the network's `MASK_CLASSES` (H, W, 3).

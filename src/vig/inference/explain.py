@@ -59,7 +59,7 @@ def explain_one(
     chosen = resolve(settings, object_class)
     if hints is not None:
         unit = object_class.at_unit_scale
-        prediction = hints.corrected(
+        prediction = hints.correct_prediction(
             prediction, unit, unit.camera(photo.shape[1], chosen.camera_distance_ratio)
         )
 

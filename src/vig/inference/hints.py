@@ -81,7 +81,9 @@ class WindowHints:
             terms.append(BoxTerm(self.box, projection))
         return terms
 
-    def corrected(self, prediction: Prediction, object_class: ObjectClass, camera: Camera) -> Prediction:
+    def correct_prediction(
+        self, prediction: Prediction, object_class: ObjectClass, camera: Camera
+    ) -> Prediction:
         """Return the prediction (N = 1) of a network that knew the hints.
 
         Labelled pixels have that class; elevation and azimuth are about those given; each
@@ -197,12 +199,12 @@ class PlaceTerm(ABC):
 
     def add_to(self, points: np.ndarray, value: np.ndarray, gradient: np.ndarray, normal: np.ndarray) -> None:
         """Add log p to values (B,), its gradient to (B, P'), -log p's matrix to (B, P', P')."""
-        off, slopes = self._linearised(points.astype(np.float64))
+        off, slopes = self._linearise(points.astype(np.float64))
         value += -0.5 * np.square(off).sum(1)
         gradient -= np.einsum("bj,bjp->bp", off, slopes)
         normal += np.einsum("bjp,bjq->bpq", slopes, slopes)
 
-    def _linearised(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _linearise(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return residuals (B, R) and derivatives (B, R, P'), exact: the imaginary part of a tiny step."""
         count, size = points.shape
         moved = points[:, None] + 1j * COMPLEX_STEP * np.eye(size)

@@ -126,11 +126,11 @@ class Objective:
         self.likelihood, self.object_class, self.decorated = likelihood, object_class, decorated
         layout = likelihood.layout
         if not free_framing and "framing" in layout:
-            layout = layout.with_blocks(layout.block("framing").held())
+            layout = layout.with_blocks(layout.block("framing").hold())
         if not object_class.symmetry.fold:
-            layout = layout.with_blocks(layout.block("azimuth").held())
+            layout = layout.with_blocks(layout.block("azimuth").hold())
         if object_class.shape_model.rigid:
-            layout = layout.with_blocks(layout.block("shape").held())
+            layout = layout.with_blocks(layout.block("shape").hold())
         self.layout = layout
         self._latents = layout.indices(*(block.name for block in latent_layout(layout.count("shape")).blocks))
         geometry = likelihood.geometry

@@ -67,10 +67,10 @@ def objectives_of(
     predicted = prior_of(prediction, settings, object_class)
     objectives: dict[float, Objective] = {}
     for scale in scales:
-        photos = Photos(_pooled(photo, scale)[None], _pooled(log_prior, scale)[None])
+        photos = Photos(_mean_over_cells(photo, scale)[None], _mean_over_cells(log_prior, scale)[None])
         likelihood = Likelihood(
             geometry,
-            camera.scaled(scale),
+            camera.scale(scale),
             photos,
             settings.silhouette,
             density=settings.likelihood.density,
@@ -112,7 +112,7 @@ def prior_of(
     return RecognitionPrior(mean, precision, azimuths, settings.azimuth_weight / AZIMUTH_SPREAD**2)
 
 
-def _pooled(image: np.ndarray, scale: float) -> np.ndarray:
+def _mean_over_cells(image: np.ndarray, scale: float) -> np.ndarray:
     """Return the mean over square cells of an image (H, W, C)."""
     if scale == 1:
         return image

@@ -55,7 +55,7 @@ def with_shading_gain(
         gain = _gain(objective, divided, point, noise, precision)
         if gain is None:
             return objective, selection
-        divided, penalty = _divided(objective, gain.factor), gain.penalty
+        divided, penalty = _divide_by_gain(objective, gain.factor), gain.penalty
         noise = min(max(WIDENING * gain.residual, LEAST_NOISE * pixel_sigma), MOST_NOISE * pixel_sigma)
         descent = settings.optimizer(divided, point, of_photo, noise, BUDGET)
         point, evaluations = descent.points, evaluations + int(descent.evaluations.sum()) + 1
@@ -136,7 +136,7 @@ def _bumps(silhouette: np.ndarray) -> np.ndarray:
     return bumps.reshape(*silhouette.shape, -1)
 
 
-def _divided(objective: Objective, gain: np.ndarray) -> Objective:
+def _divide_by_gain(objective: Objective, gain: np.ndarray) -> Objective:
     """Return the objective of the photo divided by a gain (H, W); a colour's density changes by its cube."""
     likelihood, shape = objective.likelihood, (1, *gain.shape, 3)
     log_prior = likelihood.log_prior.reshape(shape).copy()

@@ -24,14 +24,14 @@ def align(surface: Surface, picture: Picture, pose: np.ndarray) -> np.ndarray:
     photo = picture.native(surface)
     logs = np.log(picture.colour.clip(0, None) * np.float32(picture.exposure) + np.float32(LEAST_COLOUR))
     for spread in SPREADS:
-        coverage, base, normal, light = _drawn(surface, photo, pose)
+        coverage, base, normal, light = _draw_surface(surface, photo, pose)
         place = (coverage > 0.5) & (picture.seen > 0.5)
         count = int(place.sum())
         if count < 30:
             break
         columns = np.zeros((count, 3, 12))
         for number, size in enumerate(MOVES):
-            covered, colour, *_ = _drawn(surface, photo, moved(pose, size * np.eye(6)[number]))
+            covered, colour, *_ = _draw_surface(surface, photo, move_pose(pose, size * np.eye(6)[number]))
             columns[..., number] = (colour - base)[place] / size * (covered[place] > 0.5)[:, None]
         columns[..., 6:9] = np.eye(3)
         columns[..., 9:] = normal[place][:, None]
@@ -41,11 +41,11 @@ def align(surface: Surface, picture: Picture, pose: np.ndarray) -> np.ndarray:
         rows = np.einsum("nci,ncj->ij", weighted, columns)
         right = np.einsum("nci,nc->i", weighted, error)
         rows[np.diag_indices(12)] += 0.01 * rows.diagonal() + 1e-6
-        pose = moved(pose, np.linalg.solve(rows, right)[:6].clip(-0.15, 0.15))
+        pose = move_pose(pose, np.linalg.solve(rows, right)[:6].clip(-0.15, 0.15))
     return pose
 
 
-def moved(pose: np.ndarray, by: np.ndarray) -> np.ndarray:
+def move_pose(pose: np.ndarray, by: np.ndarray) -> np.ndarray:
     """Return a pose (4, 4) turned about its middle, radians (3,), and moved, shares (3,) of its distance."""
     turned = pose.copy()
     turned[:3, :3] = small_turns(by[None, :3])[0] @ pose[:3, :3]
@@ -66,7 +66,7 @@ def contiguous(rotations: np.ndarray, translations: np.ndarray) -> tuple[np.ndar
     return np.ascontiguousarray(rotations, np.float32), np.ascontiguousarray(translations, np.float32)
 
 
-def _drawn(surface: Surface, photo: object, pose: np.ndarray) -> tuple[np.ndarray, ...]:
+def _draw_surface(surface: Surface, photo: object, pose: np.ndarray) -> tuple[np.ndarray, ...]:
     """Return the covered share (n, n), log colours and normals (n, n, 3), and the light (6,)."""
     at = contiguous(pose[:3, :3], pose[:3, 3])
     coverage, colour, normal, _, light = engine.draw_pose(surface.mesh, photo, *at)

@@ -152,7 +152,7 @@ class KnownObject:
         for stage in stages:
             picture = picture_of(stage.pixels)
             ranking = replace(stage, count=len(poses.scores), evaluations=0, lag=math.inf)
-            poses = poses.refined(self.surface, picture, ranking).refined(self.surface, picture, stage)
+            poses = poses.refine(self.surface, picture, ranking).refine(self.surface, picture, stage)
         poses = poses[:1]
         back = window.turn.T
         pose = np.eye(4)
@@ -183,7 +183,7 @@ class KnownObject:
         starts = np.array([each.pose for each in matches.poses()[:MOST_STARTS]]).reshape(-1, 4, 4)
         starts = starts[agrees(starts[:, :3, :3])]
         poses = locate(self.surface, poses.beside(starts), picture_of)
-        poses = poses.supported([len(matches.agreeing(pose)) for pose in poses.matrices])
+        poses = poses.add_keypoint_scores([len(matches.agreeing(pose)) for pose in poses.matrices])
         return poses, len(matches.agreeing(poses[:1].matrices[0]))
 
     def _matches(self, picture: Picture) -> Matches:

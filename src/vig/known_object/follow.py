@@ -65,12 +65,12 @@ class PoseFollower:
         if explained < (FOUND if lost else LOST) * usual:
             self.missed, self.speed = self.missed + 1, np.eye(4)
         else:
-            self.speed = np.eye(4) if lost else _slowed(pose @ np.linalg.inv(self.pose))
+            self.speed = np.eye(4) if lost else _slow_down(pose @ np.linalg.inv(self.pose))
             self.pose, self.missed, self.usual = pose, 0, 0.9 * usual + 0.1 * max(explained, usual / 2)
         return window, fit, ratio
 
 
-def _slowed(motion: np.ndarray) -> np.ndarray:
+def _slow_down(motion: np.ndarray) -> np.ndarray:
     """Return about 0.8 of a small motion (4, 4)."""
     slowed = np.eye(4) + 0.8 * (motion - np.eye(4))
     u, _, v = np.linalg.svd(slowed[:3, :3])

@@ -146,7 +146,7 @@ class ViewKeypoints:
                 check_arrays(arrays, _TABLE)
                 check_indices("view", arrays["view"], DIRECTIONS)
         else:
-            arrays = _made(views, rotations)
+            arrays = _keypoint_table(views, rotations)
             if folder is not None:
                 with suppress(OSError, UserError):  # a pack that others own
                     write_arrays(folder / FILE, arrays)
@@ -193,8 +193,8 @@ class Matches:
     def poses(self) -> list[MatchedPose]:
         """Return poses at which the photo shows the surface's keypoints, the likeliest first."""
         found = list[MatchedPose]()
-        for _, pose in sorted(self._seen(), key=lambda each: -each[0])[:40]:
-            fitted = self._fitted(pose)
+        for _, pose in sorted(self._poses_of_views(), key=lambda each: -each[0])[:40]:
+            fitted = self._fit_to_matches(pose)
             if fitted is not None and not any(each.is_like(fitted) for each in found):
                 found.append(fitted)
         return sorted(found, key=lambda each: -each.weight)
@@ -219,7 +219,7 @@ class Matches:
         inside = inside[np.argsort(error[inside], kind="stable")]
         return inside[np.unique(self.mine[inside], return_index=True)[1]]
 
-    def _seen(self) -> list[tuple[float, np.ndarray]]:
+    def _poses_of_views(self) -> list[tuple[float, np.ndarray]]:
         """Return (votes, pose) of views whose keypoints a photo shows about as they are in the view: turned,
         magnified and moved.
         """
@@ -268,7 +268,7 @@ class Matches:
         )
         return pose
 
-    def _fitted(self, pose: np.ndarray) -> MatchedPose | None:
+    def _fit_to_matches(self, pose: np.ndarray) -> MatchedPose | None:
         """Return a pose after fits to the matches of all views that agree with it, which are fewer each
         time; None where too few do.
         """
@@ -290,12 +290,12 @@ class Matches:
         return MatchedPose(float(self.weight[inside].sum()), pose, frozenset(self.mine[inside].tolist()))
 
 
-def _made(views: Views, rotations: np.ndarray) -> dict[str, np.ndarray]:
+def _keypoint_table(views: Views, rotations: np.ndarray) -> dict[str, np.ndarray]:
     """Return the arrays of `_TABLE` of a surface's views."""
     surface, focal, distance = views.surface, Views.focal_of(PIXELS), VIEW_DISTANCE * views.radius
     camera = focal, PIXELS / 2, PIXELS / 2, PIXELS, PIXELS
     away, parts = np.array([0.0, 0.0, distance]), []
-    for number, (coverage, colour, _) in enumerate(views.drawn(rotations, PIXELS)):
+    for number, (coverage, colour, _) in enumerate(views.draw_rotations(rotations, PIXELS)):
         covered = coverage[..., None]
         found = Keypoints.of(srgb8_from_linear(colour * covered + 0.2 * (1 - covered)))
         column, row = found.place.astype(int).T

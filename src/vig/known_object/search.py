@@ -100,13 +100,13 @@ class Poses:
                 chosen.append(number)
         return self[np.array(chosen)]
 
-    def supported(self, keypoints: Sequence[int]) -> Poses:
+    def add_keypoint_scores(self, keypoints: Sequence[int]) -> Poses:
         """Return them with 0.05 n added to each score, n of the keypoints that each explains."""
         # 0.05, 40: chosen on HOPE under two of its lights
         scores = self.scores + 0.05 * np.minimum(keypoints, 40)
         return replace(self, scores=scores)[np.argsort(-scores, kind="stable")]
 
-    def refined(self, surface: Surface, picture: Picture, stage: Stage) -> Poses:
+    def refine(self, surface: Surface, picture: Picture, stage: Stage) -> Poses:
         """Return the best `stage.count` after a search near each, the best first, and then the others."""
         ordered = self[np.argsort(-self.scores, kind="stable")]
         count = min(stage.count, int((ordered.scores >= ordered.scores[0] - stage.lag).sum()))
@@ -186,7 +186,7 @@ class Views:
         """Return the focal length of the views."""
         return Views.focal_of(VIEW_PIXELS)
 
-    def drawn(self, rotations: np.ndarray, pixels: int) -> Iterator[tuple[np.ndarray, ...]]:
+    def draw_rotations(self, rotations: np.ndarray, pixels: int) -> Iterator[tuple[np.ndarray, ...]]:
         """Yield for each rotation (N, 3, 3) covered shares (n, n), linear RGB and normals (n, n, 3)."""
         nothing = np.zeros((pixels, pixels, 3), np.float32)
         focal = Views.focal_of(pixels)
@@ -202,7 +202,7 @@ class Views:
         """Return (VIEWS, 7, n, n) float32: covered share, linear RGB, normal in the camera's frame."""
         share = VIEW_SAMPLES // 2  # each pixel that is drawn has two samples a side
         planes = np.empty((VIEWS, 7, VIEW_PIXELS, VIEW_PIXELS), np.float32)
-        for number, drawn in enumerate(self.drawn(self.rotations, VIEW_PIXELS * share)):
+        for number, drawn in enumerate(self.draw_rotations(self.rotations, VIEW_PIXELS * share)):
             coverage, colour, normal = drawn
             sums = np.concatenate(
                 [coverage[..., None], coverage[..., None] * np.concatenate([colour, normal], 2)], 2
@@ -318,5 +318,5 @@ def locate(surface: Surface, poses: Poses, picture_of: Callable[[int], Picture])
     for stage in stages:
         picture = picture_of(stage.pixels)
         poses = poses[: max(stage.count, STAGES[-2].count)].at_box(surface, picture)
-        poses = poses.refined(surface, picture, stage).distinct()
+        poses = poses.refine(surface, picture, stage).distinct()
     return poses

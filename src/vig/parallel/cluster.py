@@ -104,7 +104,7 @@ def _run(
             try:
                 results = ray.get(done)
             except ray.exceptions.RayTaskError as error:
-                raise _told(error) from error
+                raise _worker_error(error) from error
             except ray.exceptions.RayError:  # worker, node or result lost
                 losses[chunk[0][0]] += 1
                 if losses[chunk[0][0]] <= RETRIES:
@@ -115,7 +115,7 @@ def _run(
             yield from zip((number for number, _ in chunk), results, strict=True)
 
 
-def _told(error: Any) -> Exception:
+def _worker_error(error: Any) -> Exception:
     if isinstance(error.cause, UserError):
         return UserError(str(error.cause))
     if isinstance(error.cause, ModuleNotFoundError):

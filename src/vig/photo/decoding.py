@@ -26,7 +26,7 @@ FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "JPEG2000", "AVIF
 _PILLOW_LIMIT = threading.Lock()
 
 
-def opened(path: Path) -> Image.Image:
+def open_picture(path: Path) -> Image.Image:
     """Open the largest picture of a photo file.
 
     Raises:
@@ -74,7 +74,7 @@ def _largest(path: Path, image: ImageFile.ImageFile) -> Image.Image:
     return image
 
 
-def decoded(path: Path, image: Image.Image) -> np.ndarray:
+def decode_picture(path: Path, image: Image.Image) -> np.ndarray:
     """Decode an opened picture, as `vig.photo.images.coded_photo` describes; errors name `path`."""
     _check_square(path, image)
     source, tags = getattr(image, "filename", ""), getattr(image, "tag_v2", {})

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vig.photo.pinhole import outline_weights, pose_covariance, project, reprojected, turned_pose
+from vig.photo.pinhole import fit_pose, outline_weights, pose_covariance, project, turned_pose
 from vig.photo.window import Window
 from vig.scene import Camera, Latents, ObjectClass
 
@@ -29,7 +29,7 @@ class FitGeometry:
 
     def window_camera(self, framing: np.ndarray) -> Camera:
         """Return the fit's camera, which looks straight at the object, in pixels of the window."""
-        return self.object_class.camera(camera_distance_ratio=self.camera_distance_ratio).framed(
+        return self.object_class.camera(camera_distance_ratio=self.camera_distance_ratio).apply_framing(
             *framing.tolist()
         )
 
@@ -48,7 +48,7 @@ class FitGeometry:
         pixels = np.stack(self.window.to_photo(*offsets.T), axis=1)
         eye = -fitted[:3, :3].T @ fitted[:3, 3]
         start = self._nearly(matrix, latents, framing)
-        return reprojected(matrix, pixels, vertices, outline_weights(vertices, model.faces, eye), start)
+        return fit_pose(matrix, pixels, vertices, outline_weights(vertices, model.faces, eye), start)
 
     def _nearly(self, matrix: np.ndarray, latents: Latents, framing: np.ndarray) -> np.ndarray:
         """Approximate `pose_before` in closed form."""
@@ -78,8 +78,8 @@ class FitGeometry:
         """
         at = np.concatenate([latents.azimuth, latents.elevation, framing]).astype(np.float64)
 
-        def moved(at: np.ndarray) -> np.ndarray:
+        def locate(at: np.ndarray) -> np.ndarray:
             angles = {"azimuth": at[:1], "elevation": at[1:2]}
             return self._nearly(matrix, replace(latents, **angles), at[2:])
 
-        return pose_covariance(moved, at, deviation.astype(np.float64))
+        return pose_covariance(locate, at, deviation.astype(np.float64))

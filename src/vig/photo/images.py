@@ -20,7 +20,7 @@ from PIL import Image, UnidentifiedImageError
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
 from vig.photo.checks import check_size, existing_file, refuse
-from vig.photo.decoding import LINEAR, PHOTO, decoded, opened
+from vig.photo.decoding import LINEAR, PHOTO, decode_picture, open_picture
 from vig.photo.formats import unread_samples
 from vig.scene.functions import numpy_of_tensor
 from vig.scene.light import srgb8_from_linear
@@ -57,7 +57,7 @@ def read_picture(path: str | Path, what: str, decode: Callable[[Path, Image.Imag
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # about damaged parts that a decoder passes over
         try:
-            with opened(path) as image:
+            with open_picture(path) as image:
                 return decode(path, image)
         except UserError:
             raise
@@ -75,7 +75,7 @@ def as_photo(photo: Photo) -> np.ndarray:
     return linear_photo(coded_photo(photo))
 
 
-def coded(picture: np.ndarray) -> np.ndarray:
+def as_srgb(picture: np.ndarray) -> np.ndarray:
     """Return a photo (H, W, 3), uint8 sRGB or float linear RGB, as uint8 sRGB."""
     return picture if picture.dtype == np.uint8 else srgb8_from_linear(picture)
 
@@ -112,11 +112,11 @@ def coded_photo(photo: Photo) -> np.ndarray:
         UserError: The photo is none of these, has another shape, type or range, or is tiny or huge.
     """
     if isinstance(photo, str | Path):
-        return read_picture(photo, "photo", decoded)
+        return read_picture(photo, "photo", decode_picture)
     name = Path("the photo")
     if isinstance(photo, Image.Image):
         check_size(name, *photo.size)
-        return decoded(name, photo)
+        return decode_picture(name, photo)
     array: Any = numpy_of_tensor(photo)
     if not isinstance(array, np.ndarray):
         refuse(name, "a path, a PIL image or an array", f"a {type(photo).__name__}", "Convert it to one.")

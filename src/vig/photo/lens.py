@@ -17,7 +17,7 @@ from vig.io.checks import number_of
 from vig.io.errors import UserError
 from vig.io.printing import note
 from vig.photo.checks import existing_file
-from vig.photo.decoding import opened
+from vig.photo.decoding import open_picture
 
 WIDEST = 0.15
 """Focal length, in longer sides of the photo, below which K is not in this photo's pixels."""
@@ -103,7 +103,7 @@ class Intrinsics:
         """Return intrinsic matrix (3, 3)."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
-    def scaled(self, factor: float) -> Intrinsics:
+    def scale(self, factor: float) -> Intrinsics:
         """Return the same lens for a photo `factor` times as wide and high."""
         return Intrinsics(self.fx * factor, self.fy * factor, self.cx * factor, self.cy * factor)
 
@@ -138,7 +138,7 @@ def camera_as_shown(photo: object, camera: Any) -> Any:
     Raises:
         UserError: It fits both pictures.
     """
-    orientation, (width, height) = _stored(photo)
+    orientation, (width, height) = _stored_size(photo)
     if width == height or isinstance(camera, float):
         return camera
     lens = camera if isinstance(camera, Intrinsics) else Intrinsics(*_four_numbers(camera))
@@ -172,12 +172,12 @@ def camera_as_shown(photo: object, camera: Any) -> Any:
     return turned
 
 
-def _stored(photo: object) -> tuple[int, tuple[int, int]]:
+def _stored_size(photo: object) -> tuple[int, tuple[int, int]]:
     """Return EXIF's orientation of a photo, 1 where it states none, and width and height before turning."""
     try:
         if isinstance(photo, str | Path):
-            with opened(existing_file(photo)) as image:
-                return _stored(image)
+            with open_picture(existing_file(photo)) as image:
+                return _stored_size(image)
         assert isinstance(photo, Image.Image)
         if before := photo.info.get("original_orientation"):  # HEIF, which its decoder turns
             return before, (photo.height, photo.width) if before > 4 else photo.size
@@ -292,7 +292,7 @@ def focal_of(photo: object) -> float | None:
     """
     try:
         if isinstance(photo, str | Path):
-            with opened(existing_file(photo)) as image:  # a pipe would be waited for
+            with open_picture(existing_file(photo)) as image:  # a pipe would be waited for
                 return focal_of(image)
         if not isinstance(photo, Image.Image):
             return None

@@ -96,7 +96,7 @@ def outline_weights(vertices: np.ndarray, faces: np.ndarray, eye: np.ndarray) ->
     return np.where(faces_eye & faces_away, 1.0, 0.1)
 
 
-def reprojected(
+def fit_pose(
     matrix: np.ndarray, pixels: np.ndarray, vertices: np.ndarray, weights: np.ndarray, start: np.ndarray
 ) -> np.ndarray:
     """Return the pose before a camera that projects points nearest to given pixels.

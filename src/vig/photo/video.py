@@ -16,7 +16,7 @@ from vig.io.files import write_json
 from vig.io.printing import note
 from vig.photo.checks import existing_file
 from vig.photo.colour import Encoding, coded_encoding
-from vig.photo.images import coded, coded_photo, write_png
+from vig.photo.images import as_srgb, coded_photo, write_png
 
 UNREAD_MATRICES = (8, 10, 12, 13, 14)
 """Matrices of H.273 (YCgCo, constant luminance, ICtCp) that ffmpeg mistakes for others without an error."""
@@ -63,7 +63,7 @@ def frames_of(video: Path, folder: Path) -> list[Path]:
             )
         there.append(path)
     paths = []
-    for picture in _decoded(video, paths, folder):
+    for picture in _decode_pictures(video, paths, folder):
         if not paths:  # from another video of that name
             for path in there:
                 path.unlink()
@@ -117,9 +117,9 @@ class Video:
         encoding = _encoding(self._name, self.stream.codec_context, frame)
         if encoding:
             light, self._peak = encoding.light_and_peak(frame.to_ndarray(format="rgb48le"), 65535, self._peak)
-            picture = coded(light)
+            picture = as_srgb(light)
         elif any(component.is_alpha for component in frame.format.components):
-            picture = coded(coded_photo(Image.fromarray(frame.to_ndarray(format="rgba"))))
+            picture = as_srgb(coded_photo(Image.fromarray(frame.to_ndarray(format="rgba"))))
         else:
             picture = frame.to_ndarray(format="rgb24")
         height, width = picture.shape[:2]
@@ -128,7 +128,7 @@ class Video:
         )  # pixels of a row of square ones
         if square != width:
             picture = np.asarray(Image.fromarray(picture).resize((square, height), Image.Resampling.BICUBIC))
-        return np.ascontiguousarray(_turned(picture, frame.side_data.get("DISPLAYMATRIX")))
+        return np.ascontiguousarray(_apply_display_matrix(picture, frame.side_data.get("DISPLAYMATRIX")))
 
 
 def av_errors() -> tuple[type[Exception], ...]:
@@ -140,7 +140,7 @@ def av_errors() -> tuple[type[Exception], ...]:
     return FFmpegError, OSError, ValueError
 
 
-def _decoded(path: Path, done: list[Path], folder: Path) -> Iterator[np.ndarray]:
+def _decode_pictures(path: Path, done: list[Path], folder: Path) -> Iterator[np.ndarray]:
     """Yield the pictures (H, W, 3) uint8 of a video; `done`: those written so far, for an error."""
     try:
         video = Video(str(path))
@@ -191,7 +191,7 @@ def _encoding(video: str | Path, codec: Any, frame: Any) -> Encoding | None:
         ) from error
 
 
-def _turned(picture: np.ndarray, matrix: Any) -> np.ndarray:
+def _apply_display_matrix(picture: np.ndarray, matrix: Any) -> np.ndarray:
     """Turn and mirror a picture by a display matrix: (x, y) goes to (a x + c y, b x + d y), in 16.16."""
     if matrix is None:
         return picture

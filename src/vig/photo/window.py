@@ -122,7 +122,7 @@ class Window:
         if isinstance(photo, ImagePyramid):
             if photo.latest is None or photo.latest[0] != (self, size):
                 level, scale = photo.level(self.side / size)
-                photo.latest = (self, size), self.scaled(1 / scale).crop(level, size)
+                photo.latest = (self, size), self.scale(1 / scale).crop(level, size)
             return photo.latest[1]
         if self.roll or self.lens is not None:
             return self._crop_level(photo, size)
@@ -141,7 +141,7 @@ class Window:
         area = (self.left - x0, self.top - y0, right - x0, bottom - y0)
         cut = [
             np.asarray(plane.resize((size, size), method, area))
-            for plane in linear_planes(_bordered(photo, (y0, y1), (x0, x1)))
+            for plane in linear_planes(_continue_border(photo, (y0, y1), (x0, x1)))
         ]
         shown = [
             Image.fromarray(((places >= 0) & (places < length)).astype(np.float32)[None]).resize(
@@ -200,9 +200,9 @@ class Window:
             )
         return matrix
 
-    def scaled(self, factor: float) -> Window:
+    def scale(self, factor: float) -> Window:
         """Return the same window of the photo `factor` times as wide and high."""
-        lens = self.lens and self.lens.scaled(factor)
+        lens = self.lens and self.lens.scale(factor)
         return Window(self.left * factor, self.top * factor, self.side * factor, self.roll, lens)
 
     def camera_distance_ratio(self, focal: float) -> float:
@@ -246,7 +246,7 @@ class Window:
         scale = self.side / camera.width
         at = ((camera.cx - camera.width / 2) * scale, (camera.cy - camera.height / 2) * scale)
         cx, cy = self.to_photo(*at)
-        camera = camera.scaled(scale)
+        camera = camera.scale(scale)
         return replace(camera, width=width, height=height, cx=cx, cy=cy, roll=camera.roll + self.roll)
 
     def paste(self, image: np.ndarray, rows: slice, columns: slice, outside: float = 0.0) -> np.ndarray:
@@ -315,7 +315,7 @@ class Window:
         return float(left), float(right), float(top), float(bottom)
 
 
-def _bordered(photo: np.ndarray, rows: tuple[int, int], columns: tuple[int, int]) -> np.ndarray:
+def _continue_border(photo: np.ndarray, rows: tuple[int, int], columns: tuple[int, int]) -> np.ndarray:
     """Return rows and columns, from and to, of a photo (H, W, 3) whose border is continued beyond it."""
     within, beyond = [], []
     for (start, end), length in zip((rows, columns), photo.shape[:2], strict=True):

@@ -65,10 +65,10 @@ def find(
     if not recognizer.has_map and clues is not None and clues.mask is not None:
         return Candidate(Window.round_box(clues.box), 1.0)
     nowhere = Candidate(Window.of(photo.shape[1], photo.shape[0]), 0.0)
-    tried = _tried(photo, recognizer, MOVED_WINDOWS, clues)
+    tried = _try_places(photo, recognizer, MOVED_WINDOWS, clues)
     best = max(tried, key=lambda each: each.present, default=nowhere)
     if clues is not None and clues.mask is not None:
-        return replace(best, window=clues.placed(photo, best.window, recognizer))
+        return replace(best, window=clues.locate_window(photo, best.window, recognizer))
     return best
 
 
@@ -80,10 +80,10 @@ def find_several(photo: np.ndarray | ImagePyramid, recognizer: Recognizer, most:
         UserError: The recognizer cannot find objects.
     """
     # 3: places that are looked at for each of several objects
-    return apart(_tried(photo, recognizer, 3 * most, sides=SIDES_FOR_SEVERAL), most)
+    return apart(_try_places(photo, recognizer, 3 * most, sides=SIDES_FOR_SEVERAL), most)
 
 
-def _tried(
+def _try_places(
     photo: np.ndarray | ImagePyramid,
     recognizer: Recognizer,
     most: int,
@@ -114,7 +114,7 @@ def _tried(
             seen = prediction[i : i + 1]
             agreement = 1.0 if clues is None else clues.agreement(windows[i], seen)
             present[i] = max(present[i], agreement * _present(start.present, seen))
-        moved = [_moved(window, prediction[i : i + 1]) for i, window in enumerate(windows)]
+        moved = [_move_window(window, prediction[i : i + 1]) for i, window in enumerate(windows)]
         # 0.4: overlap with the window that it began as, from which one that was moved is of the same object
         windows = [
             window
@@ -165,7 +165,9 @@ class LocationHints:
         corners = [window.to_window(x + right * w, y + down * h) for right in (0, 1) for down in (0, 1)]
         return max(max(map(abs, corner)) for corner in corners) <= window.side / 2
 
-    def placed(self, photo: np.ndarray | ImagePyramid, window: Window, recognizer: Recognizer) -> Window:
+    def locate_window(
+        self, photo: np.ndarray | ImagePyramid, window: Window, recognizer: Recognizer
+    ) -> Window:
         """Return the window of the object's box: that of the known parts, with those the network sees hidden.
 
         window: One that shows the object.
@@ -247,7 +249,7 @@ def box_in_window(prediction: Prediction) -> tuple[float, float, float, float] |
     return x, y, (left + size[0]) / width - x, (top + size[1]) / height - y
 
 
-def _moved(window: Window, prediction: Prediction) -> Window:
+def _move_window(window: Window, prediction: Prediction) -> Window:
     """Return the window of the object in one window's prediction (N = 1)."""
     box = box_in_window(prediction)
     if box is None or max(box[2:]) < 0.05:

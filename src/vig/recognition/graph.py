@@ -89,7 +89,7 @@ class _Writer:
         opset = _field(1, "") + _field(2, OPSET)
         head = _field(1, IR_VERSION) + _field(2, "vig") + _field(8, opset)
         # All is joined once: the weights are megabytes.
-        return b"".join((head, *_headed(7, graph)))
+        return b"".join((head, *_length_delimited(7, graph)))
 
     def op(self, operator: str, *inputs: str, result: str = "", **attributes: Value) -> str:
         return self.operation(operator, inputs, attributes, result)
@@ -136,7 +136,7 @@ class _Writer:
         how |= {"pads": (kernel // 2,) * 4, "strides": (stride, stride)}
         return _Array(self.operation("Conv", inputs, how, result), outputs)
 
-    def normalised(
+    def convolve_and_normalise(
         self, x: _Array, name: str, outputs: int, kernel: int = 1, stride: int = 1, groups: int = 1
     ) -> _Array:
         """Return a convolution with normalisation."""
@@ -149,13 +149,13 @@ class _Writer:
         self, x: _Array, name: str, outputs: int, kernel: int = 1, stride: int = 1, groups: int = 1
     ) -> _Array:
         """Return a convolution with normalisation and ReLU6."""
-        x = self.normalised(x, name, outputs, kernel, stride, groups)
+        x = self.convolve_and_normalise(x, name, outputs, kernel, stride, groups)
         return _Array(self.op("Clip", x.name, self.constant(0.0), self.constant(6.0)), outputs)
 
     def residual(self, x: _Array, name: str) -> _Array:
         """Return two convolutions with a skip connection."""
         change = self.block(x, f"{name}.first", x.channels, 3)
-        return self.sum(x, self.normalised(change, f"{name}.second", x.channels, 3), "Relu")
+        return self.sum(x, self.convolve_and_normalise(change, f"{name}.second", x.channels, 3), "Relu")
 
     def sum(self, x: _Array, other: _Array, after: str = "") -> _Array:
         total = self.op("Add", x.name, other.name)
@@ -188,7 +188,7 @@ class _Writer:
         """Return vectors as channels of `CELLS` a side."""
         return _Array(self.reshape(x.name, 0, -1, CELLS, CELLS), x.channels // CELLS**2)
 
-    def doubled(self, x: _Array, side: int, linear: bool) -> _Array:
+    def upsample(self, x: _Array, side: int, linear: bool) -> _Array:
         """Return a map of twice the size, of which the first `side` rows and columns are kept."""
         places, mode = ("half_pixel", "linear") if linear else ("asymmetric", "nearest")
         how: dict[str, Value] = {"coordinate_transformation_mode": places, "mode": mode}
@@ -239,7 +239,7 @@ def _trunk(writer: _Writer, settings: NetworkSettings) -> list[_Array]:
             wide = writer.block(x, f"{name}.expand", x.channels * expansion) if expansion > 1 else x
             width = wide.channels
             wide = writer.block(wide, f"{name}.filter", width, KERNELS[stage], stride, groups=width)
-            projected = writer.normalised(wide, f"{name}.project", outputs)
+            projected = writer.convolve_and_normalise(wide, f"{name}.project", outputs)
             same = stride == 1 and x.channels == outputs
             x = writer.sum(x, projected) if same else projected
         maps.append(x)
@@ -277,7 +277,7 @@ def _plain_decoder(
     x = writer.block(x, "deep.1", wide, 3)
     for number, side, seen in _sides(finer):
         beside = writer.block(seen, f"side.{number}", x.channels)
-        x = writer.sum(writer.doubled(x, side, linear=False), beside)
+        x = writer.sum(writer.upsample(x, side, linear=False), beside)
         x = writer.block(x, f"merge.{number}", narrow if number else wide, 3)
     return x
 
@@ -300,7 +300,7 @@ def _context_decoder(
     rows = writer.op("Transpose", x.name, perm=(0, 2, 1))
     x = writer.residual(_Array(writer.reshape(rows, 0, 0, CELLS, CELLS), width), "context.mix")
     for (number, side, seen), outputs in zip(_sides(finer), narrower, strict=True):
-        x = writer.doubled(writer.block(x, f"context.down.{number}", outputs), side, linear=True)
+        x = writer.upsample(writer.block(x, f"context.down.{number}", outputs), side, linear=True)
         x = writer.sum(x, writer.block(seen, f"context.side.{number}", outputs))
         x = writer.residual(x, f"context.merge.{number}")
     return x
@@ -310,11 +310,11 @@ def _attention(writer: _Writer, rows: _Array, name: str) -> _Array:
     """Return a layer of a transformer's encoder whose normalisation comes first; rows (N, R, C)."""
     width = rows.channels
 
-    def normalised(x: _Array, number: int) -> _Array:
+    def normalise_rows(x: _Array, number: int) -> _Array:
         parts = [writer.weight(f"{name}.norm{number}.{part}", width) for part in ("weight", "bias")]
         return _Array(writer.op("LayerNormalization", x.name, *parts, axis=-1, epsilon=1e-5), width)
 
-    seen = writer.linear_of_rows(normalised(rows, 1), f"{name}.self_attn.in_proj", 3 * width, "_")
+    seen = writer.linear_of_rows(normalise_rows(rows, 1), f"{name}.self_attn.in_proj", 3 * width, "_")
     depth = width // ATTENTION_HEADS
     ends = [writer.constant((place,)) for place in (0, width, 2 * width, 3 * width)]
     axis = writer.constant((2,))
@@ -328,7 +328,7 @@ def _attention(writer: _Writer, rows: _Array, name: str) -> _Array:
     mixed = writer.op("Transpose", writer.op("MatMul", weights, value), perm=(0, 2, 1, 3))
     mixed = writer.reshape(mixed, 0, 0, width)
     rows = writer.sum(rows, writer.linear_of_rows(_Array(mixed, width), f"{name}.self_attn.out_proj", width))
-    wide = writer.linear_of_rows(normalised(rows, 2), f"{name}.linear1", 2 * width)
+    wide = writer.linear_of_rows(normalise_rows(rows, 2), f"{name}.linear1", 2 * width)
     wide = _Array(writer.op("Relu", wide.name), wide.channels)
     return writer.sum(rows, writer.linear_of_rows(wide, f"{name}.linear2", width))
 
@@ -356,7 +356,7 @@ def _field(number: int, value: float | str | bytes) -> bytes:
     return b"".join((_varint(number << 3 | 2), _varint(len(data)), data))
 
 
-def _headed(number: int, parts: Sequence[bytes | memoryview]) -> list[bytes | memoryview]:
+def _length_delimited(number: int, parts: Sequence[bytes | memoryview]) -> list[bytes | memoryview]:
     """Return `_field` of the parts together, which are not copied."""
     size = sum(len(part) for part in parts)
     return [_varint(number << 3 | 2) + _varint(size), *parts]
@@ -365,7 +365,7 @@ def _headed(number: int, parts: Sequence[bytes | memoryview]) -> list[bytes | me
 def _initializer(name: str, array: np.ndarray) -> list[bytes | memoryview]:
     head = [*(_field(1, size) for size in array.shape), _field(2, 1), _field(8, name)]
     numbers = np.ascontiguousarray(array, np.float32).data.cast("B")
-    return _headed(5, [*head, *_headed(9, [numbers])])
+    return _length_delimited(5, [*head, *_length_delimited(9, [numbers])])
 
 
 def _array(name: str, shape: Shape) -> bytes:

@@ -47,7 +47,7 @@ _MIRRORED_LIGHT = (3, 4, 7)
 """Heading-frame coefficients odd in x: (1,1), (2,-2), (2,1)."""
 
 
-def mirrored(azimuth: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def mirror_prediction(azimuth: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return azimuths (B,) and numbers (B, M) of mirrored photos of a class symmetric about y = 0."""
     flipped = numbers.copy()
     light = layout_of_numbers(numbers.shape[1]).at("light")
@@ -57,14 +57,14 @@ def mirrored(azimuth: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.n
 
 def mask_at_pixels(logits: np.ndarray, height: int, width: int) -> np.ndarray:
     """Return probabilities (B, H, W, 3) of `MASK_CLASSES` from the mask head's (B, 3, h, w) logits."""
-    across = _doubled(_doubled(logits.swapaxes(2, 3)).swapaxes(2, 3))
+    across = _double_rows(_double_rows(logits.swapaxes(2, 3)).swapaxes(2, 3))
     full = across[:, :, :height, :width]
     full = np.exp(full - full.max(1, keepdims=True))
     full /= full.sum(1, keepdims=True)
     return np.ascontiguousarray(full.transpose(0, 2, 3, 1))
 
 
-def _doubled(rows: np.ndarray) -> np.ndarray:
+def _double_rows(rows: np.ndarray) -> np.ndarray:
     """Return twice as many rows (B, C, H, W), linear between the middles of the given ones."""
     count, channels, height, width = rows.shape
     near, far = np.float32(0.75) * rows, np.float32(0.25) * rows
@@ -171,7 +171,7 @@ class Heads:
         centre: (M,) the numbers 0 in units of the heads, about which those of the light change sign.
         """
         bins = self.azimuth.shape[1]
-        _, offset = mirrored(self.roll, self.mean - centre)
+        _, offset = mirror_prediction(self.roll, self.mean - centre)
         return Heads(
             np.roll(self.azimuth[:, ::-1], bins // 2, 1),
             offset + centre,

@@ -64,7 +64,7 @@ class Prediction:
         """Return the arrays, without the symmetry."""
         return self.azimuth, self.numbers, self.deviation, self.mask, self.roll, self.presence
 
-    def folded(self, symmetry: Symmetry) -> Prediction:
+    def fold(self, symmetry: Symmetry) -> Prediction:
         """Return the prediction for a symmetric class: the sums of bins of the circle that look the same."""
         if symmetry is Symmetry.NONE:
             return self
@@ -184,7 +184,7 @@ class Prediction:
         return Prediction(*(array.copy() for array in self.arrays), symmetry=self.symmetry)
 
     @staticmethod
-    def joined(parts: Sequence[Prediction]) -> Prediction:
+    def concatenate(parts: Sequence[Prediction]) -> Prediction:
         """Concatenate the predictions of several batches."""
         columns = zip(*(part.arrays for part in parts), strict=True)
         return Prediction(*map(np.concatenate, columns), symmetry=parts[0].symmetry)

@@ -164,7 +164,7 @@ class Recognizer:
         """
 
         def predict(part: np.ndarray) -> Prediction:
-            return on_one_core(lambda: self._predict(part, sides)).folded(self.symmetry)
+            return on_one_core(lambda: self._predict(part, sides)).fold(self.symmetry)
 
         photos = np.ascontiguousarray(numpy_of_tensor(photos), np.float32)
         asked = sides, self.mirror, self.symmetry
@@ -172,7 +172,7 @@ class Recognizer:
             if np.array_equal(before[0], photos):
                 return before[3].clone()
         parts = [photos[start : start + batch] for start in range(0, max(len(photos), 1), batch)]
-        predicted = Prediction.joined(list(map_on_threads(predict, parts)))
+        predicted = Prediction.concatenate(list(map_on_threads(predict, parts)))
         kept = photos.copy(), asked, self.calibration, predicted.clone()
         self._latest = kept if len(photos) == 1 else None
         return predicted

@@ -47,4 +47,4 @@ class UninformedRecognizer(Recognizer):
             np.tile(np.array((0.5, 0.1, 0.4), np.float32), (*photos.shape[:3], 1)),
             np.zeros(count, np.float32),
             np.full(count, 0.5, np.float32),
-        ).folded(self.symmetry)
+        ).fold(self.symmetry)

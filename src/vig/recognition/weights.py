@@ -62,7 +62,7 @@ def whole_tensors(tensors: Mapping[str, np.ndarray], metadata: Mapping[str, str]
     """
     packed = [name.removesuffix(PACKED) for name in tensors if name.endswith(PACKED)]
     tensors = {name: value for name, value in tensors.items() if not name.endswith((PACKED, STEPS))} | {
-        name: unpacked(tensors[name + PACKED], tensors[name + STEPS]) for name in packed
+        name: unpack_matrix(tensors[name + PACKED], tensors[name + STEPS]) for name in packed
     }
     if "trunk" not in metadata:
         return tensors
@@ -72,7 +72,7 @@ def whole_tensors(tensors: Mapping[str, np.ndarray], metadata: Mapping[str, str]
     return {**tensors, **{f"network.{name}": value for name, value in trunk.items()}}
 
 
-def unpacked(levels: np.ndarray, steps: np.ndarray) -> np.ndarray:
+def unpack_matrix(levels: np.ndarray, steps: np.ndarray) -> np.ndarray:
     """Return the float32 matrix (R, 2 C) of 4-bit levels (R, C) uint8 and float16 steps (R,), see
     `vig_train.network.weights.packed`. ValueError when they are something else.
     """

@@ -16,7 +16,7 @@ from vig_native import engine
 from vig_renderer import NEAR
 from vig_renderer.arrays import Array, like
 from vig_renderer.defaults import with_default_settings
-from vig_renderer.edges import edges_of, smooth_normals, welded
+from vig_renderer.edges import edges_of, smooth_normals, weld_vertices
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +116,7 @@ def mesh_of(faces: np.ndarray, vertices: np.ndarray | None = None) -> Any:
     corners = np.ascontiguousarray(faces, np.int32)
     edges, count = np.zeros((0, 6), np.int32), int(corners.max(initial=-1)) + 1
     if vertices is not None:
-        edges, count = edges_of(welded(vertices)[corners] if len(corners) else corners), len(vertices)
+        edges, count = edges_of(weld_vertices(vertices)[corners] if len(corners) else corners), len(vertices)
     return engine.mesh(corners, corners, np.ascontiguousarray(edges), count)
 
 

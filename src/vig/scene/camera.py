@@ -82,7 +82,7 @@ class Camera:
         focal, middle = camera_distance_ratio * FOCAL_OVER_WIDTH * size, size / 2
         return Camera(size, size, focal, middle, middle, camera_distance_ratio * distance, target_height)
 
-    def scaled(self, factor: float) -> Camera:
+    def scale(self, factor: float) -> Camera:
         """Return the same camera for an image `factor` times as wide and high."""
         return replace(
             self,
@@ -94,7 +94,7 @@ class Camera:
             focal_y=self.focal_y and self.focal_y * factor,
         )
 
-    def framed(self, shift_x: float, shift_y: float, log_scale: float, roll: float = 0.0) -> Camera:
+    def apply_framing(self, shift_x: float, shift_y: float, log_scale: float, roll: float = 0.0) -> Camera:
         """Return this camera with its image shifted (in widths, right and down), and magnified and turned
         about its principal point (clockwise, radians).
         """

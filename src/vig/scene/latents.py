@@ -49,7 +49,7 @@ class Block:
                     f"{what} of block '{self.name}' must be {self.size}; got {len(value)}. Give one for each."
                 )
 
-    def held(self, value: float = 0.0) -> Block:
+    def hold(self, value: float = 0.0) -> Block:
         """Return the same block with every number kept at `value`."""
         return replace(self, lower=value, upper=value)
 

@@ -58,7 +58,7 @@ def explain_together(
         _with_source(explainer.explain(picture, box, K=lens and lens[0]), lens)
         for explainer, box in zip(explainers, boxes, strict=True)
     ]
-    jointly = partial(fit_known_jointly, boxes=boxes) if _known(explainers) else fit_jointly
+    jointly = partial(fit_known_jointly, boxes=boxes) if _all_known(explainers) else fit_jointly
     return on_one_core(partial(jointly, alone, explainers))
 
 
@@ -93,7 +93,7 @@ def explain_found(
     names = " or ".join(each.object_class.name for each in explainers[:5])
     names += f" or one of {len(explainers) - 5} others" if len(explainers) > 5 else ""
     nothing = UserError(f"expected a {names} in the photo; found none. Give boxes.")
-    if _known(explainers):
+    if _all_known(explainers):
         known = on_one_core(partial(find_known_together, picture, explainers, most, lens))
         if known is None:
             raise nothing
@@ -136,7 +136,7 @@ def ghosts(objects: Sequence[Explanation]) -> list[bool]:
     return [any(is_part(each, other) for other in objects) for each in objects]
 
 
-def _known(explainers: Sequence[Explainer]) -> bool:
+def _all_known(explainers: Sequence[Explainer]) -> bool:
     """Return whether all are of meshes with colours; UserError where some are and others are not."""
     known = [each.known is not None and not each.known.surface.one_colour for each in explainers]
     if any(known) and not all(known):

@@ -50,7 +50,7 @@ def fit_jointly(alone: Sequence[Explanation], explainers: Sequence[Explainer]) -
     ]
     occludes = order(alone, predictions)
     refitted = [
-        _Refit(alone, occludes, index).fitted(explainer, cut, valid, prediction)
+        _Refit(alone, occludes, index).fit_object(explainer, cut, valid, prediction)
         for index, (explainer, (cut, valid), prediction) in enumerate(
             zip(explainers, cuts, predictions, strict=True)
         )
@@ -126,7 +126,7 @@ class _Refit:
     occludes: np.ndarray
     index: int
 
-    def fitted(
+    def fit_object(
         self, explainer: Explainer, cut: np.ndarray, valid: np.ndarray, prediction: Prediction
     ) -> Explanation:
         alone = self.alone[self.index]
@@ -134,7 +134,7 @@ class _Refit:
         view = alone.latents.azimuth[0]
         if infront.any():
             rival = explainer.recognizer(_without(cut, infront, elsewhere)[None])
-            prediction = _agreed(prediction, rival)
+            prediction = _combine_predictions(prediction, rival)
             asked = np.stack([prediction.best().azimuth[0], view])
             likeliest, own = prediction.log_mass(asked).tolist()
             # 1.0: nats by which another view must be likelier than that of the fit alone
@@ -145,7 +145,7 @@ class _Refit:
             resolve(explainer.settings, explainer.object_class, photo=True),
             camera_distance_ratio=distance_ratio,
         )
-        prediction = self._level(self._lit(prediction, settings.appearance_weight))
+        prediction = self._level(self._share_light(prediction, settings.appearance_weight))
         labels = np.zeros(cut.shape[:2], np.uint8)
         labels[elsewhere] = PixelLabel.NOTHING
         labels[infront] = PixelLabel.IN_FRONT
@@ -192,7 +192,7 @@ class _Refit:
         precision = len(elevations) / math.radians(5.0) ** 2
         return _with_gaussian(prediction, "elevation", np.mean(elevations), precision)
 
-    def _lit(self, prediction: Prediction, power: float) -> Prediction:
+    def _share_light(self, prediction: Prediction, power: float) -> Prediction:
         """Return the prediction with the other objects' light as a second Gaussian; `power` is the first
         one's.
         """
@@ -213,7 +213,7 @@ def _with_gaussian(
     return replace(prediction, numbers=numbers, deviation=deviation)
 
 
-def _agreed(one: Prediction, other: Prediction) -> Prediction:
+def _combine_predictions(one: Prediction, other: Prediction) -> Prediction:
     """Combine two predictions of one photo: geometric mean of azimuth, mean of all else."""
     azimuth = np.sqrt(np.maximum(one.azimuth, 1e-6) * np.maximum(other.azimuth, 1e-6))
     return replace(

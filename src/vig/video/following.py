@@ -69,7 +69,7 @@ class Sighting:
     def of(explanation: Explanation, network: np.ndarray | None = None) -> Sighting:
         """Return the sighting of an explanation."""
         layout = latent_layout(explanation.object_class.shape_model.modes).split(explanation.fit.deviation)
-        views, hidden = explanation.fit.alternatives, _hidden(explanation)
+        views, hidden = explanation.fit.alternatives, _hidden_share(explanation)
         latents = explanation.latents, *(view.latents for view in views)
         centre, size = _box_of(explanation)
         calibrated = not math.isnan(explanation.confidence)
@@ -201,12 +201,12 @@ class Follower:
 
     def _at(self, frame: Photo, window: Window) -> tuple[Explanation, Sighting]:
         explanation = self.explainer.explain_followed(
-            frame, window, self.focal, self.hints, self.camera, expected=self._expected(window)
+            frame, window, self.focal, self.hints, self.camera, expected=self._expected_start(window)
         )
         seen = self.predict.latest
         return explanation, Sighting.of(explanation, None if seen is None else seen.azimuth[0])
 
-    def _expected(self, window: Window) -> ExpectedStart | None:
+    def _expected_start(self, window: Window) -> ExpectedStart | None:
         """Return the latest fit, turned to the expected view, at the expected place."""
         if self.view is None or self.latest is None or self.place is None:
             return None
@@ -283,7 +283,7 @@ def _box_of(explanation: Explanation) -> tuple[np.ndarray, np.ndarray]:
     return (least + most) / 2, most - least
 
 
-def _hidden(explanation: Explanation) -> float | None:
+def _hidden_share(explanation: Explanation) -> float | None:
     """Return `Explanation.hidden_fraction` by the pixels of the window, which is quicker."""
     fit, window, (height, width) = explanation.fit, explanation.window, explanation.picture.shape[:2]
     size = len(fit.coverage)

@@ -73,7 +73,7 @@ class LikeliestPath:
         return centres
 
 
-def smoothed(
+def smooth(
     values: np.ndarray,
     deviation: np.ndarray,
     acceleration: float | np.ndarray,
@@ -98,12 +98,14 @@ def smoothed(
     measured, weight = measured | nothing, np.ones(values.shape)
     # 4: rounds of reweighting, after which weights hardly change
     for _ in range(4):
-        estimate = _smoothed(values, np.where(measured, variance / weight, math.inf), acceleration, speed)
+        estimate = _smooth_gaussian(
+            values, np.where(measured, variance / weight, math.inf), acceleration, speed
+        )
         weight = (TAILS + 1) / (TAILS + (values - estimate[0]) ** 2 / variance)
     return np.where(nothing, np.reshape([0.0, math.inf], (2, *[1] * values.ndim)), estimate)
 
 
-def _smoothed(
+def _smooth_gaussian(
     values: np.ndarray,
     variance: np.ndarray,
     acceleration: float | np.ndarray,

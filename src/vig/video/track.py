@@ -57,7 +57,7 @@ class Track:
     albedo: np.ndarray
 
 
-def _listed(frames: Iterable[Photo]) -> Sequence[Photo]:
+def _list_frames(frames: Iterable[Photo]) -> Sequence[Photo]:
     """Return frames as a sequence; UserError where there are fewer than two, or something else."""
     frames = numpy_of_tensor(frames)
     one = isinstance(frames, Photo) and not (getattr(frames, "ndim", None) == 4)
@@ -104,7 +104,7 @@ def track(
         UserError: There are fewer than two frames, one cannot be read or is of another size, the object is
             seen in none; see also `Explainer.explain`.
     """
-    frames = _listed(frames)
+    frames = _list_frames(frames)
     if not isinstance(explainer, Explainer):
         explainer = Explainer(explainer)
     if explainer.known is not None and explainer.known.is_followed(hints or Hints()):
@@ -131,7 +131,7 @@ def track(
     trajectory, again = Trajectory.of(alone, path, fold), list(alone)
     for number, sighting in enumerate(alone):
         if trajectory.contradicts(number, sighting, fold):
-            window, frame_hints = trajectory.expected(number, hints)
+            window, frame_hints = trajectory.predict_frame(number, hints)
             explanation = explainer.explain_followed(frames[number], window, focal, frame_hints, K)
             again[number] = Sighting.of(explanation)
             if on_frame is not None:

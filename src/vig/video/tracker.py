@@ -131,7 +131,7 @@ class Tracker:
             self._K = camera_as_shown(frame, K)
         if mask is not None:
             hints = replace(hints or Hints(), mask=mask)
-        return self._begun(coded_photo(frame), hints, box)
+        return self._begin(coded_photo(frame), hints, box)
 
     def step(self, frame: Photo) -> TrackedPose:
         """Return the pose in the next frame, from that of the last.
@@ -152,7 +152,7 @@ class Tracker:
         assert following is not None
         can_find = self.explainer.recognizer.has_map if self._known is None else Keypoints.available()
         if following.missed and following.missed % GIVEN_UP == 0 and can_find:
-            if (pose := self._begun(picture)) is not None:
+            if (pose := self._begin(picture)) is not None:
                 return pose
         if self._known is not None:
             seen, found = on_one_core(partial(self._known.step, ImagePyramid(picture))), self._found
@@ -165,7 +165,7 @@ class Tracker:
         explanation, sighting = self._follower.explain(picture)
         return self._pose(picture, explanation, sighting, began)
 
-    def _begun(
+    def _begin(
         self, picture: np.ndarray, hints: Hints | None = None, box: Box | None = None
     ) -> TrackedPose | None:
         """Start in a picture (H, W, 3)."""
@@ -257,7 +257,7 @@ class Tracker:
         self._follower.view = 2 * numbers[0] - before, numbers[1]
         deviations *= ALIKE
         deviations[0] = min(deviations[0], UNIFORM_TURN / self._fold)
-        camera, covariance = self._placed(numbers, deviations, self._seen[2])
+        camera, covariance = self._camera_and_covariance(numbers, deviations, self._seen[2])
         return TrackedPose(
             number=self._number,
             azimuth_deg=math.degrees(numbers[0]) % (360 / self._fold),
@@ -290,7 +290,7 @@ class Tracker:
 
         return list(map(nearest, self._sightings, path))
 
-    def _placed(
+    def _camera_and_covariance(
         self, numbers: np.ndarray, deviations: np.ndarray, explanation: Explanation
     ) -> tuple[Camera, np.ndarray]:
         """Return the frame's camera, and the covariance (6, 6) of the pose before it.
@@ -300,10 +300,10 @@ class Tracker:
         matrix, focal = self._matrix, math.sqrt(self._matrix[0, 0] * self._matrix[1, 1])
         units = np.array([1.0, 1.0, focal, focal, 1.0, 1.0])
 
-        def posed(numbers: np.ndarray) -> tuple[Camera, np.ndarray]:
+        def pose_of(numbers: np.ndarray) -> tuple[Camera, np.ndarray]:
             return camera_before(matrix, self._size, explanation.camera.target_height, units * numbers)
 
-        camera, here = posed(numbers / units)
-        covariance = pose_covariance(lambda at: posed(at)[1], numbers / units, deviations / units)
+        camera, here = pose_of(numbers / units)
+        covariance = pose_covariance(lambda at: pose_of(at)[1], numbers / units, deviations / units)
         covariance[:3, :3] += explanation.position_covariance(here, self._distance_known)
         return camera, covariance

@@ -14,7 +14,7 @@ from vig.photo import Window
 from vig.photo.pinhole import turned_pose
 from vig.scene import Camera
 from vig.video.following import SLOWING, Sighting, window_at
-from vig.video.smoothing import BINS, LikeliestPath, smoothed
+from vig.video.smoothing import BINS, LikeliestPath, smooth
 
 MOST_SPREAD = math.radians(12.0)
 """Standard deviation of azimuth about one view, at most."""
@@ -122,9 +122,9 @@ class Trajectory:
             (places[:, 2], noise, SHIFT, math.inf),
         ]
         values, noises, change, speed = map(np.array, zip(*rows, strict=True))
-        numbers = smoothed(values, np.where(lost, math.inf, noises), change, speed)
+        numbers = smooth(values, np.where(lost, math.inf, noises), change, speed)
         if (gone := int(lost[::-1].argmin())) > 0:  # frames since the object was last seen
-            numbers[:, PLACES, -gone:] = _slowed(numbers[:, PLACES, -gone - 1 :])
+            numbers[:, PLACES, -gone:] = _slow_down(numbers[:, PLACES, -gone - 1 :])
         return Trajectory(numbers)
 
     def contradicts(self, number: int, sighting: Sighting, fold: int) -> bool:
@@ -135,14 +135,14 @@ class Trajectory:
         # 0.15: sides, or log size, by which a frame is off the smoothed place
         return sighting.lost or turned > FAR or away > 0.15
 
-    def expected(self, number: int, hints: Hints | None = None) -> tuple[Window, Hints]:
+    def predict_frame(self, number: int, hints: Hints | None = None) -> tuple[Window, Hints]:
         """Return the window that a frame is expected to show the object in, and hints on its view."""
         azimuth, elevation = np.degrees(self.numbers[0, :2, number]).tolist()
         window = window_at(self.place[number], float(self.numbers[0, 5, number]))
         return window, replace(hints or Hints(), azimuth_deg=azimuth % 360, elevation_deg=elevation)
 
 
-def _slowed(numbers: np.ndarray) -> np.ndarray:
+def _slow_down(numbers: np.ndarray) -> np.ndarray:
     """Return slowed numbers (2, N, G) from (2, N, 1 + G): seen in the first frame and extrapolated after.
 
     The object may keep its speed, or stand: the way that it would move is added to the deviations.

@@ -16,8 +16,8 @@ from vig.known_object import Keypoints, Surface
 from vig.known_object.packs import SUFFIXES, pack_of_mesh
 from vig.scene import ObjectClass
 from vig.several import MOST_OBJECTS
-from vig_app.cli.naming import by_photo, listed
-from vig_app.cli.options import HintOptions, PlaceOptions, given
+from vig_app.cli.naming import by_photo, list_names
+from vig_app.cli.options import HintOptions, PlaceOptions, changed_options
 from vig_app.labels import Label, read_labels
 
 REMEDY = 'Write {"photo.jpg": [x, y, w, h]}, or a list of these or of {"box": [x, y, w, h], "class": "mug"}.'
@@ -37,7 +37,9 @@ def boxes_of(
             raise UserError("expected --objects, --box or --boxes; got two of them. Give one.")
         if not 1 <= place.objects <= MOST_OBJECTS:
             raise UserError(f"expected --objects of 1 to {MOST_OBJECTS}; got {place.objects}. Give fewer.")
-    if place.labels is not None and (place.box is not None or place.boxes is not None or given(hints)):
+    if place.labels is not None and (
+        place.box is not None or place.boxes is not None or changed_options(hints)
+    ):
         raise UserError("expected --labels without --box, --boxes and hints; got one of them. Give one.")
     if place.boxes is None:
         one = None if place.box is None else parse_box(place.box)
@@ -54,7 +56,7 @@ def boxes_of(
     if place.meshes and place.boxes is not None and any(box is not None for box, _ in boxes):
         raise UserError(f"expected --boxes that name meshes; got one without a name. {REMEDY}")
     if place.objects is not None or place.meshes or any(objects for _, objects in boxes):
-        for name in given(hints):
+        for name in changed_options(hints):
             raise UserError(
                 f"expected --{name} with one object a photo; got several objects. Fit that object alone."
             )
@@ -88,14 +90,14 @@ def labels_of(
             elif points or label.problem or label.name is not None:
                 kept.append(replace(label, name=pack, points=points))
         taken[photo] = tuple(kept)
-    names = listed(each.name for each in classes.values())
+    names = list_names(each.name for each in classes.values())
     if others and not any(taken.values()):
         raise UserError(
-            f"expected labels of {names} in '{place.labels}'; got {listed(others)}."
+            f"expected labels of {names} in '{place.labels}'; got {list_names(others)}."
             " Name the class with --class."
         )
     if others:
-        note(f"labels of others than {names} passed over: {listed(others)}")
+        note(f"labels of others than {names} passed over: {list_names(others)}")
     return taken
 
 

@@ -100,7 +100,7 @@ def explain_demo(
         explanation = explainers[photo.class_name].explain(photo.photo)
         folder = save_explanation(explanation, out / photo.name, photo.photo.name)
         described.append(row_of_record(explanation.to_dict(), photo=photo.photo.name, folder=photo.name))
-        rows.append(_compared(photo, explanation, described[-1]["verdict"]))
+        rows.append(_compare(photo, explanation, described[-1]["verdict"]))
         truth = f"truth: azimuth {photo.azimuth_deg:.0f}°, {photo.occlusion:.0%} hidden"
         truth = truth if photo.present else f"truth: a {photo.shows}, no {photo.class_name}"
         cards.append(card_of(folder, photo.title, truth, f"{photo.name}/report.html"))
@@ -130,7 +130,7 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> Table:
     return table
 
 
-def _compared(photo: DemoPhoto, explanation: Explanation, verdict: str) -> dict[str, Any]:
+def _compare(photo: DemoPhoto, explanation: Explanation, verdict: str) -> dict[str, Any]:
     """Return truth and estimate of a photo as numbers; null where it does not show the class asked for."""
     shown = photo.present
     truth = {

@@ -17,7 +17,7 @@ from vig.photo.images import eight_bit_photo
 from vig.photo.lens import FIELDS, MATRICES, PARAMETERS
 from vig.photo.masks import mask_files
 from vig_app.cli.naming import by_photo
-from vig_app.cli.options import CameraOptions, HintOptions, given
+from vig_app.cli.options import CameraOptions, HintOptions, changed_options
 
 MARK_CHANNELS = ((0, PixelLabel.IN_FRONT), (1, PixelLabel.SEEN), (2, PixelLabel.NOTHING))
 """Labels of a pixel of marks whose red, green or blue stands out."""
@@ -32,7 +32,7 @@ REMEDY = 'Write {"photo.jpg": [fx, fy, cx, cy]}, one camera for all, or name BOP
 
 def hints_of(options: HintOptions, photos: Sequence[Path]) -> Hints | None:
     """Return the hints on each photo, but for its mask; UserError where something cannot be used."""
-    for name in given(options) if len(photos) > 1 else ():
+    for name in changed_options(options) if len(photos) > 1 else ():
         if name in OF_ONE_PHOTO:
             raise UserError(f"expected one photo with --{name}; got {len(photos)}. Fit them one by one.")
     hints = Hints(
@@ -114,10 +114,10 @@ def cameras_of(options: CameraOptions, photos: Sequence[Path]) -> list[Any]:
     """
     if options.intrinsics is None and options.cameras is None:
         return [None] * len(photos)
-    if len(given(options)) > 1:
+    if len(changed_options(options)) > 1:
         raise UserError("expected one of --K, --cameras and --focal; got two of them. Give one.")
     if options.intrinsics is not None:
-        return [_parsed(options.intrinsics)] * len(photos)
+        return [_parse_lens(options.intrinsics)] * len(photos)
     assert options.cameras is not None
     with reading(options.cameras, "cameras by the photos' names", REMEDY):
         content = read_json(options.cameras, MOST_TABLE)
@@ -148,7 +148,7 @@ def _is_number(name: str) -> bool:
     return name.isdecimal() and len(name) < MOST_DIGITS
 
 
-def _parsed(text: str) -> tuple[float, ...]:
+def _parse_lens(text: str) -> tuple[float, ...]:
     """Return "fx,fy,cx,cy" as four numbers; UserError when it is not."""
     try:
         numbers = tuple(float(number) for number in text.replace(" ", "").split(","))

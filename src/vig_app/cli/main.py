@@ -68,7 +68,7 @@ def main(arguments: list[str] | None = None) -> None:
     verbs = {verb.settings: verb for verb in (*VERBS, *others)}
     try:
         _check_verb({verb.name for verb in verbs.values()}, arguments)
-        chosen = _parsed(list(verbs.values()), arguments)
+        chosen = _parse_arguments(list(verbs.values()), arguments)
         sys.exit(verbs[type(chosen)].run(chosen))
     except UserError as error:
         code, line = ExitCode.MISTAKE, str(error)
@@ -113,7 +113,7 @@ def _check_verb(names: set[str], arguments: list[str]) -> None:
             raise UserError(f"expected a verb, {', '.join(verbs)}; got '{given}'. {remedy}")
 
 
-def _parsed(verbs: list[Verb], arguments: list[str]) -> Any:
+def _parse_arguments(verbs: list[Verb], arguments: list[str]) -> Any:
     """Return the settings of the verb that the arguments name; UserError where it does not take them."""
     app = tyro.extras.SubcommandApp()
     groups: dict[str, tyro.extras.SubcommandApp] = {}

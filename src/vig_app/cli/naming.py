@@ -40,8 +40,8 @@ def note_order(frames: Sequence[Path]) -> None:
     forms = dict.fromkeys(NUMBERS.sub("#", frame.stem.casefold()) for frame in frames)
     numbers = {tuple(map(Decimal, NUMBERS.findall(frame.stem))) for frame in frames}
     if len(forms) > 1 or len(numbers) < len(frames):
-        why = f"are of {len(forms)} forms ({listed(forms)})" if len(forms) > 1 else "have a number twice"
-        note(f"frames taken in the order {listed(frame.name for frame in frames)}; their names {why}")
+        why = f"are of {len(forms)} forms ({list_names(forms)})" if len(forms) > 1 else "have a number twice"
+        note(f"frames taken in the order {list_names(frame.name for frame in frames)}; their names {why}")
 
 
 def by_photo(
@@ -91,7 +91,7 @@ def by_photo(
         )
     if others:
         noun = "photo" if len(others) == 1 else "photos"
-        note(f"{what} of {len(others)} other {noun} passed over: {listed(others)}")
+        note(f"{what} of {len(others)} other {noun} passed over: {list_names(others)}")
     return {photo: value for photo, (_, value) in matches.items()}
 
 
@@ -104,7 +104,7 @@ def _parts(path: str) -> Parts:
     )
 
 
-def listed(names: Iterable[str]) -> str:
+def list_names(names: Iterable[str]) -> str:
     """Return a few names in one line."""
     all_names = list(names)
     return ", ".join(all_names[:LISTED]) + (", ..." if len(all_names) > LISTED else "")

@@ -167,7 +167,7 @@ class FitCommand:
         return self.camera, self.model, self.video, self.place, self.hints, self.run
 
 
-def given(*groups: Any) -> list[str]:
+def changed_options(*groups: Any) -> list[str]:
     """Return the names of options that do not have their default."""
     return [
         each.name for group in groups for each in fields(group) if getattr(group, each.name) != each.default

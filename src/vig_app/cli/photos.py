@@ -19,7 +19,7 @@ from vig.photo.checks import ADDRESS
 from vig.photo.decoding import FORMATS
 from vig.photo.formats import why_no_photo
 from vig.photo.video import frames_of, is_video
-from vig_app.cli.naming import in_order, listed
+from vig_app.cli.naming import in_order, list_names
 from vig_app.exports import run_formats
 from vig_app.report.sheet import sheet_name
 from vig_app.results import TABLES
@@ -41,7 +41,7 @@ def photos_of(images: tuple[Path, ...], out: Path) -> list[Path]:
     into `out`/frames first; UserError when there are none.
     """
     photos: list[Path] = []
-    expanded = [path for image in images for path in _expanded(image)]
+    expanded = [path for image in images for path in _expand_pattern(image)]
     videos = [path for path in expanded if is_video(path) and not path.is_dir()]
     folders = iter(result_folders(videos, out / FRAMES))
     for path in expanded:
@@ -72,11 +72,11 @@ def _photos_in(folder: Path) -> list[Path]:
         (photos if is_photo else others).append(path)
     named = [f"{path.name} ({_kind_of(path)})" for path in others]
     if not photos:
-        others_named = f"{len(others)} of other kinds, {listed(named)}" if others else "none"
+        others_named = f"{len(others)} of other kinds, {list_names(named)}" if others else "none"
         raise UserError(f"expected photos in '{folder}'; got {others_named}. Name others.")
     if others:
         files = "file" if len(others) == 1 else "files"
-        note(f"{len(others)} {files} of '{folder}' not taken: {listed(named)}")
+        note(f"{len(others)} {files} of '{folder}' not taken: {list_names(named)}")
     return photos
 
 
@@ -91,7 +91,7 @@ def _kind_of(path: Path) -> str:
     return (why_no_photo(path) or ("no photo", ""))[0]
 
 
-def _expanded(path: Path) -> list[Path]:
+def _expand_pattern(path: Path) -> list[Path]:
     """Return files of a pattern like photos/*.jpg, which not every shell expands; any other path as it is."""
     pattern = str(path := as_stored(path))
     if os.path.lexists(path) or not glob.has_magic(pattern) or ADDRESS.match(pattern):

@@ -13,7 +13,7 @@ import msgspec
 from vig.io.printing import end
 from vig.record import Explanation
 from vig_app.cli.common import ExportCommand, Gallery, SchemaCommand
-from vig_app.cli.naming import listed
+from vig_app.cli.naming import list_names
 from vig_app.exports import export_run
 from vig_app.report.gallery import cards_of, gallery_html
 from vig_app.report.html import write_page
@@ -27,7 +27,7 @@ def export(settings: ExportCommand) -> int:
         print(json.dumps({"files": [str(path) for path in written], "folder": str(folder)}, indent=2))
         return 0
     print(*written, sep="\n")
-    names = listed(path.name for path in written)
+    names = list_names(path.name for path in written)
     end(folder, f"exported {names}: vig export --help says what reads it")
     return 0
 

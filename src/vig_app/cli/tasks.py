@@ -19,8 +19,8 @@ from vig.scene import ObjectClass
 from vig.several import MOST_OBJECTS
 from vig_app.cli.boxes import Objects, boxes_of, classes_of, labels_of
 from vig_app.cli.hints import cameras_of, hints_of, mask_of
-from vig_app.cli.naming import listed
-from vig_app.cli.options import FitCommand, ModelOptions, RunOptions, VideoOptions, given
+from vig_app.cli.naming import list_names
+from vig_app.cli.options import FitCommand, ModelOptions, RunOptions, VideoOptions, changed_options
 from vig_app.cli.photos import photos_of, result_folders
 from vig_app.corrections import CORRECTIONS, Correction, corrected_in
 from vig_app.report.folder import FILES, check_files
@@ -63,7 +63,7 @@ def plan_of(command: FitCommand) -> Plan:
     cameras = cameras_of(command.camera, photos)
     labels = labels_of(place, photos, (object_class, *others))
     located = (place.box, place.boxes, place.labels) != (None,) * 3
-    hinted = given(command.hints, command.camera) or located
+    hinted = changed_options(command.hints, command.camera) or located
     by_hand: dict[Path, tuple[Correction, ...]] = dict.fromkeys(folders, ())
     if not (len(folders) == 1 and hinted):
         by_hand = {folder: corrected_in(folder, object_class) for folder in folders}
@@ -73,7 +73,7 @@ def plan_of(command: FitCommand) -> Plan:
         if corrections and not any(correction.problem for correction in corrections)
     ]
     if taken and not command.video.track:  # which refuses them
-        say(f"corrected in vig view, taken as it is there (or remove {CORRECTIONS}): {listed(taken)}")
+        say(f"corrected in vig view, taken as it is there (or remove {CORRECTIONS}): {list_names(taken)}")
     tasks = tuple(
         Task(
             photo, folder, box, command.camera.focal, hints, mask(photo), _of_packs(objects, named), most,
@@ -90,7 +90,7 @@ def _of_packs(objects: Objects, named: Mapping[str, str]) -> Objects:
     for name, _ in objects if named else ():
         if name not in named:
             raise UserError(
-                f"expected --boxes with the names of meshes, {listed(sorted(named))}; got '{name}'."
+                f"expected --boxes with the names of meshes, {list_names(sorted(named))}; got '{name}'."
             )
     return tuple((named.get(name, name), box) for name, box in objects)
 

@@ -16,8 +16,8 @@ from vig.video import Track, Tracker
 from vig_app.cli.boxes import boxes_of, classes_of
 from vig_app.cli.fit import Take, where_to_look, write_results
 from vig_app.cli.hints import cameras_of
-from vig_app.cli.naming import listed, note_order
-from vig_app.cli.options import FitCommand, given
+from vig_app.cli.naming import list_names, note_order
+from vig_app.cli.options import FitCommand, changed_options
 from vig_app.cli.tasks import explain_settings, files_of, plan_of
 from vig_app.corrections import CORRECTIONS
 from vig_app.results import TRACK
@@ -53,7 +53,7 @@ def track(command: FitCommand) -> int:
     if edited := [task.folder.name for task in plan.tasks if task.corrected]:
         raise UserError(
             f"expected frames that were not corrected by hand with --track, which takes no hints on single"
-            f" frames; got {CORRECTIONS} of {listed(edited)} in '{out}'. Choose another --out."
+            f" frames; got {CORRECTIONS} of {list_names(edited)} in '{out}'. Choose another --out."
         )
     tracked: list[Track] = []
 
@@ -110,7 +110,7 @@ def _track_live(command: FitCommand, live: str) -> int:
 
 def _refuse(command: FitCommand, mode: str, others: set[str]) -> None:
     """Raise UserError where an option is given that does not go with a mode."""
-    for name in given(*command.groups):
+    for name in changed_options(*command.groups):
         if name in others:
             raise UserError(f"expected --{mode} without --{name}; got both. Leave one out.")
 

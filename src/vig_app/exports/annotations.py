@@ -15,7 +15,7 @@ import numpy as np
 from vig.explanation import Explanation
 from vig.io.checks import reading
 from vig.io.errors import UserError
-from vig.photo.decoding import opened
+from vig.photo.decoding import open_picture
 from vig.photo.masks import box_of
 from vig.photo.pinhole import project
 from vig.record import read_explanation
@@ -101,7 +101,10 @@ def photos_of(run: ExportedRun) -> list[AnnotatedPhoto]:
         for row in rows[photo]:
             folder = run.folder / row["folder"]
             picture = folder / "mask.png"
-            with reading(picture, "a mask of `vig fit`", "Fit the photo again."), opened(picture) as mask:
+            with (
+                reading(picture, "a mask of `vig fit`", "Fit the photo again."),
+                open_picture(picture) as mask,
+            ):
                 levels = np.asarray(mask)
             if levels.any():
                 described = read_explanation(folder) | {"confidence": row["score"]}

@@ -81,7 +81,7 @@ def remove_exports(folder: Path, of_run: bool = False) -> None:
         module = _module(name)
         for file in run_formats().get(name, ()) if of_run else module.FILES:
             for path in folder.glob(file):
-                if hasattr(module, "edited") and module.edited(path):
+                if hasattr(module, "is_edited") and module.is_edited(path):
                     continue
                 path.unlink()
                 for parent in path.parents:

@@ -69,19 +69,21 @@ def atlas_of(object_class: ObjectClass) -> Atlas | None:
     for _ in range(SPLITS):
         chart = _charts(faces, direction)
         flat, height = _flat(vertices, faces, direction)
-        packed = _packed(flat, chart)
+        packed = _pack_charts(flat, chart)
         if packed is None:
             return None
         place, scale = packed
-        seen = _drawn(place, height)
+        seen = _highest_faces(place, height)
         below = _below(place, scale * height, seen)
         if not below.any():
             break
         direction = np.where(below, direction + len(AXES), direction)
-    return _joined(place, faces, chart, seen, len(vertices)) if (seen >= 0).any() else None
+    return _join_charts(place, faces, chart, seen, len(vertices)) if (seen >= 0).any() else None
 
 
-def _joined(place: np.ndarray, faces: np.ndarray, chart: np.ndarray, seen: np.ndarray, count: int) -> Atlas:
+def _join_charts(
+    place: np.ndarray, faces: np.ndarray, chart: np.ndarray, seen: np.ndarray, count: int
+) -> Atlas:
     """Return the atlas of faces of `count` vertices, corners at texels `place`; `seen` (SIDE, SIDE) shows
     them.
     """
@@ -102,13 +104,13 @@ def _joined(place: np.ndarray, faces: np.ndarray, chart: np.ndarray, seen: np.nd
         source=(keys % count).astype(np.int32),
         faces=corners.reshape(-1, 3).astype(np.int32),
         coordinates=(place.reshape(-1, 2)[first] / SIDE).astype(np.float32),
-        texels=_widened(number).ravel(),
+        texels=_spread_texels(number).ravel(),
         face=face,
         weights=shares,
     )
 
 
-def _widened(number: np.ndarray) -> np.ndarray:
+def _spread_texels(number: np.ndarray) -> np.ndarray:
     """Return numbers (SIDE, SIDE), -1 for none, spread by up to `WIDENED` texels; 0 elsewhere."""
     number = number.copy()
     for _ in range(WIDENED):
@@ -169,7 +171,7 @@ def _flat(vertices: np.ndarray, faces: np.ndarray, direction: np.ndarray) -> tup
     return np.stack([across, -side * along], axis=2), side * corners[*rows, axis[:, None] // 2]
 
 
-def _packed(flat: np.ndarray, chart: np.ndarray) -> tuple[np.ndarray, float] | None:
+def _pack_charts(flat: np.ndarray, chart: np.ndarray) -> tuple[np.ndarray, float] | None:
     """Return texels (F, 3, 2) of the corners, and texels per metre; None where even points do not go in.
 
     Charts lie in rows of falling height, as large as they go in together.
@@ -216,7 +218,7 @@ def _corners(size: np.ndarray) -> np.ndarray | None:
     return corner
 
 
-def _drawn(place: np.ndarray, height: np.ndarray) -> np.ndarray:
+def _highest_faces(place: np.ndarray, height: np.ndarray) -> np.ndarray:
     """Return (SIDE, SIDE) the face that is the highest at each texel, -1 for none."""
     # 0.02: depth of the charts before the camera that draws them, over its distance
     depth = 1 - 0.02 * (height - height.min()) / max(float(np.ptp(height)), 1e-9)

@@ -90,7 +90,9 @@ def bake(explanation: Explanation) -> Texture | None:
     if shown is not None:
         normals = smooth_normals(vertices, model.faces)
         sides = [(SEEN, np.ones_like(MIRROR))] + [(MIRRORED, MIRROR)] * object_class.mirror
-        placed = np.concatenate([shown.placed(vertices * flip, normals * flip) for _, flip in sides], axis=1)
+        placed = np.concatenate(
+            [shown.place_vertices(vertices * flip, normals * flip) for _, flip in sides], axis=1
+        )
         at = atlas.at_texels(placed)
         for number, (source, _) in reversed(list(enumerate(sides))):
             origin[shown.paint(colours, at[:, 4 * number :][:, :4])] = source
@@ -146,7 +148,7 @@ class _Shown:
             NEAR * length / float(np.linalg.norm(eye)),
         )
 
-    def placed(self, vertices: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    def place_vertices(self, vertices: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """Return the places of vertices with normals, (V, 4) float32: x, y and 1, times their depth; above 0
         where they face the camera. All are linear in the place on a face.
         """
@@ -159,14 +161,14 @@ class _Shown:
         texels = np.flatnonzero(at[:, 3] > 0)
         x, y, depth, _ = at[texels].T
         where = np.stack([x / depth, y / depth], axis=1)
-        counts, nearness = self._found(slice(3, 5), where)
+        counts, nearness = self._sample_layers(slice(3, 5), where)
         here = np.flatnonzero((counts > 0) & (np.abs(nearness * depth - 1) < self.near))
         texels, weight = texels[here], counts[here, None]
         before = colours[texels]
-        colours[texels] = before + weight * (self._found(slice(3), where[here]).T - before)
+        colours[texels] = before + weight * (self._sample_layers(slice(3), where[here]).T - before)
         return texels[weight[:, 0] > 0.5]
 
-    def _found(self, layers: slice, where: np.ndarray) -> np.ndarray:
+    def _sample_layers(self, layers: slice, where: np.ndarray) -> np.ndarray:
         """Return layers at places (N, 2), between the middles of four pixels: (layers, N)."""
         chosen = self.layers[layers]
         height, width = chosen.shape[1:]

@@ -9,13 +9,13 @@ import numpy as np
 from PIL import Image
 
 from vig.explanation import Explanation
-from vig.photo.images import coded
+from vig.photo.images import as_srgb
 from vig.photo.outline import FINER, REACH, line_width
 from vig.scene.light import srgb8_from_linear
 from vig_app.pictures import LABEL, PANEL, others_in_window, panels, part_albedo
 from vig_app.report import words
 from vig_app.report.drawing import Pose, clip_matrix, mesh_data, pose_data, steps_of, views_of
-from vig_app.report.html import filled, png_url
+from vig_app.report.html import fill_template, png_url
 
 PAGE_SIDE = 768
 """Pixels of the longer side of a page's photo."""
@@ -25,7 +25,7 @@ COARSER = 2
 
 def report(explanation: Explanation, photo: str) -> str:
     """Return the page of `Explanation.report`."""
-    return page_of(explanation, photo, explanation.to_dict(), page_photo(coded(explanation.picture)))
+    return page_of(explanation, photo, explanation.to_dict(), page_photo(as_srgb(explanation.picture)))
 
 
 def page_of(explanation: Explanation, photo: str, described: dict[str, Any], reduced: np.ndarray) -> str:
@@ -41,7 +41,7 @@ def page_of(explanation: Explanation, photo: str, described: dict[str, Any], red
     levels = srgb8_from_linear(part_albedo(explanation))
     views, steps = views_of(explanation), list(steps_of(explanation))
     data = drawing_data(explanation, views, steps, reduced.shape[1], reduced.shape[0])
-    return filled(
+    return fill_template(
         "page.html",
         name=photo,
         described=described,

@@ -84,7 +84,7 @@ def pose_data(explanation: Explanation, poses: Sequence[Pose]) -> list[dict[str,
     drawn = []
     for pose, vertices, shadow in zip(poses, *_differences(explanation, latents), strict=True):
         angles = float(pose.latents.azimuth[0]), float(pose.latents.elevation[0])
-        camera = standard.framed(*pose.framing.tolist())
+        camera = standard.apply_framing(*pose.framing.tolist())
         drawn.append(
             {
                 "words": pose.words,

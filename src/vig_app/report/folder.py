@@ -14,14 +14,14 @@ from PIL import Image
 from vig.explanation import Explanation
 from vig.io.errors import UserError
 from vig.io.files import atomic_write, write_json
-from vig.photo.images import coded, write_png
+from vig.photo.images import as_srgb, write_png
 from vig.record import FILE
 from vig.several.scene import SceneExplanation
 from vig_app.exports import export_explanation, remove_exports
 from vig_app.glb import Texture, bake, write_object, write_scene
 from vig_app.pictures import COLOURS, overlay, panels, scene_overlay
 from vig_app.report.contents import page_of, page_photo
-from vig_app.report.folder_page import Entry, folder_html, reduced, write_thumbnail
+from vig_app.report.folder_page import Entry, folder_html, reduce_picture, write_thumbnail
 from vig_app.report.html import write_page
 
 FILES = (
@@ -69,10 +69,10 @@ def save_entry(
             remove_exports(folder)
             for stale in {*FILES, *OPTIONAL_FILES} - {*files, FILE}:
                 (folder / stale).unlink(missing_ok=True)
-    picture = coded(explanation.picture)
-    picture = picture if full_size else reduced(picture, PICTURE_SIDE)
+    picture = as_srgb(explanation.picture)
+    picture = picture if full_size else reduce_picture(picture, PICTURE_SIDE)
     shown = page_photo(picture)
-    small = overlay(explanation, reduced(shown))
+    small = overlay(explanation, reduce_picture(shown))
     entry = Entry(name, folder.name, described, small, "report.html" in files)
     texture = bake(explanation) if TEXTURED & set(files) else None
 
@@ -129,13 +129,13 @@ def save_scene(
     numbers = np.zeros(picture.shape[:2], np.uint8)
     for number, mask in enumerate(scene.masks, 1):
         numbers[mask] = number
-    write_png(folder / "overlay.png", picture if full_size else reduced(picture, PICTURE_SIDE))
+    write_png(folder / "overlay.png", picture if full_size else reduce_picture(picture, PICTURE_SIDE))
     image = Image.fromarray(numbers, "P")  # shown in the objects' colours
     palette = [(0, 0, 0)] + [tuple(COLOURS[index % len(COLOURS)].astype(int)) for index in range(255)]
     image.putpalette([int(channel) for colour in palette for channel in colour])
     with atomic_write(folder / "mask.png") as temporary:
         image.save(temporary, "PNG")
-    write_thumbnail(folder, reduced(picture))
+    write_thumbnail(folder, reduce_picture(picture))
     entries, textures = [], []
     for name, explanation in zip(scene.names, scene.objects, strict=True):
         entry, texture = save_entry(explanation, folder / name, f"{photo}, {name}", name, files, full_size)

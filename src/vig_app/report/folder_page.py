@@ -17,7 +17,7 @@ from PIL import Image
 
 from vig.io.files import atomic_write
 from vig.photo.outline import SMALLEST_PICTURE
-from vig_app.report.html import filled, jpeg_bytes, write_page
+from vig_app.report.html import fill_template, jpeg_bytes, write_page
 from vig_app.results import VERDICTS, name_of
 
 MOST_ENTRIES = 200
@@ -79,7 +79,7 @@ def folder_html(
     entries = sorted(entries, key=lambda entry: review_order(entry.described))
     total = len(entries) if total is None else total
     verdicts = Counter(entry.described["verdict"] for entry in entries)
-    return filled(
+    return fill_template(
         "folder.html",
         title=f"{total} photos explained" if title is None else title,
         counts=", ".join(f"{count} {verdict}" for verdict, count in verdicts.items()),
@@ -88,7 +88,7 @@ def folder_html(
         entries=entries,
         errors=errors,
         most_errors=MOST_ERRORS,
-        picture=None if picture is None else reduced(picture, WHOLE),
+        picture=None if picture is None else reduce_picture(picture, WHOLE),
         columns=COLUMNS,
         data=[[entry.name, *(entry.described[key] for key in COLUMNS.values())] for entry in entries],
     )
@@ -123,7 +123,7 @@ def review_order(row: Mapping[str, Any]) -> tuple[int, float]:
     return VERDICTS.index(row["verdict"]), row["confidence"] or 0.0
 
 
-def reduced(picture: np.ndarray, side: int = SMALLEST_PICTURE) -> np.ndarray:
+def reduce_picture(picture: np.ndarray, side: int = SMALLEST_PICTURE) -> np.ndarray:
     """Return a picture (H, W, 3) uint8 whose longer side has `side` pixels at most."""
     if max(picture.shape) <= side:
         return picture

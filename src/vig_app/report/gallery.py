@@ -15,7 +15,7 @@ from vig.io.checks import reading
 from vig.io.errors import UserError
 from vig.record import read_explanation
 from vig_app.report import words
-from vig_app.report.html import filled
+from vig_app.report.html import fill_template
 
 MOST = 40
 """Photos of a gallery, each some 0.2 MB of the page."""
@@ -97,4 +97,4 @@ def _link(folder: Path, out: Path) -> str:
 def gallery_html(cards: Sequence[Card], title: str, note: str = "") -> str:
     """Return the page; photos without the object are shown alone."""
     data = [card.data for card in cards if card.described["verdict"] != "absent"]
-    return filled("gallery.html", title=title, note=note, cards=cards, data=data)
+    return fill_template("gallery.html", title=title, note=note, cards=cards, data=data)

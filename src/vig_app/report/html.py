@@ -18,7 +18,7 @@ QUALITY = 88
 """Quality of JPEG files, of at most 100."""
 
 
-def filled(template: str, **content: Any) -> str:
+def fill_template(template: str, **content: Any) -> str:
     """Return a page. All its text is escaped: no text of a photo's name or class becomes markup or script."""
     return _PAGES.get_template(template).render(content)
 

@@ -103,7 +103,7 @@ def key_of(task: Task, settings: str) -> str:
     if task.mask is not None:
         digest.update(repr(_file_state(task.mask)).encode())
     if task.hints is not None:
-        digest.update(repr(task.hints.described()).encode())
+        digest.update(repr(task.hints.to_plain()).encode())
         for array in (task.hints.mask, task.hints.marks):
             digest.update(b"" if array is None else array.tobytes())
     return digest.hexdigest()

@@ -114,8 +114,8 @@ class LatestFrame:
     def _read(self) -> None:
         problem = None
         try:
-            self._video = self._opened()
-            for frame in self._played(self._video):
+            self._video = self._open_video()
+            for frame in self._play(self._video):
                 with self._news:
                     if self._ended:
                         return
@@ -130,7 +130,7 @@ class LatestFrame:
             self._ended = True
             self._news.notify()
 
-    def _opened(self) -> Video:
+    def _open_video(self) -> Video:
         kind, name = None, "pipe:0" if self._source == "-" else self._source
         if self._source.isdecimal():
             kind, pattern = CAMERAS.get(sys.platform, CAMERAS["linux"])
@@ -145,7 +145,7 @@ class LatestFrame:
                 f" opened ({_reason(error)}). Check its name, and that nothing else uses it."
             ) from None
 
-    def _played(self, video: Video) -> Iterator[Any]:
+    def _play(self, video: Video) -> Iterator[Any]:
         """Yield frames, those of a file at its own speed; a clock may begin anywhere, jump, or be missing."""
         paced = not self._source.isdecimal() and Path(self._source).is_file()
         usual, longest = float(1 / (video.stream.average_rate or 25)), self._timeout / 2
@@ -256,7 +256,7 @@ def run_live(
                     row |= {"seconds": round(seconds, 3), "step_seconds": round(pose.seconds, 4)}
                     table.writerow(row_of_pose(pose, LIVE_COLUMNS) | row)
                     file.flush()
-                    picture = drawn(picture, pose, tracker)
+                    picture = draw_pose(picture, pose, tracker)
                 video.add(picture, seconds)
                 # 1.0: seconds between printed lines
                 if seconds - said >= 1.0:
@@ -281,7 +281,7 @@ def _reason(error: Exception) -> str:
     return str(getattr(error, "strerror", None) or error)
 
 
-def drawn(picture: np.ndarray, pose: TrackedPose, tracker: Tracker) -> np.ndarray:
+def draw_pose(picture: np.ndarray, pose: TrackedPose, tracker: Tracker) -> np.ndarray:
     """Return a frame (H, W, 3) uint8 with the object's outline, and its axes: x red, y green, z blue."""
     shown = picture if pose.lost else overlay(pose.explanation)
     image = Image.fromarray(shown)

@@ -18,7 +18,7 @@ from vig.explainer import Explainer
 from vig.io.errors import UserError
 from vig.parallel import Lost, check_main_module, map_as_done
 from vig_app.runs.ledger import LEDGER, is_done, key_of, ledger_of, rows_done, settings_key
-from vig_app.runs.remote import rows_of_cluster, taken
+from vig_app.runs.remote import rows_of_cluster, take_waiting
 from vig_app.runs.work import Rows, RunSettings, Task, Work, lost_row, prepare
 
 
@@ -81,9 +81,9 @@ def run(
                         f"cannot write {out / LEDGER}: {error.strerror}; what is done stays. Make room and"
                         " run the same command again."
                     ) from error
-                yield from taken(rows_of_before)
+                yield from take_waiting(rows_of_before)
                 yield from rows
-            yield from taken(rows_of_before)
+            yield from take_waiting(rows_of_before)
         finally:
             finish()
 

@@ -18,7 +18,7 @@ from vig.parallel import Lost
 from vig.parallel.cluster import map_on_cluster
 from vig.photo.checks import existing_file
 from vig_app.corrections import CORRECTIONS
-from vig_app.runs.work import Rows, RunSettings, Task, beside_folder, failed, lost_row, prepare
+from vig_app.runs.work import Rows, RunSettings, Task, beside_folder, failure_row, lost_row, prepare
 
 Item = TypeVar("Item")
 Sent = tuple[Task, bytes, bytes | None]
@@ -39,13 +39,13 @@ def rows_of_cluster(
                 photo = existing_file(task.photo).read_bytes()
                 mask = None if task.mask is None else existing_file(task.mask).read_bytes()
             except (UserError, OSError) as error:
-                unread.append((task, failed(task, error)))
+                unread.append((task, failure_row(task, error)))
                 continue
             sent[next(numbers)] = task
             yield task, photo, mask
 
     for number, answer in map_on_cluster(prepare_remote, settings, items(), address):
-        yield from taken(unread)
+        yield from take_waiting(unread)
         task = sent.pop(number)
         if isinstance(answer, Lost):
             yield task, lost_row(task, answer)
@@ -55,9 +55,9 @@ def rows_of_cluster(
             if rows[0]["error"] is None:
                 _store(task, files)
         except UserError as error:
-            rows = failed(task, error)
+            rows = failure_row(task, error)
         yield task, rows
-    yield from taken(unread)
+    yield from take_waiting(unread)
 
 
 def prepare_remote(settings: RunSettings) -> Callable[[Sent], Any]:
@@ -101,7 +101,7 @@ def _store(task: Task, files: dict[str, bytes]) -> None:
             write_json(corrections, content)
 
 
-def taken(waiting: deque[Item]) -> Iterator[Item]:
+def take_waiting(waiting: deque[Item]) -> Iterator[Item]:
     """Yield all waiting items, removing them."""
     while waiting:
         yield waiting.popleft()

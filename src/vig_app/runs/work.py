@@ -118,10 +118,10 @@ class Work:
             for correction in task.corrected:
                 if correction.problem:
                     raise UserError(correction.problem)
-            task = labelled(task) if task.labels and not task.corrected else task
+            task = apply_labels(task) if task.labels and not task.corrected else task
             rows = self.several(task) if task.objects or task.most else [self.one(task)]
         except UserError as error:
-            return failed(task, error)
+            return failure_row(task, error)
         seconds = round(time.monotonic() - started, 3)
         return [row | {"seconds": seconds} for row in rows]
 
@@ -132,7 +132,7 @@ class Work:
             correction = task.corrected[0]
             if correction.name or (state := correction.state) is None:
                 raise _of_no_object(task, correction)
-            explanation = state.explained(self.explainer, task.photo, coded_photo(task.photo))
+            explanation = state.explain(self.explainer, task.photo, coded_photo(task.photo))
         else:
             if task.mask is not None:
                 hints = replace(hints or Hints(), mask=read_mask(task.mask))
@@ -163,7 +163,7 @@ class Work:
             if name in states:  # explained with the class in its name
                 others = np.any(np.delete(scene.masks, number, axis=0), axis=0, keepdims=True)[0]
                 explainer = next(each for each in explainers if each.object_class is explanation.object_class)
-                again = states[name].explained(explainer, task.photo, explanation.picture, others)
+                again = states[name].explain(explainer, task.photo, explanation.picture, others)
                 objects = (*scene.objects[:number], again, *scene.objects[number + 1 :])
                 scene = SceneExplanation(objects, scene.occludes)
         with beside_folder(task) as beside:
@@ -196,7 +196,7 @@ class Work:
                 state.write(beside, task.photo, explanation.object_class, corrected is not None)
 
 
-def labelled(task: Task) -> Task:
+def apply_labels(task: Task) -> Task:
     """Return the task with what its labels state as its hints; UserError where they do not suit the photo."""
     height, width = coded_photo(task.photo).shape[:2]
     count, most = len(task.labels), task.most or 1
@@ -291,7 +291,7 @@ def row_of(task: Task, explanation: Explanation) -> dict[str, Any]:
     return row_of_record(explanation.to_dict(), photo=str(task.photo), folder=task.folder.name, object=1)
 
 
-def failed(task: Task, error: object) -> Rows:
+def failure_row(task: Task, error: object) -> Rows:
     """Return the one row of a photo that was not explained; the reason names the photo."""
     name, reason = str(task.photo), str(error)
     reason = reason if str(UserError(name)) in reason else f"{name}: {reason}"
@@ -300,7 +300,7 @@ def failed(task: Task, error: object) -> Rows:
 
 def lost_row(task: Task, lost: Lost) -> Rows:
     """Return the one row of a photo whose workers were killed."""
-    return failed(
+    return failure_row(
         task,
         f"{task.photo}: a worker process was killed {lost.attempts} times while it explained this photo,"
         " possibly out of memory; try it alone.",

@@ -86,7 +86,7 @@ class Service:
                         (Path(folder) / file).write_bytes(data)
 
                 def work() -> Result:
-                    return make(self._explained(Path(folder), name, box), Path(folder))
+                    return make(self._explain(Path(folder), name, box), Path(folder))
 
                 try:
                     return self._thread.submit(work).result()
@@ -95,7 +95,7 @@ class Service:
         finally:
             self._places.release()
 
-    def _explained(self, folder: Path, name: str, box: str) -> Explanation:
+    def _explain(self, folder: Path, name: str, box: str) -> Explanation:
         photo, mask = folder / "photo", folder / "mask"
         if (explainer := self.explainers.get(name or next(iter(self.explainers)))) is None:
             raise UserError(f"expected a class of {', '.join(self.explainers)}; got '{name}'.")

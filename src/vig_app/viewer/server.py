@@ -24,14 +24,14 @@ from urllib.parse import urlsplit
 from vig.inference import PixelLabel
 from vig.io.checks import decode, parse_json
 from vig.io.errors import UserError
-from vig.photo.images import coded, coded_photo
+from vig.photo.images import as_srgb, coded_photo
 from vig_app.pictures import panels
 from vig_app.report import words
 from vig_app.report.contents import drawing_data
 from vig_app.report.drawing import views_of
-from vig_app.report.folder_page import reduced
-from vig_app.report.html import filled, jpeg_bytes, jpeg_url
-from vig_app.viewer.session import Change, changed, cleared, dismissed, marked, placed
+from vig_app.report.folder_page import reduce_picture
+from vig_app.report.html import fill_template, jpeg_bytes, jpeg_url
+from vig_app.viewer.session import Change, add_stroke, clear_corrections, dismissed, set_point, set_state
 from vig_app.viewer.walk import Walk
 
 HOST = "127.0.0.1"
@@ -130,7 +130,7 @@ class Viewer:
         """Return the page's HTML."""
         points = list(self.walk.session.explainer.object_class.points)
         names = [item.name for item in self.walk.items]
-        return filled("view.html", data={"items": names, "points": points}, run=len(names) > 1)
+        return fill_template("view.html", data={"items": names, "points": points}, run=len(names) > 1)
 
     def photo(self, number: int) -> bytes:
         """Return the photo of an item as a JPEG file; ValueError where there is none."""
@@ -138,13 +138,13 @@ class Viewer:
             raise ValueError(f"expected an item below {len(self.walk.items)}; got {number}")
         path, session = self.walk.items[number].read()[0], self.walk.session
         photo = session.photo if session.path == path else coded_photo(path)
-        return jpeg_bytes(reduced(coded(photo), SENT_SIDE))
+        return jpeg_bytes(reduce_picture(as_srgb(photo), SENT_SIDE))
 
     def _size_sent(self) -> list[int]:
         """Return the width and height of the photo that is sent."""
         session = self.walk.session
         if session.path not in self._sizes:
-            self._sizes[session.path] = [*reduced(coded(session.photo), SENT_SIDE).shape[1::-1]]
+            self._sizes[session.path] = [*reduce_picture(as_srgb(session.photo), SENT_SIDE).shape[1::-1]]
         return self._sizes[session.path]
 
     def state(self) -> dict[str, Any]:
@@ -238,23 +238,23 @@ class Viewer:
         match action.do:
             case "box":
                 x, y, width, height = at
-                return self.walk.session.boxed(x, y, width, height)
+                return self.walk.session.set_box(x, y, width, height)
             case "point":
                 x, y = at
-                return placed(action.name, x, y)
+                return set_point(action.name, x, y)
             case "mark":
                 x, y = at
-                return marked(PixelLabel(action.label), x, y, action.radius, action.path)
+                return add_stroke(PixelLabel(action.label), x, y, action.radius, action.path)
             case "view":
-                return changed(azimuth_deg=value)
+                return set_state(azimuth_deg=value)
             case "elevation" | "roll":
-                return changed(**{f"{action.do}_deg": value})
+                return set_state(**{f"{action.do}_deg": value})
             case "visible":
-                return changed(visible=bool(value))
+                return set_state(visible=bool(value))
             case "none":
                 return dismissed
             case "clear":
-                return cleared
+                return clear_corrections
         return None
 
     def _correct(self, changes: list[Change | None]) -> None:

@@ -60,7 +60,7 @@ class Session:
         self.saved = state or State()
         self.states = [self.saved]
         self._check(self.state)
-        self.explanation = self._explained(self.state)
+        self.explanation = self._explain(self.state)
 
     @property
     def state(self) -> State:
@@ -87,12 +87,12 @@ class Session:
             elif len(states) > 1:
                 states.pop()
         if states[-1] != self.state:
-            self.explanation = self._explained(states[-1])
+            self.explanation = self._explain(states[-1])
         # 200: states that can be gone back to, at most
         self.states = states[-200:]
         return self.explanation
 
-    def boxed(self, x: float, y: float, width: float, height: float) -> Change:
+    def set_box(self, x: float, y: float, width: float, height: float) -> Change:
         """Return the correction to a box round the whole object, cut at the photo's edges, in place of the
         one that was found.
         """
@@ -121,30 +121,30 @@ class Session:
         height, width = self.photo.shape[:2]
         state.check(width, height, self.explainer.object_class)
 
-    def _explained(self, state: State) -> Explanation:
-        return state.explained(self.explainer, self.path, self.photo, self.others)
+    def _explain(self, state: State) -> Explanation:
+        return state.explain(self.explainer, self.path, self.photo, self.others)
 
 
-def placed(name: str, x: float, y: float) -> Change:
+def set_point(name: str, x: float, y: float) -> Change:
     """Return the correction that sets a named point of the class."""
     return lambda state: replace(state, points={**state.points, name: (x, y)})
 
 
-def marked(label: PixelLabel, x: float, y: float, radius: float, path: Places = ()) -> Change:
+def add_stroke(label: PixelLabel, x: float, y: float, radius: float, path: Places = ()) -> Change:
     """Return the correction that adds a stroke of a brush, set down at a place and moved along a path."""
     return lambda state: replace(state, strokes=(*state.strokes, Stroke(x, y, radius, label, tuple(path))))
 
 
-def changed(**values: Any) -> Change:
+def set_state(**values: Any) -> Change:
     """Return the correction of the state: a view, whether nothing hides the object; None leaves one open."""
     return lambda state: replace(state, **values)
 
 
 def dismissed(state: State) -> State:
     """Return the state in which there is no such object; a box drawn later brings it back."""
-    return replace(cleared(state), found=0.0)
+    return replace(clear_corrections(state), found=0.0)
 
 
-def cleared(state: State) -> State:
+def clear_corrections(state: State) -> State:
     """Return the state without corrections but the box."""
     return State(box=state.box, focal=state.focal, camera=state.camera, found=state.found)

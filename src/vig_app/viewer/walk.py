@@ -12,7 +12,7 @@ import numpy as np
 from vig.explainer import Box, Explainer
 from vig.io.checks import reading
 from vig.io.errors import UserError
-from vig.photo.decoding import opened
+from vig.photo.decoding import open_picture
 from vig.record import read_explanation
 from vig_app.corrections import CORRECTIONS, State, corrected_in
 from vig_app.exports import export_explanation, export_run, formats_in
@@ -62,7 +62,10 @@ class Item:
         if not (self.folder.parent / "scene.json").exists():
             return None
         path = self.folder.parent / "mask.png"
-        with reading(path, "the mask of several objects", "Run `vig fit` again."), opened(path) as image:
+        with (
+            reading(path, "the mask of several objects", "Run `vig fit` again."),
+            open_picture(path) as image,
+        ):
             numbers = np.asarray(image)
             return (numbers != 0) & (numbers != int(self.folder.name.split("-")[0]))
 

@@ -124,7 +124,7 @@ def reproduce(
             )
         record.forget([step.name, *dependent_steps(step, steps)])
         run.report(f"{step.name}: begun")
-        with record.timed(step.name):
+        with record.time_step(step.name):
             step.work()
         run.report(f"{step.name}: done, in {duration(record.seconds(step.name))}")
     return record

@@ -82,7 +82,7 @@ def quality_of(
     )
 
 
-def judged(
+def judge_meshes(
     qualities: Mapping[int, Quality], shapes: np.ndarray, medoid: int, symmetry: str
 ) -> dict[int, Quality]:
     """Return the qualities of meshes as members of one class.

@@ -65,8 +65,8 @@ def build_class(
     for scan in scans:
         for note in scan.notes:
             say(f"{scan.name}: {note}")
-    used = settings.used(len(scans))
-    say(f"{_counted(len(scans), 'mesh')} from {meshes}")
+    used = settings.used_meshes(len(scans))
+    say(f"{_count_of(len(scans), 'mesh')} from {meshes}")
     command = command or shlex.join(["vig", "class", "build", str(meshes), "--out", str(out)])
     if not (out / "class.json").exists():  # a pack of an earlier build is whole until its files are replaced
         _write_command(out, command)
@@ -120,11 +120,11 @@ def build_class(
     object_class = object_class_of(settings, shapes, dark, cache, progress)
     up_known = settings.up is not None or len(used) > 1
     object_class = replace(object_class, size_known=size_known, up_known=up_known)
-    say(_taken(shapes, len(object_class.families)))
+    say(_line_on_shapes(shapes, len(object_class.families)))
     save_shape_sheets(shapes, sheets)
     if coloured:
         share = "" if dark is None else f"; {dark[0].mean():.0%} of the vertices, dark on most, are a part"
-        say(f"training shows {_counted(len(coloured), 'mesh')} with the materials of the files{share}")
+        say(f"training shows {_count_of(len(coloured), 'mesh')} with the materials of the files{share}")
     save_source_meshes(coloured, sheets)
 
     result = BuildResult(
@@ -172,19 +172,19 @@ def check_folder(out: Path) -> None:
         )
 
 
-def _taken(shapes: ClassShapes, families: int) -> str:
+def _line_on_shapes(shapes: ClassShapes, families: int) -> str:
     """Return the line on the shapes that the class is made of."""
     count, components = len(shapes.numbers), shapes.components
     held_out = count - len(shapes.trained)
     kept = f", {held_out} of them held out for validation and test" if held_out else ""
-    modes = _counted(len(components.basis), "shape component")
+    modes = _count_of(len(components.basis), "shape component")
     modes += f", {families} families by the holes through them" if families else ""
     error = ""
     if components.errors:
         error = f"; a mesh left out is met within {components.errors[len(components.basis)]:.2%} of its size"
-    return f"{_counted(count, 'mesh')} taken{kept}: {'its shape is held' if count == 1 else modes}{error}"
+    return f"{_count_of(count, 'mesh')} taken{kept}: {'its shape is held' if count == 1 else modes}{error}"
 
 
-def _counted(count: int, noun: str) -> str:
+def _count_of(count: int, noun: str) -> str:
     plural = {"mesh": "meshes", "family": "families"}.get(noun, f"{noun}s")
     return f"{count} {noun if count == 1 else plural}"

@@ -45,7 +45,7 @@ class ClassShapes:
     def of(registered: RegisteredMeshes, symmetries: ClassSymmetry, length: float) -> ClassShapes:
         """Make shapes whose mean has a longest side of `length` metres."""
         numbers, template = registered.accepted, registered.template
-        shapes, symmetrise = _symmetrised(registered.vertices[numbers], template, symmetries)
+        shapes, symmetrise = _symmetrise(registered.vertices[numbers], template, symmetries)
         shapes[:, :, 2] -= shapes[:, :, 2].min(1)[:, None]
         scale = length / np.ptp(shapes.mean(0), axis=0).max()
         shapes = shapes * scale
@@ -71,7 +71,7 @@ class ClassShapes:
         return np.array([0, 0, self.registered.vertices[number][:, 2].min()])
 
 
-def _symmetrised(
+def _symmetrise(
     shapes: np.ndarray, template: Template, symmetries: ClassSymmetry
 ) -> tuple[np.ndarray, SymmetryProjection | None]:
     """Return shapes (A, V, 3) as symmetric as their class, and how deformations are; one alone is exact."""

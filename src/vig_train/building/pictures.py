@@ -74,7 +74,7 @@ def save_mesh_sheet(
         views = [shade_mesh(vertices, faces, ASIDE, side, colours)]
         if above:
             views.append(shade_mesh(vertices, faces, ABOVE, side, colours))
-        tile = _labelled(np.concatenate(views), labels[number] if labels else str(number + 1))
+        tile = _label_tile(np.concatenate(views), labels[number] if labels else str(number + 1))
         tiles.append(_with_arrow(tile, arrow) if arrow else tile)
     _save(path, _grid(tiles))
 
@@ -83,12 +83,14 @@ def save_component_sheet(path: Path, model: Components, faces: np.ndarray) -> No
     """Write a sheet of the mean and of each component at -2 and +2 standard deviations."""
     frame = sphere_of(model.mean)
     frame = frame[0], 1.15 * frame[1]
-    tiles = [_labelled(np.concatenate([shade_mesh(model.mean, faces, ASIDE, 150, None, frame)] * 2), "mean")]
+    tiles = [
+        _label_tile(np.concatenate([shade_mesh(model.mean, faces, ASIDE, 150, None, frame)] * 2), "mean")
+    ]
     for number, component in enumerate(model.basis, 1):
         pair = [
             shade_mesh(model.mean + sign * 2 * component, faces, ASIDE, 150, None, frame) for sign in (-1, 1)
         ]
-        tiles.append(_labelled(np.concatenate(pair), f"{number}: -2, +2"))
+        tiles.append(_label_tile(np.concatenate(pair), f"{number}: -2, +2"))
     _save(path, _grid(tiles))
 
 
@@ -110,7 +112,7 @@ def save_error_curve(path: Path, model: Components) -> None:
             figure.savefig(temporary, metadata={"Software": None})
 
 
-def _labelled(tile: np.ndarray, text: str) -> np.ndarray:
+def _label_tile(tile: np.ndarray, text: str) -> np.ndarray:
     image = Image.fromarray(tile)
     ImageDraw.Draw(image).text((4, 2), text, fill=(200, 30, 30))
     return np.asarray(image)

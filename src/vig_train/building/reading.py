@@ -16,7 +16,7 @@ from vig_world.assets.own.folder import fingerprint
 from vig_world.assets.own.load import MeshPiece, load, mesh_files
 from vig_world.assets.own.simplify import simplified
 from vig_world.assets.source_meshes import MOST_FACES
-from vig_world.mesh import face_normals, stacked
+from vig_world.mesh import face_normals, stack_meshes
 
 _ONE_OF = f"one of {' '.join(SUFFIXES)}"
 SAME_SHAPE_TOLERANCE = 3e-4
@@ -77,7 +77,7 @@ def read_scans(
             try:
                 loaded = load(folder, path)
                 pieces = tuple(simplified(loaded.pieces, MOST_FACES)) if materials else ()
-                welded, content = _weld(*stacked(loaded.pieces)), fingerprint(loaded.files)
+                welded, content = _weld(*stack_meshes(loaded.pieces)), fingerprint(loaded.files)
                 scans.append(Scan(name, *welded, content, pieces, tuple(loaded.notes)))
             except UserError as error:
                 refused[name] = str(error).removeprefix(f"{path}: ")

@@ -73,7 +73,7 @@ class BuildSettings:
         if unknown := sorted(set(self.places) - set(ZONE_NAMES)):
             raise UserError(f"expected places among {', '.join(ZONE_NAMES)}; got '{unknown[0]}'.")
 
-    def used(self, count: int) -> list[int]:
+    def used_meshes(self, count: int) -> list[int]:
         """Return indices, from 0, of those of `count` meshes that are not dropped.
 
         Raises UserError when a number in `turns` or `drops` is no mesh's, or every mesh is dropped.

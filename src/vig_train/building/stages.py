@@ -15,7 +15,7 @@ from safetensors.numpy import load_file
 
 from vig.io.files import write_arrays
 from vig.io.progress import Meter
-from vig_train.building.acceptance import Quality, judged, quality_of
+from vig_train.building.acceptance import Quality, judge_meshes, quality_of
 from vig_train.building.pose import PointCloud
 from vig_train.building.reading import Scan
 from vig_train.building.registration import Registration
@@ -88,7 +88,7 @@ class StandingMesh:
         foot = points[height <= 0.02 * height.max()]
         middle = np.append((foot[:, :2].min(0) + foot[:, :2].max(0)) / 2, points[:, 2].min())
         linear, offset = scale * rotation, -scale * middle
-        return StandingMesh(scan, rotation, linear, offset, surface.transformed(linear, offset))
+        return StandingMesh(scan, rotation, linear, offset, surface.transform(linear, offset))
 
     @property
     def triangles(self) -> tuple[np.ndarray, np.ndarray]:
@@ -138,13 +138,13 @@ def template_of(
     identity = np.eye(3)
     costs = np.array([[a.distance(b, identity) for b in clouds] for a in clouds])
     for index in np.argsort(np.median(costs, axis=1), kind="stable"):
-        arrays = _closed(meshes[used[index]], about, cache)
+        arrays = _close_mesh(meshes[used[index]], about, cache)
         if len(arrays["vertices"]):
             return Template(used[index], arrays["vertices"], arrays["faces"], about)
     return None
 
 
-def _closed(mesh: StandingMesh, about: int, cache: StageCache) -> dict[str, np.ndarray]:
+def _close_mesh(mesh: StandingMesh, about: int, cache: StageCache) -> dict[str, np.ndarray]:
     """Return a closed mesh of about so many vertices; no vertices where it cannot be closed."""
 
     def compute() -> dict[str, np.ndarray]:
@@ -194,21 +194,19 @@ def register(
     with Meter(len(used), 0, progress, "meshes") as meter:
         for number in used:
             mesh = meshes[number]
-            vertices[number] = _registered(mesh, meshes[template.medoid], template, cache)
+            vertices[number] = _register(mesh, meshes[template.medoid], template, cache)
             quality = quality_of(template.vertices, vertices[number], template.faces, mesh.surface)
             qualities[number] = quality
             say(f"{number + 1:3d} {mesh.scan.name}: off by {quality.mean:.2%} of its size")
             meter.advance(1)
-    qualities = judged(qualities, vertices, template.medoid, symmetry)
+    qualities = judge_meshes(qualities, vertices, template.medoid, symmetry)
     for number, quality in qualities.items():
         if quality.reason:
             say(f"refused {number + 1} {meshes[number].scan.name}: {quality.reason}")
     return RegisteredMeshes(meshes, template, vertices, qualities)
 
 
-def _registered(
-    mesh: StandingMesh, medoid: StandingMesh, template: Template, cache: StageCache
-) -> np.ndarray:
+def _register(mesh: StandingMesh, medoid: StandingMesh, template: Template, cache: StageCache) -> np.ndarray:
     """Return vertices (V, 3) of the template, which is the medoid's, as they lie on a mesh."""
     poses = repr(np.stack([mesh.rotation, medoid.rotation]))
     inputs = [mesh.scan.content_hash, medoid.scan.content_hash, poses, str(template.about)]

@@ -29,7 +29,7 @@ class SurfaceSample:
     points: np.ndarray
     normals: np.ndarray
 
-    def transformed(self, linear: np.ndarray, offset: np.ndarray) -> SurfaceSample:
+    def transform(self, linear: np.ndarray, offset: np.ndarray) -> SurfaceSample:
         """Return the sample moved by a linear map (3, 3) and an offset (3,)."""
         normals = self.normals @ np.linalg.inv(linear)
         return SurfaceSample(

@@ -83,7 +83,7 @@ def upright_poses(
     levelled = [from_common @ rotation for rotation in to_common]
     if len(used) > 1 or settings.up is None:  # the axis that is stated of a single mesh is exact
         levelled = [
-            _levelled(surface, upright, from_usual.T @ up, settings.symmetry)
+            _level_rotation(surface, upright, from_usual.T @ up, settings.symmetry)
             for surface, upright in zip(surfaces, levelled, strict=True)
         ]
     clouds = [_turned_cloud(surface, turn) for surface, turn in zip(surfaces, levelled, strict=True)]
@@ -135,10 +135,10 @@ def _source(setting: str | None) -> str:
 
 
 def _turned_cloud(surface: SurfaceSample, rotation: np.ndarray) -> PointCloud:
-    return PointCloud.from_surface(surface.transformed(rotation, np.zeros(3)))
+    return PointCloud.from_surface(surface.transform(rotation, np.zeros(3)))
 
 
-def _levelled(
+def _level_rotation(
     surface: SurfaceSample, upright: np.ndarray, usual_up: np.ndarray, symmetry: str | None
 ) -> np.ndarray:
     """Return the rotation (3, 3) that puts a mesh level, near the rotation `upright` of the common pose.
@@ -148,7 +148,7 @@ def _levelled(
     degrees of the axis, else by the common pose.
     """
     if symmetry != "any-turn":
-        return levelling_rotation(surface.transformed(upright, np.zeros(3))) @ upright
+        return levelling_rotation(surface.transform(upright, np.zeros(3))) @ upright
     own_up = upright[2]
     axis = axis_of_revolution(PointCloud.from_surface(surface), own_up)
     return rotation_to_vertical(axis, usual_up if abs(axis @ usual_up) > 0.9 else own_up)

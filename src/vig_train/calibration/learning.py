@@ -12,7 +12,7 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from vig.inference import CONFIDENCE_FEATURES, FitCalibration
-from vig.inference.calibration import WITHIN_90, faded, residual
+from vig.inference.calibration import WITHIN_90, fade_confidence, residual
 from vig.inference.settings import MASK_RIGHT
 from vig.io.checks import read_tensors, reading
 
@@ -157,7 +157,7 @@ def out_of_fold(samples: CalibrationSamples) -> tuple[np.ndarray, np.ndarray, np
             confidences, (view, mask, view), (inside, inside, outside_distribution), strict=True
         ):
             probabilities = (expit(features[in_fold] @ w + b) for w, b in (right_model, in_distribution))
-            confidence[in_fold] = faded(*probabilities)
+            confidence[in_fold] = fade_confidence(*probabilities)
     return confidences
 
 

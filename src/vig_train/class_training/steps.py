@@ -176,7 +176,7 @@ class ClassTraining:
                 self.say(f"{number}/{len(work)} {name}: done in {self.record.seconds(name):.0f} s")
                 continue
             self.say(f"{number}/{len(work)} {name}: {STEPS[name]} ...")
-            with self.record.timed(name):
+            with self.record.time_step(name):
                 do()
         return self._finish()
 

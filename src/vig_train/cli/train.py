@@ -155,6 +155,8 @@ def _train_map(settings: Train, datasets: Sequence[Dataset], drawing: Drawing | 
             parts.append(part if own else part.as_absent(parts[0].numbers.shape[1]))
     path = settings.out / WEIGHTS_FILE
     with Meter(MAP_PICTURES, 0, not settings.json, "pictures") as meter:
-        training = MapTraining(Examples.joined(parts), MAP_PICTURES, settings.seed, mirror, meter.advance)
+        training = MapTraining(
+            Examples.concatenate(parts), MAP_PICTURES, settings.seed, mirror, meter.advance
+        )
         add_object_map(Path(settings.start or ""), path, training)
     return path

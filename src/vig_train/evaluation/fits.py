@@ -73,7 +73,7 @@ class Fits:
         )
 
     @staticmethod
-    def joined(parts: list[Fits]) -> Fits:
+    def concatenate(parts: list[Fits]) -> Fits:
         """Concatenate."""
         names = [field.name for field in fields(Fits) if field.name != "verdicts"]
         arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
@@ -139,7 +139,7 @@ class FitRun:
         missing = [chunk_number for chunk_number, part in enumerate(parts) if part is None]
         todo = [index for chunk_number in missing for index in chunks[chunk_number]]
         self.advance(len(images) - len(todo))
-        fit_stream = self._fitted(
+        fit_stream = self._fit_photos(
             [(photos[i], *prediction[i : i + 1].arrays) for i in todo], settings, workers
         )
         done: dict[int, dict[int, Fits]] = {chunk_number: {} for chunk_number in missing}
@@ -152,15 +152,15 @@ class FitRun:
                 if len(done[chunk_number]) < len(chunks[chunk_number]):
                     continue
                 fits_of_chunk = done.pop(chunk_number)
-                part = parts[chunk_number] = Fits.joined(
+                part = parts[chunk_number] = Fits.concatenate(
                     [fits_of_chunk[photo] for photo in chunks[chunk_number]]
                 )
                 path = paths[chunk_number]
                 if path is not None:
                     _write(path, part, keys[chunk_number])
-        return Fits.joined([part for part in parts if part is not None])
+        return Fits.concatenate([part for part in parts if part is not None])
 
-    def _fitted(
+    def _fit_photos(
         self, photos: list[PhotoArrays], settings: ExplainSettings, workers: int
     ) -> Generator[tuple[int, Fits]]:
         """Yield numbers of photos and their fits, as they are done."""

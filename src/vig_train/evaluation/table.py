@@ -78,7 +78,7 @@ def build_table(
     count = int(chosen.sum())
     check_limits(occlusion, min_occlusion, max_occlusion)
     errors = {
-        method: {metric: _checked(method, metric, values, chosen) for metric, values in metrics.items()}
+        method: {metric: _check_values(method, metric, values, chosen) for metric, values in metrics.items()}
         for method, metrics in results.items()
     }
     samples = bootstrap_indices(count, rng, resamples)
@@ -177,7 +177,7 @@ def check_limits(occlusion: np.ndarray, least: float, most: float) -> None:
     raise UserError(f"expected images with {limits} of the object hidden; {got}. {remedy}")
 
 
-def _checked(method: str, metric: str, values: Any, chosen: np.ndarray) -> np.ndarray:
+def _check_values(method: str, metric: str, values: Any, chosen: np.ndarray) -> np.ndarray:
     array = np.asarray(values, dtype=np.float64)
     if metric == "shape_ratio" or metric not in METRICS:
         expected = ", ".join(name for name in METRICS if name != "shape_ratio")

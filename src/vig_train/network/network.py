@@ -116,7 +116,7 @@ class RecognitionNetwork(nn.Module):
     def forward(self, image: torch.Tensor) -> Heads:
         maps = self.maps(image)
         features = self.dense(maps[-1])
-        merged = self._decoded(features, maps)
+        merged = self._decode(features, maps)
         mean, log_variance = self.numbers(features).float().chunk(2, dim=1)
         roll, presence = self.others(features).float().unbind(1)
         return Heads(
@@ -140,7 +140,7 @@ class RecognitionNetwork(nn.Module):
         """Return the maps of the last two stages, joined, from which the map of objects is read."""
         return torch.cat(self.maps(image)[-2:], 1)
 
-    def _decoded(self, features: torch.Tensor, maps: list[torch.Tensor]) -> torch.Tensor:
+    def _decode(self, features: torch.Tensor, maps: list[torch.Tensor]) -> torch.Tensor:
         """Return features of the mask head's cells."""
         half, quarter, eighth, sixteenth, coarse = maps
         if self.settings.context:

@@ -66,7 +66,7 @@ def read_network(path: Path) -> RecognitionNetwork:
     return network.eval().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
 
-def packed(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def pack_matrix(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Pack a matrix (R, 2 C) into 4 bits: (R, C) uint8, and (R,) float16 steps, a row's largest over 7."""
     steps = np.maximum(np.abs(matrix).max(1) / np.float32(7), np.float32(1e-7)).astype(np.float16)
     levels = np.clip(np.round(matrix / steps.astype(np.float32)[:, None]), -8, 7).astype(np.int16) + 8

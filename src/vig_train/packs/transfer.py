@@ -52,7 +52,7 @@ Keep = Callable[[str, list[str], Compute], Mapping[str, np.ndarray]]
 """Returns the result of a stage for its inputs, computed if not kept, as `StageCache.result` does."""
 
 
-def computed(stage: str, inputs: list[str], compute: Compute) -> Mapping[str, np.ndarray]:
+def compute_stage(stage: str, inputs: list[str], compute: Compute) -> Mapping[str, np.ndarray]:
     """Keep nothing."""
     return compute()
 
@@ -96,7 +96,7 @@ def frames_of(normals: np.ndarray) -> np.ndarray:
     return np.stack([tangent, np.cross(normals, tangent), normals], axis=1)
 
 
-def unoccluded(normals: np.ndarray) -> np.ndarray:
+def unoccluded_transfer(normals: np.ndarray) -> np.ndarray:
     """Return the transfer where nothing is occluded, A_l Y_lm(n): (..., 3) to (..., 9)."""
     return sh_basis(np.asarray(normals, np.float64)) * COSINE_LOBE
 
@@ -142,7 +142,7 @@ class Occlusion:
         Vertices inside another part take the change from their neighbours (V, V) outside, as the triangles
         that reach in to them are seen in part.
         """
-        free = unoccluded(self.normals)
+        free = unoccluded_transfer(self.normals)
         change = fill_from_neighbours(-self.blocked, self.inside, neighbours)
         for _ in range(bounces):
             change = fill_from_neighbours(
@@ -182,7 +182,7 @@ def transfer_model(
     side: int = RAY_GRID,
     seed: int = 0,
     progress: bool = False,
-    keep: Keep = computed,
+    keep: Keep = compute_stage,
 ) -> np.ndarray:
     """Return change of transfer by self-shadow and bounces, (K + 1, V, 9) float32: mean, then by coefficient.
 
@@ -223,7 +223,7 @@ class SampledChanges:
         side: int,
         seed: int,
         advance: Callable[[int], None] = lambda count: None,
-        keep: Keep = computed,
+        keep: Keep = compute_stage,
     ) -> "SampledChanges":
         """Draw so many shapes; the same for any content of `keep` and any number of threads."""
         drawn = np.random.PCG64(np.random.SeedSequence([seed, shapes]))
@@ -266,7 +266,7 @@ def relative_error(table: np.ndarray, model: ShapeModel, shapes: int = 12, seed:
 
 
 def write_transfer(
-    object_class: ObjectClass, folder: Path, progress: bool = False, keep: Keep = computed
+    object_class: ObjectClass, folder: Path, progress: bool = False, keep: Keep = compute_stage
 ) -> np.ndarray:
     """Compute a class's table and write it, in half precision, into a class pack's folder; returns it.
 

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch.nn import functional
 
-from vig.recognition.network import mirrored
+from vig.recognition.network import mirror_prediction
 from vig_train.training.examples import Examples
 from vig_train.training.pasting import CutoutLibrary
 from vig_train.training.targets import Targets, cell_shares
@@ -82,7 +82,7 @@ class Augmentation:
         azimuth, numbers, roll = examples.azimuth, examples.numbers, examples.roll
         flipped = torch.from_numpy(rng.random(len(images)) < self.flip).to(images.device)
         mirrored_azimuth, mirrored_numbers = map(
-            torch.from_numpy, mirrored(azimuth.cpu().numpy(), numbers.cpu().numpy())
+            torch.from_numpy, mirror_prediction(azimuth.cpu().numpy(), numbers.cpu().numpy())
         )
         azimuth = torch.where(flipped, mirrored_azimuth, azimuth)
         numbers = torch.where(flipped[:, None], mirrored_numbers, numbers)
@@ -154,7 +154,7 @@ class Augmentation:
         if grey.any():
             images[grey] = images[grey].mean(1, keepdim=True).expand(-1, 3, -1, -1)
         if rng.random() < self.blur:
-            images = _blurred(images, float(rng.uniform(0.2, self.most_blur)))
+            images = _blur(images, float(rng.uniform(0.2, self.most_blur)))
         noise = torch.randn_like(images) * float(rng.uniform(0, self.noise))
         return (images + noise).clamp(0, 1)
 
@@ -175,7 +175,7 @@ def blobs(count: int, height: int, width: int, rng: np.random.Generator) -> np.n
     return inside.astype(np.float32)
 
 
-def _blurred(images: torch.Tensor, deviation: float) -> torch.Tensor:
+def _blur(images: torch.Tensor, deviation: float) -> torch.Tensor:
     """Blur images (B, 3, H, W) by a Gaussian of `deviation` pixels."""
     offsets = torch.arange(-2, 3, device=images.device, dtype=images.dtype)
     kernel = torch.softmax(-0.5 * (offsets / deviation) ** 2, 0)

@@ -68,7 +68,7 @@ def calibrate_network(
     """
     check_count(sum(map(len, datasets)) + sum(map(len, further)))
     recognizer = Recognizer(path) if object_class is None else Recognizer.of_class(object_class, path)
-    result = learn_calibration([(recognizer, Examples.joined([*map(Examples.of, datasets), *further]))])
+    result = learn_calibration([(recognizer, Examples.concatenate([*map(Examples.of, datasets), *further]))])
     write_calibration(path, result.calibration)
     return result
 
@@ -76,7 +76,7 @@ def calibrate_network(
 def learn_calibration(parts: Sequence[tuple[Recognizer, Examples]]) -> CalibrationResult:
     """Return a calibration of networks of one class, each on examples that it has not seen."""
     symmetry = parts[0][0].symmetry
-    examples = Examples.joined([part for _, part in parts])
+    examples = Examples.concatenate([part for _, part in parts])
     outputs = zip(*(_network_outputs(*part) for part in parts), strict=True)
     azimuth, mean, deviation, mask = map(torch.cat, outputs)
     fold = symmetry.fold

@@ -52,7 +52,7 @@ def save_weights(
         if not (shared_trunk and k.startswith(TRUNK_PREFIXES)) and k not in packed
     }
     for name in packed:
-        levels, steps = weights.packed(network.state_dict()[name].cpu().numpy())
+        levels, steps = weights.pack_matrix(network.state_dict()[name].cpu().numpy())
         parts = {f"network.{name}{PACKED}": levels, f"network.{name}{STEPS}": steps}
         tensors |= weights.as_tensors(parts)
     tensors |= {f"scale.{k}": v for k, v in scale.items()}

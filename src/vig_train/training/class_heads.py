@@ -15,10 +15,10 @@ from vig.io.checks import read_tensors, reading
 from vig.parallel import map_in_processes
 from vig.recognition import Recognizer
 from vig.recognition.network import LOG_VARIANCE
-from vig.recognition.weights import unpacked
+from vig.recognition.weights import unpack_matrix
 from vig.scene import Symmetry
 from vig_train.network.network import DenseHeads, RecognitionNetwork, bfloat16
-from vig_train.network.weights import packed, save_tensors
+from vig_train.network.weights import pack_matrix, save_tensors
 from vig_train.training.checkpoint import Scale
 from vig_train.training.class_network import CHUNK, LEARNING_RATE, PASSES, SIZES, Features, read_features
 from vig_train.training.loop import Trainer
@@ -168,7 +168,7 @@ def _join(network: RecognitionNetwork, members: Sequence[_Member]) -> None:
     )
     joined = {name: torch.cat([getattr(each, name) for each in layers]) for name in ("weight", "bias")}
     # The decoder is trained on the weights that the file will hold.
-    weight = torch.from_numpy(unpacked(*packed(joined["weight"].numpy())))
+    weight = torch.from_numpy(unpack_matrix(*pack_matrix(joined["weight"].numpy())))
     network.dense[2].load_state_dict(joined | {"weight": weight})
     for name in HEADS:
         heads: list[nn.Linear] = [getattr(member, name) for member in members]

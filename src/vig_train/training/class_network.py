@@ -163,7 +163,7 @@ def read_images(folder: Path, chunks: Sequence[int]) -> Examples:
     for chunk in chunks:
         tensors = _read(folder, chunk)
         parts.append(Examples(**{k: v for k, v in tensors.items() if not k.startswith("features.")}))
-    return Examples.joined(parts)
+    return Examples.concatenate(parts)
 
 
 # -- the mask's decoder -----------------------------------------------------------------------------------

@@ -45,7 +45,7 @@ class Tile:
     object: torch.Tensor
     box: Box | None
 
-    def placed(self, left: float, top: float, side: float) -> list[Box]:
+    def boxes_at(self, left: float, top: float, side: float) -> list[Box]:
         """Return its box in a picture into which it is put; none where it has no object."""
         if self.box is None:
             return []
@@ -61,11 +61,11 @@ def draw_pictures(
     chosen = rng.choice(len(examples), min(96, len(examples)), replace=False)
     tiles = _tiles(examples[torch.from_numpy(chosen)], rng, mirror)
     without = [tile for tile in tiles if tile.box is None]
-    endless = _taken(tiles, rng)
+    endless = _draw_tiles(tiles, rng)
     pictures, boxes = [], []
     for number in range(PICTURES):
         if number % 2 and without:
-            picture, placed = _pasted(without[rng.integers(len(without))], endless, rng)
+            picture, placed = _paste_tiles(without[rng.integers(len(without))], endless, rng)
         else:
             picture, placed = _mosaic(endless, rng)
         pictures.append(picture)
@@ -92,7 +92,7 @@ def _tiles(examples: Examples, rng: np.random.Generator, mirror: bool) -> list[T
     return tiles
 
 
-def _taken(tiles: list[Tile], rng: np.random.Generator) -> Iterator[Tile]:
+def _draw_tiles(tiles: list[Tile], rng: np.random.Generator) -> Iterator[Tile]:
     """Yield tiles at random, without end."""
     while True:
         yield tiles[rng.integers(len(tiles))]
@@ -109,26 +109,28 @@ def _mosaic(tiles: Iterator[Tile], rng: np.random.Generator) -> tuple[torch.Tens
                 for y in edges[:-1]:
                     tile, side = next(tiles), int(end - x)
                     rows, columns = slice(top + y, top + y + side), slice(left + x, left + x + side)
-                    picture[:, rows, columns] = _resized(tile.image, side)
-                    boxes += tile.placed(left + x, top + y, side)
+                    picture[:, rows, columns] = _resize(tile.image, side)
+                    boxes += tile.boxes_at(left + x, top + y, side)
     return picture, boxes
 
 
-def _pasted(ground: Tile, tiles: Iterator[Tile], rng: np.random.Generator) -> tuple[torch.Tensor, list[Box]]:
+def _paste_tiles(
+    ground: Tile, tiles: Iterator[Tile], rng: np.random.Generator
+) -> tuple[torch.Tensor, list[Box]]:
     """Return objects, and pieces of images, on an image without an object."""
-    picture, boxes = _resized(ground.image, SIDE), list[Box]()
+    picture, boxes = _resize(ground.image, SIDE), list[Box]()
     # One to five images on a picture.
     for _ in range(int(rng.integers(1, 5 + 1))):
         tile = next(tiles)
         side = int(math.exp(rng.uniform(math.log(PASTED[0]), math.log(PASTED[1]))))
         left, top = (int(each) for each in rng.integers(-side // 4, SIDE - side + side // 4 + 1, 2))
-        placed, square = tile.placed(left, top, side), (left, top, left + side, top + side, 1.0)
+        placed, square = tile.boxes_at(left, top, side), (left, top, left + side, top + side, 1.0)
         # Three in ten images with an object are pasted whole, with soft edges.
         alone = bool(placed) and rng.random() > 0.3
         cover = tile.object if alone else _soft_square(len(tile.object))
         rows, columns = slice(max(top, 0), top + side), slice(max(left, 0), left + side)
         inside = slice(max(-top, 0), SIDE - top), slice(max(-left, 0), SIDE - left)
-        image, cover = _resized(tile.image, side)[:, *inside], _resized(cover[None], side)[:, *inside]
+        image, cover = _resize(tile.image, side)[:, *inside], _resize(cover[None], side)[:, *inside]
         picture[:, rows, columns] = torch.lerp(picture[:, rows, columns], image, cover)
         covering = placed[0] if alone else square
         boxes = [(*box[:4], box[4] * (1 - _share_inside(box, covering))) for box in boxes]
@@ -150,7 +152,7 @@ def _soft_square(side: int) -> torch.Tensor:
     return ((1 - torch.maximum(off[:, None], off[None])) / 0.15).clamp(0, 1)
 
 
-def _resized(image: torch.Tensor, side: int) -> torch.Tensor:
+def _resize(image: torch.Tensor, side: int) -> torch.Tensor:
     resized: torch.Tensor = functional.interpolate(
         image[None], (side, side), mode="bilinear", antialias=True
     )[0]

@@ -26,7 +26,7 @@ from vig_world.assets.own.props import standing_parts
 from vig_world.assets.own.settings import settings_of
 from vig_world.assets.own.standing import SizedKind
 from vig_world.assets.things import Prop, is_of_class, prop
-from vig_world.mesh import stacked, vertex_normals
+from vig_world.mesh import stack_meshes, vertex_normals
 from vig_world.raster.rasterize import rasterize
 
 CUTOUTS_PER_SPLIT = 1600
@@ -201,7 +201,7 @@ def render_cutout(rng: np.random.Generator, shown_prop: Prop, roll: float) -> Im
     roll: the camera's, radians.
     """
     meshes = [mesh for mesh, _ in shown_prop.parts]
-    points, faces = stacked(meshes)
+    points, faces = stack_meshes(meshes)
     owner = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
     points = points - (points.min(0) + points.max(0)) / 2
     reach = float(np.linalg.norm(points, axis=1).max())

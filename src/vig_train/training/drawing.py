@@ -61,7 +61,7 @@ class Drawing:
         name = ObjectClass.load(self.object_class).name
         return CutoutLibrary.draw(seed, "train", name, model_cutouts(self.studio.props, "train", name))
 
-    def described(self) -> dict[str, Any]:
+    def resume_settings(self) -> dict[str, Any]:
         """Return the settings that a checkpoint must match to be resumed."""
         settings = asdict(self) | {"object_class": ObjectClass.load(self.object_class).fingerprint}
         return {name: value for name, value in settings.items() if name != "workers"}
@@ -81,7 +81,9 @@ def drawn_once(
     Raises:
         UserError: A file is damaged, or the folder cannot be written.
     """
-    described = {name: value for name, value in drawing.described().items() if name not in STEP_SETTINGS}
+    described = {
+        name: value for name, value in drawing.resume_settings().items() if name not in STEP_SETTINGS
+    }
     key = hashlib.sha256(json.dumps([described, seed], sort_keys=True).encode()).hexdigest()[:12]
     numbers, folder = range(-(-drawing.distinct // DRAWN)), folder / f"drawn-{key}"
     paths = {number: folder / f"{number:05d}.safetensors" for number in numbers}
@@ -102,7 +104,7 @@ def drawn_once(
     for path in paths.values():
         with reading(path, "images of an earlier run", "Remove the folder to draw them anew."):
             parts.append(Examples(**read_tensors(path, "pt")[0]))
-    return Examples.joined(parts)
+    return Examples.concatenate(parts)
 
 
 def add_drawn_examples(
@@ -127,7 +129,7 @@ def add_drawn_examples(
         if once is not None:
             rng = np.random.default_rng([seed, step, 3])
             taken = rng.choice(len(once), min(drawing.count, len(once)), replace=False)
-            examples = Examples.joined([examples, once[torch.from_numpy(taken)]])
+            examples = Examples.concatenate([examples, once[torch.from_numpy(taken)]])
         yield examples, step
 
 
@@ -161,7 +163,7 @@ def _prepare(shared: tuple[Drawing, int]) -> Callable[[StepArrays], StepArrays]:
         parts = [recolour_share(examples, drawing.recoloured, rng)]
         if fresh:
             parts.append(studio_examples(studio, seed, range(step * fresh, (step + 1) * fresh)))
-        return step, Examples.joined(parts).arrays()
+        return step, Examples.concatenate(parts).arrays()
 
     return work
 

@@ -52,7 +52,7 @@ class Examples(TensorRows):
         return Examples(torch.cat(images), latents.azimuth, numbers_of(latents), roll, *masks)
 
     @staticmethod
-    def joined(parts: list[Examples]) -> Examples:
+    def concatenate(parts: list[Examples]) -> Examples:
         """Concatenate."""
         columns = zip(*(vars(part).values() for part in parts), strict=True)
         return Examples(*map(torch.cat, columns))

@@ -51,13 +51,13 @@ class MapTargets(TensorRows):
     near: torch.Tensor
 
     @staticmethod
-    def joined(parts: list[MapTargets]) -> MapTargets:
+    def stack(parts: list[MapTargets]) -> MapTargets:
         """Stack."""
         return MapTargets(
             *(torch.stack(values) for values in zip(*(vars(part).values() for part in parts), strict=True))
         )
 
-    def mirrored(self) -> MapTargets:
+    def mirror(self) -> MapTargets:
         """Return the targets of pictures flipped left to right."""
         flipped = MapTargets(*(value.flip(-1) for value in vars(self).values()))
         return replace(flipped, box=flipped.box * flipped.box.new_tensor([-1, 1, 1, 1])[:, None, None])
@@ -94,7 +94,7 @@ class MapTraining:
                 for chosen in torch.from_numpy(rng.permutation(len(maps))).split(batch):
                     seen, wanted = maps[chosen].float(), targets[chosen]
                     flipped = self.mirror and rng.random() < 0.5
-                    yield (seen.flip(3), wanted.mirrored()) if flipped else (seen, wanted)
+                    yield (seen.flip(3), wanted.mirror()) if flipped else (seen, wanted)
 
         def loss(pair: tuple[torch.Tensor, MapTargets]) -> dict[str, torch.Tensor]:
             return {"map": map_loss(network.object_map(pair[0]), pair[1])}
@@ -115,7 +115,7 @@ class MapTraining:
             maps.append(coarse.half())
             targets += [targets_of(each) for each in boxes]
             self.advance(len(pictures))
-        return torch.cat(maps), MapTargets.joined(targets)
+        return torch.cat(maps), MapTargets.stack(targets)
 
 
 def add_object_map(start: Path, path: Path, training: MapTraining) -> None:

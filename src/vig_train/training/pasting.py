@@ -85,7 +85,7 @@ class CutoutLibrary(TensorRows):
         for share_of_these in MORE:
             size = lengths.amax(1) * SIZES[0] * (SIZES[1] / SIZES[0]) ** uniform(count)
             places = middle + lengths * 1.2 * (uniform(count, 2) - 0.5)
-            colour, cover = self._drawn(places, size, rng, images)
+            colour, cover = self._draw_cutouts(places, size, rng, images)
             own = (colour * cover).sum((2, 3)) / cover.sum((2, 3)).clamp_min(1)
             gain = torch.exp(0.2 * normal(count, 1) + 0.06 * normal(count, 3))
             # A quarter of the cut-outs get the object's mean colour.
@@ -103,7 +103,7 @@ class CutoutLibrary(TensorRows):
             masks = masks + torch.cat([-newly_hidden, newly_hidden], 1)
         return images, masks
 
-    def _drawn(
+    def _draw_cutouts(
         self, places: torch.Tensor, size: torch.Tensor, rng: np.random.Generator, like: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """Draw colour (B, 3, H, W) and coverage (B, 1, H, W) of cut-outs about places (B, 2), pixels."""

@@ -36,7 +36,7 @@ def fit_presence(network: RecognitionNetwork, examples: Examples, seed: int) -> 
     if len(np.unique(present)) < 2:
         return
     features = dense_features(network, examples, seed)
-    weight, bias = refitted(
+    weight, bias = refit_logistic(
         head.weight[PRESENCE].detach().numpy(), float(head.bias[PRESENCE].detach()), features, present
     )
     with torch.no_grad():
@@ -55,7 +55,7 @@ def dense_features(network: RecognitionNetwork, examples: Examples, seed: int) -
     return torch.cat(parts).numpy()
 
 
-def refitted(
+def refit_logistic(
     weight: np.ndarray, bias: float, features: np.ndarray, present: np.ndarray
 ) -> tuple[np.ndarray, float]:
     """Regress present (N,) on features (N, D), logistically: weights (D,) and bias near those given."""

@@ -173,7 +173,7 @@ class Studio:
         latents, vertices = self._shape(rng, model)
         camera = self._camera(rng, vertices, latents)
         matrix = camera.camera_from_world(float(latents.azimuth), float(latents.elevation))
-        view = View(camera.scaled(SUPERSAMPLING), matrix[:3, :3], matrix[:3, 3])
+        view = View(camera.scale(SUPERSAMPLING), matrix[:3, :3], matrix[:3, 3])
         parts = len(self.object_class.shape_model.part_names)
         kinds = WHOLE if self._detachable_parts else PART
         coat = draw_coat(rng, parts, settings.decorated, settings.metal)
@@ -341,9 +341,9 @@ class Studio:
         """Return one of the user's meshes, lit, and the mean albedo (3,) of its visible part."""
         paint = draw_paint(rng, mesh, self.settings.own_colours)
         light = latents.light[0].numpy()
-        look = appearance(mesh, mesh.moved(vertices), paint, light, view, environment.radiance_from)
+        look = appearance(mesh, mesh.follow_template(vertices), paint, light, view, environment.radiance_from)
         mean = look.albedo.mean(0) if len(look.albedo) else np.full(3, 0.5)
-        return Layer(*look.averaged(SUPERSAMPLING)), mean
+        return Layer(*look.average(SUPERSAMPLING)), mean
 
     def _object(
         self,
@@ -373,7 +373,7 @@ class Studio:
             transmitted = ground[refracted[:, 0], refracted[:, 1]] * (0.3 + 0.7 * np.sqrt(appearance.albedo))
             appearance = replace(appearance, colour=0.85 * transmitted + 0.15 * appearance.colour)
         mean = appearance.albedo.mean(0) if len(appearance.albedo) else np.mean(coat.colours, axis=0)
-        return Layer(*appearance.averaged(SUPERSAMPLING)), mean
+        return Layer(*appearance.average(SUPERSAMPLING)), mean
 
 
 @lru_cache(maxsize=8)

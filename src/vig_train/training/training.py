@@ -89,7 +89,7 @@ class TrainingSettings:
             data = zlib.crc32(np.ascontiguousarray(dataset.latents).tobytes(), data)
         count = sum(map(len, datasets))
         described = asdict(self) | {"count": count, "data": data, "start": str(self.start)}
-        described["drawing"] = None if self.drawing is None else self.drawing.described()
+        described["drawing"] = None if self.drawing is None else self.drawing.resume_settings()
         left_out = {"threads": self.threads, "symmetry": Symmetry.NONE, "mirror": True, "mask_alone": False}
         return json.dumps({k: value for k, value in described.items() if (k, value) not in left_out.items()})
 
@@ -143,7 +143,7 @@ def train(
     if settings.threads is not None:
         torch.set_num_threads(settings.threads)
     chosen, held_out = (torch.from_numpy(indices) for indices in hold_out(datasets, settings.validation))
-    examples = Examples.joined([Examples.of(dataset) for dataset in datasets])
+    examples = Examples.concatenate([Examples.of(dataset) for dataset in datasets])
     state, steps = _TrainingState.begin(settings, examples, chosen), len(chosen) // settings.batch
     path, average = Path(out) / WEIGHTS_FILE, state.networks["average"]
     run = TrainingRun(

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from vig_world.assets.materials import material
-from vig_world.assets.shapes import box, moved, scaled, smooth, tube
+from vig_world.assets.shapes import box, move_mesh, scale_mesh, smooth, tube
 from vig_world.assets.textures import near
 from vig_world.assets.things import Prop
 from vig_world.mesh import Mesh
@@ -64,7 +64,7 @@ def arm(rng: np.random.Generator) -> Prop:
     fabric = material("cloth", rng, str(rng.choice(_SLEEVES)), None, 128)
     hand = [*fingers, (_swept(thumb, 9, 8), skin), (_swept(palm, 16, 12), skin)]
     parts = [*hand, (_swept(sleeve, 8, 14), fabric)]
-    return Prop("arm", tuple((scaled(mesh, size), stuff) for mesh, stuff in parts))
+    return Prop("arm", tuple((scale_mesh(mesh, size), stuff) for mesh, stuff in parts))
 
 
 def twig(rng: np.random.Generator) -> Prop:
@@ -85,7 +85,7 @@ def twig(rng: np.random.Generator) -> Prop:
         root = [at, np.interp(at, x, sway - sway[0]), 0.3 * np.interp(at, x, sway)]
         side = -1 if number % 2 else 1
         turn = np.pi - side * rng.uniform(0.5, 1.3) if at > 0.01 else np.pi
-        parts.append((moved(leaf, root, turn, rng.normal(0, 0.4)), leaves[number % 3]))
+        parts.append((move_mesh(leaf, root, turn, rng.normal(0, 0.4)), leaves[number % 3]))
     return Prop("twig", tuple(parts))
 
 
@@ -93,7 +93,7 @@ def board(rng: np.random.Generator) -> Prop:
     """Return the end of a shelf board."""
     size = [0.7, rng.uniform(0.05, 0.15), rng.uniform(0.012, 0.03)]
     pattern = str(rng.choice(["wood", "wood", "wood", "paint", "paint", "marble"]))
-    plank = moved(box(size, 0.0015), [0.35, 0.0, -size[2] / 2])
+    plank = move_mesh(box(size, 0.0015), [0.35, 0.0, -size[2] / 2])
     return Prop("board", ((plank, material("wood", rng, pattern, None, 128)),))
 
 

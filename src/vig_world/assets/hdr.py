@@ -71,7 +71,7 @@ def _radiance(path: Path) -> tuple[np.ndarray, tuple[float, ...]]:
         refuse(path, "RGB radiance", "XYZE", "Convert it with ra_xyze -r.")
     if float(stated.get("GAMMA", 1)) != 1:
         refuse(path, "linear radiance", f"GAMMA={stated['GAMMA']}", "Save it without gamma.")
-    pixels = _pixels(path, _opened(path))
+    pixels = _pixels(path, _open_image(path))
     if "X" in order[0].upper():
         pixels, order = pixels.transpose(1, 0, 2), order[::-1]
     if order[0][0] == "+":
@@ -89,7 +89,7 @@ def _radiance(path: Path) -> tuple[np.ndarray, tuple[float, ...]]:
 
 def _exr(path: Path) -> tuple[np.ndarray, tuple[float, ...]]:
     """Decode an OpenEXR file: the display window (H, 2 H, 3) float32, not checked, and its chromaticities."""
-    source = _opened(path)
+    source = _open_image(path)
     parts: list[tuple[int, Any, list[int]]] = []
     names: list[str] = []
     number = 0
@@ -145,7 +145,7 @@ def _check_shape(path: Path, width: int, height: int) -> None:
         refuse(path, "an equirectangular panorama, twice as wide as high", size, "Crop or resize it.")
 
 
-def _opened(path: Path) -> Any:
+def _open_image(path: Path) -> Any:
     with optional_import("world"):  # 80 ms that only panoramas need to spend
         import OpenImageIO as oiio
 

@@ -11,9 +11,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vig_world.assets.shapes import box, moved, tube
+from vig_world.assets.shapes import box, move_mesh, tube
 from vig_world.assets.things import Material
-from vig_world.mesh import Mesh, stacked
+from vig_world.mesh import Mesh, stack_meshes
 
 Array = np.ndarray
 Point = tuple[float, float, float]
@@ -70,11 +70,11 @@ def stick(start: ArrayLike, end: ArrayLike, radius: float, sides: int = 6) -> Me
     return rod(path, radius, sides, np.eye(3)[int(np.argmin(np.abs(path[1] - path[0])))])
 
 
-def joined(meshes: Sequence[Mesh]) -> Mesh:
+def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
     """Return meshes with texture coordinates as one."""
     if len(meshes) == 1:
         return meshes[0]
-    vertices, faces = stacked(meshes)
+    vertices, faces = stack_meshes(meshes)
     uv = np.concatenate([mesh.uv for mesh in meshes if mesh.uv is not None])
     return Mesh(vertices, faces.astype(np.int32), uv)
 
@@ -84,7 +84,7 @@ def by_finish(parts: Iterable[tuple[Mesh, Material]]) -> list[tuple[Mesh, Materi
     groups: dict[str | int, tuple[Material, list[Mesh]]] = {}
     for mesh, stuff in parts:
         groups.setdefault(stuff.slot or id(stuff), (stuff, []))[1].append(mesh)
-    return [(joined(meshes), stuff) for stuff, meshes in groups.values()]
+    return [(join_meshes(meshes), stuff) for stuff, meshes in groups.values()]
 
 
 class Joinery:
@@ -111,7 +111,7 @@ class Joinery:
     ) -> None:
         """Add a mesh, tilted about x, turned about z and shifted."""
         self._materials[id(stuff)] = stuff
-        self._meshes.setdefault(id(stuff), []).append(moved(mesh, offset, turn, tilt))
+        self._meshes.setdefault(id(stuff), []).append(move_mesh(mesh, offset, turn, tilt))
 
     def parts(self) -> list[tuple[Mesh, Material]]:
         """Return all parts so far, one mesh per material."""
@@ -120,4 +120,4 @@ class Joinery:
             low, high = np.array(corners, np.float64).transpose(1, 0, 2)
             shift = self.rng.uniform(0, 1, (len(low), 2))
             meshes.setdefault(key, []).append(boards(low, high, bevel, shift))
-        return [(joined(value), self._materials[key]) for key, value in meshes.items()]
+        return [(join_meshes(value), self._materials[key]) for key, value in meshes.items()]

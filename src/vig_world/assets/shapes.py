@@ -54,7 +54,7 @@ def smooth(points: Points, count: int) -> Array:
     return 0.5 * (2 * b + (c - a) * t + (2 * a - 5 * b + 4 * c - d) * t**2 + (3 * b - a - 3 * c + d) * t**3)
 
 
-def scaled(mesh: Mesh, factor: ArrayLike) -> Mesh:
+def scale_mesh(mesh: Mesh, factor: ArrayLike) -> Mesh:
     """Return the mesh times a positive factor, one for all axes or (3,) for each."""
     return Mesh((mesh.vertices * np.asarray(factor)).astype(np.float32), mesh.faces, mesh.uv)
 
@@ -187,7 +187,7 @@ def relief(x: ArrayLike, y: ArrayLike, top: ArrayLike, bottom: ArrayLike | float
     )
 
 
-def moved(mesh: Mesh, offset: ArrayLike = (0.0, 0.0, 0.0), turn: float = 0.0, tilt: float = 0.0) -> Mesh:
+def move_mesh(mesh: Mesh, offset: ArrayLike = (0.0, 0.0, 0.0), turn: float = 0.0, tilt: float = 0.0) -> Mesh:
     """Return the mesh tilted by `tilt` about x, then turned by `turn` about z (radians), then shifted."""
     ct, st, cz, sz = np.cos(tilt), np.sin(tilt), np.cos(turn), np.sin(turn)
     rotation = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]]) @ np.array(

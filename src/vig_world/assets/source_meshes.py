@@ -68,7 +68,7 @@ class SourceMesh:
         weight = 1 / (distance + 1e-3 * np.ptp(self.registered, axis=0).max()) ** 2
         return index, (weight / weight.sum(1, keepdims=True)).astype(np.float32)
 
-    def moved(self, template: np.ndarray) -> np.ndarray:
+    def follow_template(self, template: np.ndarray) -> np.ndarray:
         """Return vertices (V, 3) as the template moves from its place on the mesh to `template` (T, 3)."""
         index, weight = self._neighbours
         move = (template - self.registered).astype(np.float32)

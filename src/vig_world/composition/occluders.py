@@ -66,7 +66,7 @@ def draw_kind(
     suitable kinds are `hopeless`.
     """
     high = float(np.clip((stage.actor.elevation - 0.45) / 0.6, 0, 1))
-    missing = level - stage.hidden()
+    missing = level - stage.hidden_share()
     chances: dict[Kind, float] = {
         standing: 0.85 - 0.8 * high,
         in_hand: 0.08 + 0.42 * high,
@@ -108,11 +108,11 @@ def draw_large(
 def area_to_hide(stage: StagedRoom, level: float, nearness: float) -> float:
     """Return the area, m^2, of a silhouette, `nearness` of the object's distance away, that hides `level`."""
     view = stage.actor.view
-    pixels = (level - stage.hidden()) * len(stage.actor.pixels)
+    pixels = (level - stage.hidden_share()) * len(stage.actor.pixels)
     return pixels * (nearness * float(stage.actor.own.mean()) / view.camera.focal) ** 2
 
 
-def placed(
+def placed_prop(
     name: tuple[str, int], position: np.ndarray, rotation: np.ndarray, role: Role = "occluder"
 ) -> Placed:
     """Return a prop at (3,) turned by (3, 3), as plain data."""
@@ -124,7 +124,7 @@ def standing(stage: StagedRoom, rng: np.random.Generator, level: float) -> Occlu
     """Return a prop on the same support, between the camera and the object; moves sideways."""
     least_area = area_to_hide(stage, level, 0.7)
     names = [draw_large(stage, rng, (least_area, np.inf), True) for _ in range(PROPS)]
-    return _drawn(stage, "standing", level, names, rng.random((PROPS * TURNS, 3)))
+    return _draw_candidate(stage, "standing", level, names, rng.random((PROPS * TURNS, 3)))
 
 
 def in_hand(stage: StagedRoom, rng: np.random.Generator, level: float) -> OccluderCandidate | None:
@@ -134,10 +134,10 @@ def in_hand(stage: StagedRoom, rng: np.random.Generator, level: float) -> Occlud
     numbers = rng.integers(stage.library.members("arm"), size=GRASPS).tolist()
     arms = [stage.member("arm", number) for number in numbers]
     draws = rng.random((GRASPS, 7)), rng.standard_normal((GRASPS, 3))
-    return _drawn(stage, "in hand", level, [name], *draws, ends=(0.0, 0.4 * scale), arms=arms)
+    return _draw_candidate(stage, "in hand", level, [name], *draws, ends=(0.0, 0.4 * scale), arms=arms)
 
 
-def _fixed(
+def _draw_fixture(
     stage: StagedRoom,
     rng: np.random.Generator,
     level: float,
@@ -147,18 +147,18 @@ def _fixed(
     """Return a fixture that reaches into the frame; `ends` of its offset are over the object's scale."""
     name = stage.member(kind, int(rng.integers(stage.library.members("arm"))))
     scale, draws = stage.actor.scale, (rng.random((1, 7)), rng.standard_normal((1, 3)))
-    return _drawn(stage, kind, level, [name], *draws, ends=(ends[0] * scale, ends[1] * scale))
+    return _draw_candidate(stage, kind, level, [name], *draws, ends=(ends[0] * scale, ends[1] * scale))
 
 
-reaching = partial(_fixed, kind="arm", ends=(-0.2, 0.3))
+reaching = partial(_draw_fixture, kind="arm", ends=(-0.2, 0.3))
 """A bare hand and its arm before the object."""
-branch = partial(_fixed, kind="twig", ends=(-0.3, 0.2))
+branch = partial(_draw_fixture, kind="twig", ends=(-0.3, 0.2))
 """A leafy twig that reaches into the frame."""
-board = partial(_fixed, kind="board", ends=(-0.3, 0.3))
+board = partial(_draw_fixture, kind="board", ends=(-0.3, 0.3))
 """The end of a board: level above the object, as of a shelf, or its broad side to the camera."""
 
 
-def _drawn(
+def _draw_candidate(
     stage: StagedRoom,
     kind: str,
     level: float,
@@ -186,13 +186,13 @@ def _drawn(
     thin = int(library.sizes(*names[0]).argmin())
     normal = np.zeros((0, 3)) if normal is None else normal
     drawn = engine.draw_occluder(
-        stage.native, kind, uniform, normal, points, hands, thin, level, stage.hidden(), ends
+        stage.native, kind, uniform, normal, points, hands, thin, level, stage.hidden_share(), ends
     )
     if drawn is None:
         return None
     number, rows, least, most, front, bound = drawn
     position, hand_position, motion = rows[6:]
-    parts = [placed(names[number % len(names)], position, rows[:3])]
+    parts = [placed_prop(names[number % len(names)], position, rows[:3])]
     if arms:
-        parts.append(placed(arms[number], hand_position, rows[3:6], "holder"))
+        parts.append(placed_prop(arms[number], hand_position, rows[3:6], "holder"))
     return OccluderCandidate(parts, motion, least, most, kind == "standing", front, bound)

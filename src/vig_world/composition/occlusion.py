@@ -25,9 +25,9 @@ def hide(
     Args:
         last_resort: Whether unattached shelf boards are allowed, too.
     """
-    if target == 0 or abs(stage.hidden() - target) <= FIT_TOLERANCE:
+    if target == 0 or abs(stage.hidden_share() - target) <= FIT_TOLERANCE:
         return True
-    already = stage.hidden()
+    already = stage.hidden_share()
     count = 1 if target - already < 0.08 else int(rng.choice([1, 2, 3], p=[0.45, 0.35, 0.2]))
     levels = already + (target - already) * np.cumsum(rng.dirichlet(np.full(count, 2.0)))
     for level in levels[:-1]:
@@ -65,7 +65,7 @@ def _place(stage: StagedRoom, candidate: OccluderCandidate | None, level: float)
     if candidate.bound < level - FIT_TOLERANCE:
         return "too small"
     ends = candidate.least, candidate.most
-    placement = stage.settled(candidate.parts, candidate.motion, ends, level, FIT_TOLERANCE)
+    placement = stage.settle(candidate.parts, candidate.motion, ends, level, FIT_TOLERANCE)
     if isinstance(placement, str):
         return placement
     offset, depths = placement
@@ -78,9 +78,9 @@ def _place(stage: StagedRoom, candidate: OccluderCandidate | None, level: float)
         return "in furniture"
     if (np.minimum(stage.blockers, depths) < stage.behind).mean() > 0.3 + 0.5 * level:
         return "fills the frame"
-    parts = [part.shifted(shift) for part in candidate.parts]
+    parts = [part.shift(shift) for part in candidate.parts]
     arms = [part for part in parts if part.role == "holder" and part.family == "arm"]
-    if arms and (stage.seen(arms) <= depths)[np.isfinite(depths)].mean() < HAND_SHARE:
+    if arms and (stage.depth_of_props(arms) <= depths)[np.isfinite(depths)].mean() < HAND_SHARE:
         return "no hand"
     stage.add(parts, footprints, depths)
     return ""

@@ -65,7 +65,7 @@ def draw_manner(
     lens, angles = Lens(farther, float(roll)), (azimuth, float(elevation))
     if (gap := _gap(lens, object_class, vertices, *angles)) < LEAST_GAP:
         lens = replace(lens, farther=farther + LEAST_GAP - gap)
-    lens = _framed(lens, object_class, vertices, *angles)
+    lens = _framing_lens(lens, object_class, vertices, *angles)
     scale, shift = math.exp(rng.normal(0, SCALE)), rng.normal(0, SHIFT, 2)
     moved = (lens.shift[0] * scale + shift[0], lens.shift[1] * scale + shift[1])
     lens = replace(lens, scale=lens.scale * scale, shift=(float(moved[0]), float(moved[1])))
@@ -81,7 +81,7 @@ def _gap(
     return float((vertices @ view.rotation[2]).min() + view.translation[2]) / object_class.viewing_distance
 
 
-def _framed(
+def _framing_lens(
     lens: Lens, object_class: ObjectClass, vertices: np.ndarray, azimuth: float, elevation: float
 ) -> Lens:
     """Return a lens that frames the object as the window of its box does."""

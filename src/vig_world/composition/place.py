@@ -82,7 +82,7 @@ def find_place(
     number = int(rng.choice(layouts)) if layouts.start else int(rng.integers(layouts.stop))
     layout = library.plan(number).layout
     proposals = _Proposals(layout, actor, hidden[0] > 0, rng)
-    for place in proposals.sifted(rejected):
+    for place in proposals.sift(rejected):
         support = int(proposals.support[place])
 
         def stage_at(slid: float, place: int = place, support: int = support) -> StagedRoom:
@@ -91,7 +91,7 @@ def find_place(
             return StagedRoom.empty(library, actor, Room(number, support, zone, origin, turn, finishes))
 
         stage, slid = _hiding(stage_at, hidden)
-        share = stage.hidden()
+        share = stage.hidden_share()
         if not hidden[0] <= share <= hidden[1]:
             rejected["place hides too much" if share > hidden[1] else "place hides too little"] += 1
         elif np.isinf(stage.behind).any():
@@ -108,13 +108,13 @@ def find_place(
 def _hiding(stage_at: Callable[[float], StagedRoom], hidden: tuple[float, float]) -> tuple[StagedRoom, float]:
     """Return a stage moved out, by 0 to 1, from under things hiding too much of the object; and how much."""
     stage = stage_at(0.0)
-    if hidden[0] == 0 or stage.hidden() <= hidden[1]:
+    if hidden[0] == 0 or stage.hidden_share() <= hidden[1]:
         return stage, 0.0
     low, high = 0.0, 1.0
     for _ in range(SLIDES):
         slid = (low + high) / 2
         stage = stage_at(slid)
-        share = stage.hidden()
+        share = stage.hidden_share()
         if hidden[0] <= share <= hidden[1]:
             break
         low, high = (slid, high) if share > hidden[1] else (low, slid)
@@ -164,7 +164,7 @@ class _Proposals:
         self._propose = propose
         self.states, self._poses = propose(slice(None), 0.0)
 
-    def sifted(self, rejected: Counter[str]) -> list[int]:
+    def sift(self, rejected: Counter[str]) -> list[int]:
         """Return numbers of the first good places; the others are counted by the condition that they fail."""
         small = engine.PLACE_TOO_SMALL
         state = self.states if self.fits_any else np.full(len(self.states), small)

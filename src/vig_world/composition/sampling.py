@@ -181,12 +181,12 @@ def target_occlusion(seed: int, index: int, split: Split) -> float:
 
 def measure(library: Library, actor: Actor, room: Room, props: list[Placed]) -> float:
     """Return the hidden share of the object at the full size of the image, one sample per pixel."""
-    view = actor.view.scaled(IMAGE_SIZE / LAYOUT_SIZE)
+    view = actor.view.scale(IMAGE_SIZE / LAYOUT_SIZE)
     alone = depth([actor.item], view)[0]
     return float((depth(items_of(library, props, room), view)[0] < alone)[np.isfinite(alone)].mean())
 
 
-def turned(scene: SceneSpec, angle: float, origin: np.ndarray | float = 0.0) -> SceneSpec:
+def turn_scene(scene: SceneSpec, angle: float, origin: np.ndarray | float = 0.0) -> SceneSpec:
     """Return the scene in a frame that lies at `origin` (3,), turned back by `angle` radians about +Z.
 
     Everything turns about that place by the angle, the camera included; its azimuth and elevation are right
@@ -194,12 +194,12 @@ def turned(scene: SceneSpec, angle: float, origin: np.ndarray | float = 0.0) -> 
     """
     turn, room = about_z(angle), scene.room
 
-    def placed(position: tuple[float, float, float]) -> tuple[float, float, float]:
+    def place(position: tuple[float, float, float]) -> tuple[float, float, float]:
         x, y, z = (turn @ (np.array(position) - origin)).tolist()
         return x, y, z
 
     props = (
-        replace(prop, position=placed(prop.position), rotation=vector_of(turn @ prop.matrix()))
+        replace(prop, position=place(prop.position), rotation=vector_of(turn @ prop.matrix()))
         for prop in scene.props
     )
     return replace(
@@ -207,6 +207,6 @@ def turned(scene: SceneSpec, angle: float, origin: np.ndarray | float = 0.0) -> 
         azimuth=(scene.azimuth + angle) % (2 * math.pi),
         light=tuple(rotate_z(np.array(scene.light, np.float64), angle).tolist()),
         panorama_angle=scene.panorama_angle + angle,
-        room=replace(room, origin=placed(room.origin), turn=room.turn + angle),
+        room=replace(room, origin=place(room.origin), turn=room.turn + angle),
         props=tuple(props),
     )

@@ -121,7 +121,9 @@ def items_of(library: Library, placed: Iterable[Placed], room: Room | None = Non
     items = []
     if room is not None:
         items.append(Item(library.plan(room.layout).packed, room.rotation(), np.array(room.origin)))
-    return items + [Item(library.packed(p.family, p.asset), p.matrix(), np.array(p.position)) for p in placed]
+    return items + [
+        Item(library.pack_prop(p.family, p.asset), p.matrix(), np.array(p.position)) for p in placed
+    ]
 
 
 @dataclass
@@ -189,7 +191,7 @@ class StagedRoom:
         """Return the families of props that belong in a zone, but for those like the object."""
         return self.library.families(zone, self.actor.object_class.name)
 
-    def hidden(self, extra: np.ndarray | None = None) -> float:
+    def hidden_share(self, extra: np.ndarray | None = None) -> float:
         """Return the share of the object's pixels behind room and props, or one more depth image (75, 75)."""
         hidden, actor = self._hidden_pixels(), self.actor
         if extra is not None:
@@ -202,11 +204,11 @@ class StagedRoom:
             self._hidden = self.blockers.ravel()[self.actor.pixels] < self.actor.own
         return self._hidden
 
-    def seen(self, placed: list[Placed]) -> np.ndarray:
+    def depth_of_props(self, placed: list[Placed]) -> np.ndarray:
         """Return the depth (75, 75) of props alone."""
         return depth(items_of(self.library, placed), self.actor.view)[0]
 
-    def settled(
+    def settle(
         self,
         placed: list[Placed],
         motion: np.ndarray,
@@ -232,7 +234,7 @@ class StagedRoom:
     def obstacles(self) -> Footprint:
         """Return bounds of the object and of the props so far, as one of shape (N, ...)."""
         if self._obstacles is None:
-            self._obstacles = Footprint.stacked([self.actor.body, *self.solids])
+            self._obstacles = Footprint.stack_footprints([self.actor.body, *self.solids])
         return self._obstacles
 
     def on_support(self, support: Support, points: np.ndarray) -> np.ndarray:

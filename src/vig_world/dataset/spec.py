@@ -80,7 +80,7 @@ class Placed:
         """Return prop to world, (3, 3) float64."""
         return _matrix(self.rotation)
 
-    def shifted(self, way: np.ndarray) -> Placed:
+    def shift(self, way: np.ndarray) -> Placed:
         """Return the prop moved by (3,) metres."""
         x, y, z = (np.array(self.position) + way).tolist()
         return replace(self, position=(x, y, z))

@@ -87,7 +87,7 @@ def box(mask: np.ndarray, origin: tuple[int, int] = (0, 0)) -> list[int]:
 def camera(size: Size) -> dict[str, Any]:
     """Return `camera.json`: the standard camera, which all images of the paper's world share."""
     width, height = size
-    standard = View(Camera.standard(min(size)), np.eye(3), np.zeros(3)).framed(width, height).camera
+    standard = View(Camera.standard(min(size)), np.eye(3), np.zeros(3)).reframe(width, height).camera
     return {
         "cx": standard.cx,
         "cy": standard.cy,

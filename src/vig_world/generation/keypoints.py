@@ -57,7 +57,7 @@ def points_of(object_class: ObjectClass, vertices: np.ndarray) -> np.ndarray:
     return np.concatenate([named, corners, [(low + high) / 2]]).astype(np.float64)
 
 
-def mirrored(object_class: ObjectClass) -> list[int] | None:
+def mirror_order(object_class: ObjectClass) -> list[int] | None:
     """Return which keypoint each one is in a mirror image of an object: (N,); None where it shows none."""
     if not object_class.mirror:
         return None
@@ -99,10 +99,10 @@ def keypoints(dataset: Dataset, object_class: ObjectClass, indices: Iterable[int
         depth, mask = (dataset.read(kind, [index])[0] for kind in ("depth", "mask_visib"))
         points = points_of(object_class, vertices)
         slack = SLACK * float(np.linalg.norm(np.ptp(vertices, axis=0)))
-        yield _located(points, len(object_class.points), view, depth, mask, slack)
+        yield _locate_keypoints(points, len(object_class.points), view, depth, mask, slack)
 
 
-def _located(
+def _locate_keypoints(
     points: np.ndarray, on_surface: int, view: View, depth: np.ndarray, mask: np.ndarray, slack: float
 ) -> Keypoints:
     """Project points (N, 3), of which the first `on_surface` lie on the object, into a view with depth

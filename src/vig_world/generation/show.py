@@ -24,7 +24,7 @@ MARGIN, CAPTION = 10, 22
 TINT, OUTLINE, DARK = np.array([255, 40, 160]), (40, 230, 255), (20, 20, 20)
 
 
-def chosen(occlusion: np.ndarray, count: int) -> np.ndarray:
+def choose_samples(occlusion: np.ndarray, count: int) -> np.ndarray:
     """Return indices of `count` samples (all when there are fewer), evenly over the ranks of occlusion."""
     order = np.argsort(occlusion, kind="stable")
     return order[np.linspace(0, len(order) - 1, min(count, len(order))).round().astype(int)]
@@ -52,7 +52,7 @@ def contact_sheet(
     """
     if count < 1:
         raise UserError(f"count must be at least 1; got {count}")
-    indices = chosen(dataset.occlusion, count)
+    indices = choose_samples(dataset.occlusion, count)
     scale = max(TILE[0], min(TILE[1], min(dataset.size))) / min(dataset.size)
     width, height = (round(scale * side) for side in dataset.size)
     columns = min(max(1, round(SHEET / (width + MARGIN))), len(indices))
@@ -68,7 +68,7 @@ def contact_sheet(
         tile = photo.resize((width, height), Image.Resampling.LANCZOS)
         if labels:
             alone, seen = (dataset.read(kind, [index])[0] for kind in ("mask", "mask_visib"))
-            tile = _labelled(tile, alone, seen)
+            tile = _label_tile(tile, alone, seen)
         if points is not None and object_class is not None:
             _draw_keypoints(ImageDraw.Draw(tile), next(points), len(object_class.points), scale)
         sheet.paste(tile, (x, y))
@@ -80,7 +80,7 @@ def contact_sheet(
     return Path(path)
 
 
-def _labelled(tile: Image.Image, alone: np.ndarray, seen: np.ndarray) -> Image.Image:
+def _label_tile(tile: Image.Image, alone: np.ndarray, seen: np.ndarray) -> Image.Image:
     """Return a photo with the object's hidden part tinted, and outline and box of the visible part."""
     alone, seen = (
         np.asarray(Image.fromarray(mask).convert("L").resize(tile.size, Image.Resampling.BILINEAR)) > 127

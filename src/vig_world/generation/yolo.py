@@ -11,7 +11,7 @@ from vig_world.dataset.read import read_dataset
 from vig_world.dataset.spec import SPLITS
 from vig_world.generation.coco import bounding_box, copy_image
 from vig_world.generation.files import refuse_used, write_bytes
-from vig_world.generation.keypoints import dataset_class, keypoints, mirrored, names_of
+from vig_world.generation.keypoints import dataset_class, keypoints, mirror_order, names_of
 
 DESCRIPTION = "data.yaml"
 USES = {"train": ("train", "validation", "test"), "val": ("validation", "test", "train"), "test": ("test",)}
@@ -54,7 +54,7 @@ def _description(out: Path, object_class: ObjectClass) -> str:
     Raises UserError when the one that is there is of another class.
     """
     names = names_of(object_class)
-    flipped = mirrored(object_class)
+    flipped = mirror_order(object_class)
     body = "".join(
         f"{key}: {json.dumps(value)}\n"
         for key, value in {

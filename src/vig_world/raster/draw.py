@@ -87,7 +87,7 @@ def draw(
         None if colouring is None else colours,
         normals,
     )
-    canvas = engine.silhouette(target.native, view.widened(CANVAS).native)
+    canvas = engine.silhouette(target.native, view.widen(CANVAS).native)
     height, width, aside = camera.height, camera.width, (CANVAS - 1) // 2
     amodal = canvas[aside * height : (aside + 1) * height, aside * width : (aside + 1) * width]
     half = SAMPLES**2 / 2

@@ -32,21 +32,21 @@ class TextureLevels:
         """
         level = np.asarray(texture, np.float32)
         for axis in (0, 1):
-            level = _resampled(level, axis)
+            level = _resample(level, axis)
         height, width = level.shape[:2]
-        levels = [_encoded(level)]
+        levels = [_encode(level)]
         while min(level.shape[:2]) > 1:
             level = 0.25 * (level[::2, ::2] + level[1::2, ::2] + level[::2, 1::2] + level[1::2, 1::2])
-            levels.append(_encoded(level))
+            levels.append(_encode(level))
         return TextureLevels(np.concatenate(levels), (width.bit_length() - 1, height.bit_length() - 1))
 
 
-def _encoded(level: np.ndarray) -> np.ndarray:
+def _encode(level: np.ndarray) -> np.ndarray:
     root = np.sqrt(np.clip(level.reshape(-1, 3), 0, 1)) * 255 + 0.5
     return root.astype(np.uint32) @ np.array([1, 1 << 8, 1 << 16], np.uint32)
 
 
-def _resampled(level: np.ndarray, axis: int) -> np.ndarray:
+def _resample(level: np.ndarray, axis: int) -> np.ndarray:
     size = level.shape[axis]
     wanted = min(MOST_TEXELS, 1 << max(0, round(np.log2(size))))
     if size == wanted:

@@ -42,8 +42,11 @@ def rasterize(
         camera: Its intrinsics.
         cull: Leave out faces turned away (clockwise).
     """
-    vertices, faces = _checked("vertices", vertices, "V, 3"), _checked("faces", faces, "F, 3", "iu")
-    rotation, translation = _checked("rotation", rotation, "3, 3"), _checked("translation", translation, "3")
+    vertices, faces = _check_array("vertices", vertices, "V, 3"), _check_array("faces", faces, "F, 3", "iu")
+    rotation, translation = (
+        _check_array("rotation", rotation, "3, 3"),
+        _check_array("translation", translation, "3"),
+    )
     if not isinstance(camera, Camera):
         raise ValueError(f"camera must be a Camera; got a {type(camera).__name__}. Pass a vig.Camera.")
     try:
@@ -55,7 +58,7 @@ def rasterize(
     return Fragments(*engine.rasterize(points, faces.astype(np.int32), eye, NEAR, cull))
 
 
-def _checked(name: str, values: np.ndarray, shape: str, kinds: str = "fiu") -> np.ndarray:
+def _check_array(name: str, values: np.ndarray, shape: str, kinds: str = "fiu") -> np.ndarray:
     """Check an array against a shape such as "V, 3", in which a letter is any number. Raises ValueError."""
     array = np.asarray(values)
     sizes = shape.split(", ")

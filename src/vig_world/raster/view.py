@@ -49,7 +49,7 @@ class View:
         width, height = (size, size) if isinstance(size, int) else size
         side = min(width, height)
         square = View.through(spec.lens, object_class, spec.azimuth, spec.elevation, side)
-        return square.framed(width, height)
+        return square.reframe(width, height)
 
     @staticmethod
     @lru_cache(maxsize=64)
@@ -68,14 +68,14 @@ class View:
         placed = camera.distance, camera.target_height, camera.roll  # the same for images of all sizes
         return View(camera, *_pose(*placed, azimuth, elevation))
 
-    def widened(self, factor: int) -> View:
+    def widen(self, factor: int) -> View:
         """Return the same view on a canvas `factor` (odd) times as large, whose middle is this frame."""
         c, aside = self.camera, (factor - 1) // 2
         cx, cy = c.cx + aside * c.width, c.cy + aside * c.height
         camera = Camera(factor * c.width, factor * c.height, c.focal, cx, cy)
         return View(camera, self.rotation, self.translation)
 
-    def framed(self, width: int, height: int) -> View:
+    def reframe(self, width: int, height: int) -> View:
         """Return the same view in a frame of width x height pixels with the same middle."""
         c = self.camera
         if (width, height) == (c.width, c.height):
@@ -83,9 +83,9 @@ class View:
         cx, cy = c.cx + (width - c.width) / 2, c.cy + (height - c.height) / 2
         return View(replace(c, width=width, height=height, cx=cx, cy=cy), self.rotation, self.translation)
 
-    def scaled(self, factor: float) -> View:
+    def scale(self, factor: float) -> View:
         """Return the same view in an image `factor` times as wide and high."""
-        return View(self.camera.scaled(factor), self.rotation, self.translation)
+        return View(self.camera.scale(factor), self.rotation, self.translation)
 
     @cached_property
     def eye(self) -> np.ndarray:

@@ -33,7 +33,7 @@ class Appearance:
     normal: np.ndarray
     albedo: np.ndarray
 
-    def averaged(self, samples: int) -> tuple[np.ndarray, np.ndarray]:
+    def average(self, samples: int) -> tuple[np.ndarray, np.ndarray]:
         """Return mean colour (h, w, 3) and coverage (h, w), float32, of pixels of `samples`^2 samples."""
         sums = np.zeros((*self.on.shape, 4), np.float32)
         sums[self.on] = np.concatenate([self.colour, np.ones((len(self.colour), 1))], axis=1)
@@ -76,11 +76,13 @@ def appearance_of(
     weights = fragments.barycentric.reshape(-1, 3).take(places, axis=0).T
     table = np.concatenate([vertices.T, normals.T, irradiance[None]])
     rows = sum(weights[corner] * table.take(corners[corner], axis=1) for corner in range(3))
-    look = coloured(coat, model, rows[:3], rows[3:6], rows[6], corners[0], view.eye, mirrored, reflectance)
+    look = colour_points(
+        coat, model, rows[:3], rows[3:6], rows[6], corners[0], view.eye, mirrored, reflectance
+    )
     return Appearance(on, *look)
 
 
-def coloured(
+def colour_points(
     coat: Coat,
     model: ShapeModel,
     points: np.ndarray,

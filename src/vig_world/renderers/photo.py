@@ -87,7 +87,7 @@ def photograph(
         raise ValueError("a picture in linear light must be finite and at least 0; got other values")
     settings = PhotoSettings.draw(rng) if settings is None else settings
     light = _through_lens(linear.astype(np.float64), settings)
-    signal = _counted(light, settings, rng) * np.array(settings.white_balance)
+    signal = _count_photons(light, settings, rng) * np.array(settings.white_balance)
     return _jpeg(srgb8_from_linear(signal), settings), settings
 
 
@@ -100,7 +100,7 @@ def _through_lens(linear: np.ndarray, settings: PhotoSettings) -> np.ndarray:
     if settings.motion > 0:
         steps = np.linspace(-0.5, 0.5, 7) * settings.motion
         shifts = np.stack([np.sin(settings.motion_angle) * steps, np.cos(settings.motion_angle) * steps], 1)
-        light = np.mean([_shifted(light, dy, dx) for dy, dx in shifts], axis=0)
+        light = np.mean([_shift(light, dy, dx) for dy, dx in shifts], axis=0)
     reach = np.arange(-3, 4)
     kernel = np.exp(-0.5 * (reach / settings.blur) ** 2)
     kernel /= kernel.sum()
@@ -109,14 +109,14 @@ def _through_lens(linear: np.ndarray, settings: PhotoSettings) -> np.ndarray:
     return light
 
 
-def _counted(light: np.ndarray, settings: PhotoSettings, rng: np.random.Generator) -> np.ndarray:
+def _count_photons(light: np.ndarray, settings: PhotoSettings, rng: np.random.Generator) -> np.ndarray:
     """Return the sensor's signal in [0, 1]: exposed, with shot noise (a Gaussian) and read noise, clipped."""
     electrons = light * (2.0**settings.exposure * settings.electrons)
     electrons += np.sqrt(electrons + settings.read_noise**2) * rng.standard_normal(light.shape)
     return (electrons / settings.electrons).clip(0, 1)
 
 
-def _shifted(image: np.ndarray, dy: float, dx: float) -> np.ndarray:
+def _shift(image: np.ndarray, dy: float, dx: float) -> np.ndarray:
     """Return the image (H, W, 3) looked up dy rows down and dx columns to the right, bilinearly."""
     y, x = int(np.floor(dy)), int(np.floor(dx))
     fy, fx = dy - y, dx - x

@@ -15,7 +15,7 @@ from vig_world.raster.draw import Colouring, SurfaceSamples, draw
 from vig_world.raster.items import Item, Target
 from vig_world.raster.picture import Picture
 from vig_world.raster.view import View
-from vig_world.renderers.coated import coloured
+from vig_world.renderers.coated import colour_points
 
 
 def render(
@@ -29,11 +29,11 @@ def render(
     vertices = target_vertices(spec, object_class)
     target = Target.of(object_class, vertices, spec.shape, spec.albedo, spec.light)
     view = View.of_scene(spec, object_class) if view is None else view
-    colouring = None if spec.coat is None else _coated(library, spec, spec.coat, object_class, view)
+    colouring = None if spec.coat is None else _colour_object(library, spec, spec.coat, object_class, view)
     return draw(items_of(library, spec), target, view, spec.light, colouring, normals)
 
 
-def _coated(
+def _colour_object(
     library: Library, spec: SceneSpec, coat: Coat, object_class: ObjectClass, view: View
 ) -> Colouring:
     """Return the object's colours, of its coat in the scene's light."""
@@ -41,7 +41,7 @@ def _coated(
 
     def colouring(at: SurfaceSamples) -> np.ndarray:
         model, eye = object_class.shape_model, view.eye
-        return coloured(coat, model, at.points, at.normals, at.irradiance, at.vertices, eye, mirrored)[0]
+        return colour_points(coat, model, at.points, at.normals, at.irradiance, at.vertices, eye, mirrored)[0]
 
     return colouring
 
@@ -76,6 +76,6 @@ def items_of(library: Library, spec: SceneSpec) -> list[Item]:
     pose = (spec.room.rotation(), np.array(spec.room.origin))
     items = [Item(room, *pose, finishes=finishes, is_support=True)]
     for number, placed in enumerate(spec.props):
-        packed = library.packed(placed.family, placed.asset)
+        packed = library.pack_prop(placed.family, placed.asset)
         items.append(Item(packed, placed.matrix(), np.array(placed.position), number + 1))
     return items

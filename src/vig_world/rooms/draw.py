@@ -7,12 +7,12 @@ from scipy import ndimage
 
 from vig_world.assets.joinery import by_finish
 from vig_world.assets.materials import plain, slot_material
-from vig_world.assets.shapes import moved, scaled
+from vig_world.assets.shapes import move_mesh, scale_mesh
 from vig_world.assets.things import Furniture, Material
 from vig_world.rooms import fittings, openings
 from vig_world.rooms.kinds import KINDS
 from vig_world.rooms.layout import Layout
-from vig_world.rooms.measures import CELL, floor_supports, measured, occupied
+from vig_world.rooms.measures import CELL, floor_supports, measure_support, occupied_cells
 from vig_world.rooms.plan import HEADROOM, Body, Make, Plan
 from vig_world.rooms.shell import Opening, Wall, shell, walls_of
 
@@ -41,13 +41,13 @@ def draw_layout(rng: np.random.Generator, furniture: Make) -> Layout:
 
     name = str(rng.choice(list(KINDS), p=[0.2, 0.16, 0.18, 0.1, 0.1, 0.06, 0.08, 0.12]))
     for attempt in range(_ATTEMPTS):
-        layout = _drawn(name, np.random.default_rng(rng.integers(2**63)), make, attempt == _ATTEMPTS - 1)
+        layout = _attempt(name, np.random.default_rng(rng.integers(2**63)), make, attempt == _ATTEMPTS - 1)
         if layout is not None:
             return layout
     raise AssertionError("the last attempt always gives a layout")
 
 
-def _drawn(name: str, rng: np.random.Generator, make: Make, always: bool) -> Layout | None:
+def _attempt(name: str, rng: np.random.Generator, make: Make, always: bool) -> Layout | None:
     """Return one attempt; None if the room is not walkable."""
     kind = KINDS[name]
     outline = _outline(rng, kind.sides)
@@ -62,7 +62,7 @@ def _drawn(name: str, rng: np.random.Generator, make: Make, always: bool) -> Lay
     plan.parts += shell(rng, outline, height, doors + windows, depth, paint)
     for opening in doors:
         wall = walls[opening.wall]
-        plan.parts += [(wall.placed(mesh), stuff) for mesh, stuff in openings.door(rng, opening, paint)]
+        plan.parts += [(wall.place_mesh(mesh), stuff) for mesh, stuff in openings.door(rng, opening, paint)]
         plan.kept.append(_zone(wall, opening.left - 0.08, opening.right + 0.08, 0.9, 0.0, HEADROOM))
     curtained = name not in ("kitchen", "cafe", "living kitchen") and rng.uniform() < 0.7
     for opening in windows:
@@ -71,7 +71,7 @@ def _drawn(name: str, rng: np.random.Generator, make: Make, always: bool) -> Lay
     _hang(plan)
     rugs = _lay_rugs(plan, name)
     _light(plan, name)
-    supports = [measured(plan, support) for support in plan.supports]
+    supports = [measure_support(plan, support) for support in plan.supports]
     supports = [s for s in supports if s.clearance > 0.1]
     supports += floor_supports(plan, rugs + [_zone(walls[o.wall], o.left, o.right, 0.5, 0, 1) for o in doors])
     if not always and not (len(plan.placed) > 2 and walkable(plan)):
@@ -135,8 +135,8 @@ def _add_window(plan: Plan, opening: Opening, depth: float, paint: Material, cur
     left, right = openings.reach(opening, curtained)
     fits = left > 0.02 and right < wall.length - 0.02
     parts, sill = openings.window(rng, opening, depth, paint, curtained and fits)
-    plan.parts += [(wall.placed(mesh), stuff) for mesh, stuff in parts]
-    plan.supports.append(sill.moved((*wall.start, 0.0), wall.angle))
+    plan.parts += [(wall.place_mesh(mesh), stuff) for mesh, stuff in parts]
+    plan.supports.append(sill.move((*wall.start, 0.0), wall.angle))
     plan.kept.append(_zone(wall, opening.left, opening.right, 0.35, opening.low + ABOVE_SILL, opening.high))
     sill_low = opening.low - openings.SILL
     plan.bodies.append(
@@ -158,7 +158,7 @@ def _add_window(plan: Plan, opening: Opening, depth: float, paint: Material, cur
             size = np.array([wide, RADIATOR - 0.005, high]) / (piece.high - piece.low)
             middle = (a + wide / 2, RADIATOR / 2, 0.0)
             for mesh, stuff in piece.furniture.parts:
-                plan.parts.append((wall.placed(moved(scaled(mesh, size), middle, np.pi)), stuff))
+                plan.parts.append((wall.place_mesh(move_mesh(scale_mesh(mesh, size), middle, np.pi)), stuff))
             plan.bodies.append(body)
 
 
@@ -178,8 +178,8 @@ def _hang(plan: Plan) -> None:
         wider = _zone(wall, along - wide / 2 - 0.05, along + wide / 2 + 0.05, 0.1, body.low - 0.05, body.high)
         if not plan.free([wider]):
             continue
-        parts = [(moved(m, (along, 0, middle)), stuff) for m, stuff in fittings.picture(rng, wide, high)]
-        plan.parts += [(wall.placed(mesh), stuff) for mesh, stuff in parts]
+        parts = [(move_mesh(m, (along, 0, middle)), stuff) for m, stuff in fittings.picture(rng, wide, high)]
+        plan.parts += [(wall.place_mesh(mesh), stuff) for mesh, stuff in parts]
         plan.bodies.append(body)
 
 
@@ -202,7 +202,7 @@ def _lay_rugs(plan: Plan, name: str) -> list[Body]:
         x, y = (half * shrink).tolist()
         body = Body.of((-x, -y, x, y, 0.0, fittings.RUG), (float(at[0]), float(at[1]), 0.0), turn)
         if plan.indoors(body):
-            plan.parts += [(moved(m, (*at, 0.0), turn), stuff) for m, stuff in fittings.rug(rng, (x, y))]
+            plan.parts += [(move_mesh(m, (*at, 0.0), turn), stuff) for m, stuff in fittings.rug(rng, (x, y))]
             return [body]
     return []
 
@@ -231,14 +231,15 @@ def _hang_lamp(plan: Plan, family: str, at: tuple[float, float], drop: float | N
     if plan.height - z > LOWEST_LAMP and plan.free([body]):
         place = (*at, plan.height - z)
         plan.parts += [
-            (moved(scaled(mesh, (1, 1, stretch)), place), stuff) for mesh, stuff in piece.furniture.parts
+            (move_mesh(scale_mesh(mesh, (1, 1, stretch)), place), stuff)
+            for mesh, stuff in piece.furniture.parts
         ]
         plan.bodies.append(body)
 
 
 def walkable(plan: Plan) -> bool:
     """Return whether from the first door a person reaches most of the floor wide enough to stand on."""
-    taken, _ = occupied(plan, [b for b in plan.bodies if b.low < HEADROOM and b.high > 0.05])
+    taken, _ = occupied_cells(plan, [b for b in plan.bodies if b.low < HEADROOM and b.high > 0.05])
     wide = round(SHOULDERS / CELL)
     stand = ndimage.binary_opening(np.pad(~taken, wide), np.ones((wide, wide)))
     labels, count = ndimage.label(stand)

@@ -27,7 +27,7 @@ def _rectangle(support: Support) -> Body:
     return Body.of((-x, -y, x, y, 0.0, 0.3), support.centre, support.turn)
 
 
-def measured(plan: Plan, support: Support) -> Support:
+def measure_support(plan: Plan, support: Support) -> Support:
     """Return the support with `clearance` to things above it, and `behind` to things behind it.
 
     It ends before a narrow thing above its back edge, such as a window sill.
@@ -36,7 +36,7 @@ def measured(plan: Plan, support: Support) -> Support:
     above = [b for b in plan.bodies if b.low > z + 0.005]
     hanging = _under(above, support)
     for trim in TRIMS:
-        shorter = _trimmed(support, trim)
+        shorter = _trim_support(support, trim)
         clear = _under(above, shorter)
         if clear > hanging + 0.2 and shorter.half[1] > 0.06:
             support, hanging = shorter, clear
@@ -53,7 +53,7 @@ def _under(bodies: list[Body], support: Support) -> float:
     return min(lows, default=float("inf")) - support.centre[2] - 0.005
 
 
-def _trimmed(support: Support, depth: float) -> Support:
+def _trim_support(support: Support, depth: float) -> Support:
     """Return the support without a strip along its +y edge."""
     x, y, z = support.centre
     back = depth / 2
@@ -90,7 +90,7 @@ def behind_of(plan: Plan, support: Support) -> float:
     return best if best < NEAR else float("inf")
 
 
-def occupied(plan: Plan, bodies: list[Body]) -> tuple[Array, Array]:
+def occupied_cells(plan: Plan, bodies: list[Body]) -> tuple[Array, Array]:
     """Return which cells (R, C) of the floor's bounding box are not free, and its lower corner (2,).
 
     A cell counts if any of it is in a body's bounding rectangle, or outdoors.
@@ -108,7 +108,7 @@ def occupied(plan: Plan, bodies: list[Body]) -> tuple[Array, Array]:
 
 def floor_supports(plan: Plan, avoid: list[Body], most: int = 4) -> list[Support]:
     """Return free rectangles of the bare floor, the larger first; their +y points to the nearest thing."""
-    taken, low = occupied(plan, [b for b in plan.bodies if b.low < 1.0] + avoid)
+    taken, low = occupied_cells(plan, [b for b in plan.bodies if b.low < 1.0] + avoid)
     result: list[Support] = []
     free = ~taken
     while len(result) < most:
@@ -118,17 +118,17 @@ def floor_supports(plan: Plan, avoid: list[Body], most: int = 4) -> list[Support
             break
         free[row:row_end, column:column_end] = False
         start = low + CELL * np.array([column, row])
-        result.append(_turned(plan, start + size / 2, size / 2 - SKIRTED))
+        result.append(_facing_support(plan, start + size / 2, size / 2 - SKIRTED))
     return result
 
 
-def _turned(plan: Plan, centre: Array, half: Array, z: float = 0.0) -> Support:
+def _facing_support(plan: Plan, centre: Array, half: Array, z: float = 0.0) -> Support:
     """Return a level rectangle whose +y points to the nearest thing that closes a side of it."""
     best: Support | None = None
     for quarter in range(4):
         own = (float(half[quarter % 2]), float(half[1 - quarter % 2]))
         support = Support("floor", (float(centre[0]), float(centre[1]), z), own, quarter * np.pi / 2)
-        support = measured(plan, support)
+        support = measure_support(plan, support)
         if best is None or support.behind < best.behind:
             best = support
     assert best is not None

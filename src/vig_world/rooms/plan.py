@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vig_world.assets.shapes import moved
+from vig_world.assets.shapes import move_mesh
 from vig_world.assets.things import Furniture, Support
 from vig_world.rooms.shell import Part, Wall, walls_of
 
@@ -236,12 +236,13 @@ class Plan:
         self._aisles[id(placed)] = aisles
         self.placed.append(placed)
         self.parts += [
-            (moved(mesh, placed.offset, placed.turn), stuff) for mesh, stuff in placed.piece.furniture.parts
+            (move_mesh(mesh, placed.offset, placed.turn), stuff)
+            for mesh, stuff in placed.piece.furniture.parts
         ]
         supports = placed.piece.furniture.supports
         if aside:
             supports = tuple(sideways(support) for support in supports)
-        self.supports += [support.moved(placed.offset, placed.turn) for support in supports]
+        self.supports += [support.move(placed.offset, placed.turn) for support in supports]
         return True
 
     def _spots(self, number: int, half: float, snug: bool) -> list[float]:

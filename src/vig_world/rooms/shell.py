@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vig_world.assets.shapes import moved
+from vig_world.assets.shapes import move_mesh
 from vig_world.assets.textures import texture
 from vig_world.assets.things import Material
 from vig_world.mesh import Mesh
@@ -35,9 +35,9 @@ class Wall:
         c, s = np.cos(self.angle), np.sin(self.angle)
         return np.array(self.start) + [c * along - s * inside, s * along + c * inside]
 
-    def placed(self, mesh: Mesh) -> Mesh:
+    def place_mesh(self, mesh: Mesh) -> Mesh:
         """Return a mesh of the wall's frame in the room's."""
-        return moved(mesh, (*self.start, 0.0), self.angle)
+        return move_mesh(mesh, (*self.start, 0.0), self.angle)
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ def _wall(wall: Wall, height: float, openings: list[Opening], depth: float) -> M
         corners += recess
         uv += [[(x + y, z) for x, y, z in quad] for quad in recess[:2]]
         uv += [[(x, z + y) for x, y, z in recess[2]]]
-    return wall.placed(quads(corners, np.array(uv)))
+    return wall.place_mesh(quads(corners, np.array(uv)))
 
 
 def _moulding(wall: Wall, profile: list[tuple[float, float]], gaps: list[Opening]) -> list[Mesh]:
@@ -164,7 +164,7 @@ def _moulding(wall: Wall, profile: list[tuple[float, float]], gaps: list[Opening
                 cap = [(at, y, z) for y, z in (profile[0], profile[1], profile[-1], (0.0, profile[0][1]))]
                 corners.append(cap[::-1] if not flip else cap)
                 uv.append([(y, z) for _, y, z in corners[-1]])
-        result.append(wall.placed(quads(corners, np.array(uv))))
+        result.append(wall.place_mesh(quads(corners, np.array(uv))))
     return result
 
 

@@ -202,7 +202,7 @@ def test_explain_asks_the_recognizer_and_explains_each_photo(
     whole: Case, occluded: Case, teapot: ObjectClass
 ) -> None:
     photos = np.stack([whole.photo, occluded.photo])
-    both = Prediction.joined([whole.prediction, occluded.prediction])
+    both = Prediction.concatenate([whole.prediction, occluded.prediction])
     asked = []
 
     def recognizer(given: np.ndarray) -> Prediction:
@@ -301,8 +301,8 @@ def test_deviations_are_widened_by_scale_floor_and_residual() -> None:
     scale, floor = np.array([[30.0, 1.0], [50.0, 1.0]]), np.array([[4.0, 0.0], [12.0, 0.0]])
     said = replace(saying(0.0, 0.0, scale), floor=floor)
     deviation = np.array([0.1, 1e-6])
-    assert said.widened(deviation, features, True).tolist() == pytest.approx([2.5, LEAST_DEVIATION])
-    assert said.widened(deviation, features, False).tolist() == pytest.approx([6.5, LEAST_DEVIATION])
+    assert said.widen_deviations(deviation, features, True).tolist() == pytest.approx([2.5, LEAST_DEVIATION])
+    assert said.widen_deviations(deviation, features, False).tolist() == pytest.approx([6.5, LEAST_DEVIATION])
 
 
 def test_deviations_are_those_of_all_numbers_together(whole: Case, teapot: ObjectClass) -> None:

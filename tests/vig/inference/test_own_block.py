@@ -96,7 +96,7 @@ def test_a_layout_without_a_block_is_fitted_without_it(teapot: ObjectClass) -> N
 
 
 def test_a_held_block_stays_where_it_is_held(teapot: ObjectClass) -> None:
-    layout = point_layout(2).with_blocks(ROLL.held(0.1))
+    layout = point_layout(2).with_blocks(ROLL.hold(0.1))
     objective, point = searched(layout, teapot, 0.3)
     assert point[layout["roll"]] == 0.1
     free = searched(point_layout(2).with_blocks(ROLL), teapot, 0.3)[0]

@@ -79,7 +79,7 @@ def test_a_start_is_framed_so_that_its_outline_has_the_box_of_the_predicted_mask
     begin = starts(given, 6, teapot)
     found = framings(begin, given, objective)
     assert found.shape == (6, 4) and len(np.unique(found, axis=0)) == 6, "the others are perturbed"
-    camera = objective.likelihood.camera.framed(*found[0].tolist())
+    camera = objective.likelihood.camera.apply_framing(*found[0].tolist())
     cover = render_latents(given.best(), teapot, camera, samples=2).coverage[0].numpy() > 0.5
     rows, columns = np.flatnonzero(cover.any(1)), np.flatnonzero(cover.any(0))
     box = [columns[0], rows[0], columns[-1] + 1, rows[-1] + 1]

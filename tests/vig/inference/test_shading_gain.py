@@ -14,7 +14,7 @@ from vig.inference import ExplainSettings, explain_one
 from vig.inference.posterior import objective_of
 from vig.inference.refinement import Selection
 from vig.inference.settings import PHOTO, PICTURE, for_tracking
-from vig.inference.shading_gain import BRIGHTEST, LEAST, MOST, _divided, _gain, with_shading_gain
+from vig.inference.shading_gain import BRIGHTEST, LEAST, MOST, _divide_by_gain, _gain, with_shading_gain
 from vig.likelihood import GAUSSIAN
 from vig.recognition import Prediction
 from vig.scene import Latents, ObjectClass
@@ -85,13 +85,13 @@ def test_a_divided_photo_has_the_density_of_the_photo(studio, teapot: ObjectClas
     photo, truth, prediction = shaded(studio)
     objective = objective_of(photo, prediction, teapot, SETTINGS)
     point = objective.point(truth)
-    half = _divided(objective, np.full(photo.shape[:2], 0.5))
+    half = _divide_by_gain(objective, np.full(photo.shape[:2], 0.5))
     expected = objective_of(2 * photo, prediction, teapot, SETTINGS).likelihood.observed
     assert_close(half.likelihood.observed, expected)
     difference = half.likelihood.log_prior - objective.likelihood.log_prior
     assert_close(difference[..., 0], np.full_like(difference[..., 0], -3 * math.log(0.5)))
     assert not difference[..., 1:].any()
-    one = _divided(objective, np.ones(photo.shape[:2]))
+    one = _divide_by_gain(objective, np.ones(photo.shape[:2]))
     assert one.of_one(point, 0.03).value == objective.of_one(point, 0.03).value
 
 
@@ -142,7 +142,7 @@ def test_the_gain_keeps_its_bounds(factor: float, studio, teapot: ObjectClass) -
     point = objective.point(truth)
     gain = _gain(objective, objective, point, NOISE, 1e-9)
     assert gain is not None and gain.factor.min() >= LEAST and gain.factor.max() <= MOST
-    assert _divided(objective, gain.factor).likelihood.observed.max() <= BRIGHTEST
+    assert _divide_by_gain(objective, gain.factor).likelihood.observed.max() <= BRIGHTEST
 
 
 def test_photographs_frames_and_the_gaussian_model_are_without(studio, teapot: ObjectClass) -> None:

@@ -33,7 +33,7 @@ def test_bins_that_look_the_same_are_added() -> None:
     at = np.radians([17.5, 197.5, 107.5])
     assert_close(np.exp(half.log_mass(at)[:2]), np.full(2, 0.8), atol=1e-3, rtol=0)
     assert half.log_mass(at)[2] < math.log(0.01)
-    assert len(half[0:1]) == 1 and Prediction.joined([half, half]).symmetry is Symmetry.HALF_TURN
+    assert len(half[0:1]) == 1 and Prediction.concatenate([half, half]).symmetry is Symmetry.HALF_TURN
 
 
 def test_a_peak_across_the_fold_is_one_peak() -> None:

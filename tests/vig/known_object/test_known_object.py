@@ -169,7 +169,7 @@ def test_a_pose_that_is_the_best_at_last_is_refined(pack: Path) -> None:
     middle = true[:3, :3] @ surface.middle + true[:3, 3]
     poses = Poses((turns @ true[:3, :3]).astype(np.float32), np.tile(middle, (4, 1)).astype(np.float32),
                   np.array([-30.0, -30.0, -30.0, -9.0]))  # fmt: skip
-    refined = poses.refined(surface, picture, Stage(2, 80, 60, (0.06, 0.008, 0.012), 1.5))
+    refined = poses.refine(surface, picture, Stage(2, 80, 60, (0.06, 0.008, 0.012), 1.5))
     assert len(refined.scores) == 4 and refined.scores[0] == refined.scores.max() > -9
     assert np.degrees(Rotation.from_matrix(refined.rotations[0] @ true[:3, :3].T).magnitude()) < 4
 

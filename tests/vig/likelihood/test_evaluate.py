@@ -9,7 +9,7 @@ import pytest
 from tests.support import assert_close, points_of
 from tests.vig.likelihood.mixture import mixture
 from vig.likelihood import Geometry, Likelihood, Photos
-from vig.recognition.network import latents_of, mirrored
+from vig.recognition.network import latents_of, mirror_prediction
 from vig.scene import EXPOSURE_L00, Latents
 from vig_train.training.targets import numbers_of
 from vig_world.raster.rasterize import rasterize
@@ -20,7 +20,7 @@ def covered_centres(studio, latents: Latents, factor: int = 1) -> np.ndarray:
     model = studio.geometry.model
     rotation, translation = studio.camera.pose(latents.azimuth, latents.elevation)
     vertices = model.vertices(latents.shape)[0]
-    camera = studio.camera.scaled(factor)
+    camera = studio.camera.scale(factor)
     return rasterize(vertices, model.faces, rotation[0], translation[0], camera).face >= 0
 
 
@@ -78,7 +78,7 @@ def test_the_mirrored_explanation_renders_the_mirrored_photo(studio) -> None:
     for ours, theirs in zip(studio.render(latents), studio.render(flipped), strict=True):
         off = np.abs(ours - theirs[:, :, ::-1]) > 1e-9
         assert off.mean() < 1e-4  # a centre exactly on an edge may go either way
-    azimuth, numbers = mirrored(latents.azimuth, numbers_of(latents))
+    azimuth, numbers = mirror_prediction(latents.azimuth, numbers_of(latents))
     targets = latents_of(numbers, azimuth)
     assert_close(targets.light, flipped.light)
     assert_close(targets.azimuth, flipped.azimuth % (2 * math.pi))

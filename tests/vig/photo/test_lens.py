@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from vig.io.errors import UserError
 from vig.photo import Intrinsics, Window, focal_of
 from vig.photo.lens import camera_as_shown
-from vig.photo.pinhole import outline_weights, reprojected, turned_pose
+from vig.photo.pinhole import fit_pose, outline_weights, turned_pose
 from vig.scene import Camera
 
 K = [[900.0, 0.0, 310.0], [0.0, 880.0, 250.0], [0.0, 0.0, 1.0]]
@@ -221,7 +221,7 @@ def test_a_pose_is_found_by_where_its_points_are_seen() -> None:
     start = pose.copy()
     start[:3, :3] = Rotation.from_rotvec([0.04, 0.03, -0.05]).as_matrix() @ start[:3, :3]
     start[:3, 3] += 0.02, -0.01, 0.06
-    found = reprojected(matrix, seen(pose, points, matrix), points, np.ones(200), start)
+    found = fit_pose(matrix, seen(pose, points, matrix), points, np.ones(200), start)
     np.testing.assert_allclose(found, pose, atol=1e-7)
 
 

@@ -47,7 +47,7 @@ def prediction_of_peaks(
     numbers = np.zeros((1, layout.size), np.float32)
     numbers[0, layout["elevation"]], numbers[0, layout["albedo"]] = elevation, 0.5
     numbers[0, layout["light"]][: len(light)] = light
-    return prediction_of(azimuth / azimuth.sum(), numbers, deviation).folded(symmetry)
+    return prediction_of(azimuth / azimuth.sum(), numbers, deviation).fold(symmetry)
 
 
 def prediction_of_latents(latents: Latents, mask: np.ndarray, off_deg: float = 0.0) -> Prediction:

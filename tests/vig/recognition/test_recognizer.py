@@ -18,7 +18,7 @@ from safetensors.numpy import save_file
 from tests.support import assert_close
 from vig.io.errors import UserError
 from vig.recognition import Recognizer
-from vig.recognition.network import mirrored
+from vig.recognition.network import mirror_prediction
 from vig.recognition.recognizer import AT_ONCE, BOTH_SIDES, WEIGHTS_FILE
 from vig.scene import ObjectClass, Symmetry
 from vig.scene.object_class import PACKAGED
@@ -37,7 +37,7 @@ def test_a_photo_and_its_mirror_image_get_the_same_answer_mirrored() -> None:
     recognizer = Recognizer(WEIGHTS)
     photo = random_photos(1, 2)
     here, there = recognizer(photo), recognizer(photo[:, :, ::-1])
-    numbers = mirrored(np.zeros(2), here.numbers)[1]
+    numbers = mirror_prediction(np.zeros(2), here.numbers)[1]
     assert np.allclose(there.numbers, numbers, atol=1e-5)
     assert np.allclose(there.deviation, here.deviation, rtol=1e-5)
     assert np.allclose(there.roll, -here.roll, atol=1e-6)
@@ -45,7 +45,7 @@ def test_a_photo_and_its_mirror_image_get_the_same_answer_mirrored() -> None:
     assert np.allclose(there.mask, here.mask[:, :, ::-1], atol=1e-5)
     bins = here.azimuth.shape[1]
     centres = (np.arange(bins) + 0.5) * (2 * math.pi / bins)
-    for bin_, angle in enumerate(mirrored(centres, numbers[:1])[0]):
+    for bin_, angle in enumerate(mirror_prediction(centres, numbers[:1])[0]):
         same = int(angle / (2 * math.pi) * bins)
         assert np.allclose(there.azimuth[:, same], here.azimuth[:, bin_], atol=1e-5)
 

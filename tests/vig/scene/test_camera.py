@@ -62,7 +62,7 @@ def test_standard_is_the_papers() -> None:
 
 
 def test_a_scaled_camera_sees_the_same_at_another_size() -> None:
-    camera = CAMERA.scaled(8)
+    camera = CAMERA.scale(8)
     assert (camera.width, camera.height) == (1200, 1200)
     point = (0.03, -0.05, 0.1)
     np.testing.assert_allclose(pixel(camera, 1.0, 0.4, point), 8 * pixel(CAMERA, 1.0, 0.4, point))

@@ -39,8 +39,8 @@ def test_blocks_are_added_replaced_held_and_left_out() -> None:
     layout = point_layout(2).with_blocks(ROLL)
     last = point_layout(2).size
     assert layout["roll"] == slice(last, last + 1)
-    assert layout.with_blocks(ROLL.held()).size == layout.size
-    lower, upper = layout.with_blocks(ROLL.held(0.1)).bounds()
+    assert layout.with_blocks(ROLL.hold()).size == layout.size
+    lower, upper = layout.with_blocks(ROLL.hold(0.1)).bounds()
     assert lower[last] == upper[last] == 0.1
     assert "roll" not in layout.without("roll") and layout.without("roll") == point_layout(2)
     assert layout.without("azimuth").at("elevation") == layout.at("azimuth")

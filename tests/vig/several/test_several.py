@@ -225,7 +225,7 @@ def test_elevation_and_light_are_drawn_to_those_that_the_others_tell(
     assert float(drawn.numbers[0, place][0]) < 1.3
     assert (drawn.deviation[0, place] < level.deviation[0, place]).all()
     dark = replace(prediction, numbers=np.zeros_like(prediction.numbers))
-    lit = refit._lit(dark, 0.05)
+    lit = refit._share_light(dark, 0.05)
     light = scene_light(alone[1:])
     before, after = (np.abs(each.numbers[0, each.layout["light"]] - light).sum() for each in (dark, lit))
     assert after < 0.8 * before

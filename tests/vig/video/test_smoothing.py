@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from vig.video.smoothing import BINS, TAILS, LikeliestPath, _smoothed, smoothed
+from vig.video.smoothing import BINS, TAILS, LikeliestPath, _smooth_gaussian, smooth
 
 TURN = math.radians(7.0)
 
@@ -68,8 +68,8 @@ def test_several_things_are_smoothed_as_each_by_itself() -> None:
     values, deviation = rng.normal(size=(3, 9)), rng.uniform(0.5, 2.0, (3, 9))
     deviation[0, :2] = deviation[1] = math.inf
     change, speed = np.array([0.1, 0.2, 0.3]), np.array([math.inf, 1.0, 0.01])
-    together = smoothed(values, deviation, change, speed)
-    alone = [smoothed(*row) for row in zip(values, deviation, change, speed, strict=True)]
+    together = smooth(values, deviation, change, speed)
+    alone = [smooth(*row) for row in zip(values, deviation, change, speed, strict=True)]
     assert np.allclose(together, np.stack(alone, axis=1))
 
 
@@ -101,7 +101,7 @@ def test_smoothing_is_the_mean_of_the_gaussian_posterior() -> None:
         at = slice(2 * frame, 2 * frame + 4)
         precision[at, at] += step.T @ noise @ step
     covariance = np.linalg.inv(precision)
-    mean, deviation = _smoothed(values, variance, change)
+    mean, deviation = _smooth_gaussian(values, variance, change)
     assert np.allclose(mean, (covariance @ right)[::2], atol=1e-6)
     assert np.allclose(deviation, np.sqrt(covariance.diagonal()[::2]), atol=1e-6)
 
@@ -109,9 +109,9 @@ def test_smoothing_is_the_mean_of_the_gaussian_posterior() -> None:
 def test_an_outlier_hardly_counts() -> None:
     values, deviation = 0.5 * np.arange(30.0), np.full(30, 0.2)
     values[15] += 20.0
-    mean, spread = smoothed(values, deviation, 0.02)
+    mean, spread = smooth(values, deviation, 0.02)
     assert np.abs(mean - 0.5 * np.arange(30)).max() < 0.1
-    plain = _smoothed(values, deviation**2, 0.02)[0]
+    plain = _smooth_gaussian(values, deviation**2, 0.02)[0]
     assert abs(plain[15] - 7.5) > 1.0  # what Student's tails are for
     assert (spread < 0.2).all() and TAILS > 2
 
@@ -119,10 +119,10 @@ def test_an_outlier_hardly_counts() -> None:
 def test_frames_before_the_first_measurement_are_extrapolated_and_none_are_unknown() -> None:
     values, deviation = 2.0 * np.arange(12), np.full(12, 0.1)
     deviation[:4] = math.inf
-    mean, spread = smoothed(values, deviation, 0.01)
+    mean, spread = smooth(values, deviation, 0.01)
     assert np.abs(mean - values).max() < 0.3
     assert spread[0] > spread[4]
-    mean, spread = smoothed(np.ones(4), np.full(4, math.inf), 0.1)
+    mean, spread = smooth(np.ones(4), np.full(4, math.inf), 0.1)
     assert (mean == 0).all() and np.isinf(spread).all()
 
 
@@ -130,5 +130,5 @@ def test_a_few_frames_do_not_tell_a_speed_that_is_unlikely() -> None:
     """What they show is their mean, and stays so where nothing is seen."""
     values, deviation = np.zeros(20), np.full(20, math.inf)
     values[:4], deviation[:4] = [0.0, 0.4, 0.8, 1.2], 1.0
-    assert abs(smoothed(values, deviation, 0.01, speed=0.01)[0][-1] - 0.6) < 0.3
-    assert smoothed(values, deviation, 0.01)[0][-1] > 2.0
+    assert abs(smooth(values, deviation, 0.01, speed=0.01)[0][-1] - 0.6) < 0.3
+    assert smooth(values, deviation, 0.01)[0][-1] > 2.0

@@ -132,7 +132,7 @@ def test_an_object_that_stays_lost_stays_within_its_deviations(
         return wrong, sighting_lost
 
     monkeypatch.setattr(Follower, "explain", explain)
-    monkeypatch.setattr(tracker, "_begun", lambda picture: None)
+    monkeypatch.setattr(tracker, "_begin", lambda picture: None)
     after = [tracker.step(video.frames[0]) for _ in range(MEMORY + 6)]
     depths, deviations = np.array([(p.camera_from_object[2, 3], p.covariance[2, 2] ** 0.5) for p in after]).T
     depth, deviation = before.camera_from_object[2, 3], before.covariance[2, 2] ** 0.5

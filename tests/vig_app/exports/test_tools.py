@@ -19,7 +19,7 @@ from vig.scene.light import linear_from_srgb, sh_basis
 from vig_app.examples import example_photos
 from vig_app.exports import export_run, remove_exports
 from vig_app.exports.formats import blender
-from vig_app.labels import filled, read_labels
+from vig_app.labels import fill_polygon, read_labels
 from vig_app.results import write_table
 from vig_app.runs.work import Task, row_of
 from vig_world.renderers.cycles.renderer import find_python
@@ -212,7 +212,7 @@ def test_yolo_has_polygons_and_boxes_and_validates_on_other_photos(
             )
         else:
             outline = tuple(map(tuple, (np.reshape(values, (-1, 2)) * [width, height]).tolist()))
-            assert overlap(filled(outline, width, height), explanation.mask) > 0.99
+            assert overlap(fill_polygon(outline, width, height), explanation.mask) > 0.99
 
 
 def test_opencv_projects_the_object_onto_the_photo_and_solves_for_its_pose(run: Path) -> None:

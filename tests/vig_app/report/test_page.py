@@ -19,7 +19,7 @@ from PIL import Image
 import vig
 from tests.support import LOW_CONTRAST
 from vig.inference import OtherView
-from vig.photo.images import coded
+from vig.photo.images import as_srgb
 from vig.renderer import render_latents
 from vig.renderer.drawing import draw_latents
 from vig.scene import Latents
@@ -28,7 +28,7 @@ from vig_app.cli.main import main
 from vig_app.examples import example_photos
 from vig_app.pictures import part_albedo
 from vig_app.report import words
-from vig_app.report.folder_page import Entry, folder_html, reduced
+from vig_app.report.folder_page import Entry, folder_html, reduce_picture
 from vig_app.report.gallery import card_of, gallery_html
 
 HOSTILE = '</script><script>window.hacked=1</script><img src=x onerror="window.hacked=1">.png'
@@ -259,7 +259,7 @@ def test_views_and_steps_are_drawn_as_the_renderer_draws_them(
         ("#views figure:nth-child(2) canvas", latents, framing),
     ):
         camera = explanation.object_class.camera(150, explanation.camera_distance_ratio)
-        camera = camera.framed(*placed.tolist())
+        camera = camera.apply_framing(*placed.tolist())
         drawn = render_latents(posed, explanation.object_class, camera, samples=2)
         share = drawn.coverage[0, :, :, None].numpy()
         photo = srgb_from_linear(explanation.window.crop(explanation.picture, 150)[0])
@@ -291,7 +291,7 @@ def test_the_hidden_part_and_the_outline_lie_where_the_overlay_has_them(
     surely = hidden & (drawn[..., 3] > 0.99) & (rendered.coverage > 0.99)
     off = np.abs(drawn[..., :3] - 255 * colours)[surely]
     assert surely.sum() > 500 and off.mean() < 1  # measured: .32 of 255
-    lines, photo = pixels(shown, "#outline", width, height), coded(explanation.picture).astype(float)
+    lines, photo = pixels(shown, "#outline", width, height), as_srgb(explanation.picture).astype(float)
     composed = photo + lines[..., 3:] * (lines[..., :3] - photo)
     # Measured: .09; without the outline 5.1.
     assert np.abs(composed - explanation.overlay()).mean() < 0.5
@@ -319,7 +319,7 @@ def test_a_browser_without_webgl_shows_the_outline(
 def test_a_folders_page_lists_what_to_review_first(
     browser: Any, explanation: vig.Explanation, tmp_path: Path
 ) -> None:
-    described, picture = explanation.to_dict(), reduced(explanation.overlay())
+    described, picture = explanation.to_dict(), reduce_picture(explanation.overlay())
     doubtful = described | {"verdict": "ambiguous", "confidence": 0.4, "azimuth_deg": 350.0}
     doubtful |= {"hidden_fraction": None, "mask_confidence": None}
     entries = [Entry("sure.png", "sure", described, picture), Entry(HOSTILE, "a b", doubtful, picture)]

@@ -24,7 +24,7 @@ from vig_app.corrections import State
 from vig_app.examples import example_photos
 from vig_app.results import read_results, write_table
 from vig_app.viewer.server import Viewer
-from vig_app.viewer.session import changed, dismissed, marked, placed
+from vig_app.viewer.session import add_stroke, dismissed, set_point, set_state
 from vig_app.viewer.walk import Walk
 
 SCREENS = {"phone": (390, 844), "laptop": (1280, 800), "wide": (1920, 1080)}
@@ -157,7 +157,7 @@ def test_a_box_a_stroke_another_view_saving_and_the_next_photo(browser: Any, run
         shown.until(lambda: len(shown.state.strokes) == 1)
         mark = shown.state.strokes[0]
         object_class = viewer.walk.session.explainer.object_class
-        marks = shown.state.hints(400, 300).checked(400, 300, object_class).marks
+        marks = shown.state.hints(400, 300).check(400, 300, object_class).marks
         assert marks is not None and set(np.unique(marks)) == {0, PixelLabel.IN_FRONT}
         assert mark.radius == pytest.approx(8.0)
         assert (marks[120, 150:200] == PixelLabel.IN_FRONT).all(), "continuous"
@@ -334,8 +334,8 @@ def test_a_run_is_walked_in_review_order_and_vig_fit_takes_corrections_up(
     confidences = [item.found["confidence"] for item in walk.items if item.found["verdict"] == "trusted"]
     assert confidences == sorted(confidences) and len(walk.items) == 3
     walk.step(1)
-    walk.session.correct(walk.session.boxed(130.0, 75.0, 140.0, 145.0))
-    walk.session.correct(marked(PixelLabel.IN_FRONT, 200.0, 150.0, 6.0, [(210.0, 160.0)]))
+    walk.session.correct(walk.session.set_box(130.0, 75.0, 140.0, 145.0))
+    walk.session.correct(add_stroke(PixelLabel.IN_FRONT, 200.0, 150.0, 6.0, [(210.0, 160.0)]))
     corrected = walk.session.explanation.to_dict()
     folder = walk.save()
     walk.close()
@@ -392,7 +392,7 @@ def test_a_result_with_a_mask_is_opened_without_it_and_says_so(tmp_path: Path) -
     walk = Walk.of_folder(tmp_path / "run")
     assert "fitted with a mask, marks or a pose, which are left out" in walk.step(1)
     assert walk.session.state == State() and not walk.session.unsaved
-    walk.session.correct(changed(elevation_deg=None, roll_deg=5.0))
+    walk.session.correct(set_state(elevation_deg=None, roll_deg=5.0))
     walk.save()
     walk.step(1)
     assert walk.step(-1) == "" and walk.session.state == State(roll_deg=5.0)
@@ -419,7 +419,7 @@ def test_rows_that_others_wrote_meanwhile_stay(run: Path) -> None:
     walk.step(1)
     rows = read_results(run)
     write_table(run, [*rows, rows[0] | {"folder": "later", "photo": "later.png"}])
-    walk.session.correct(changed(elevation_deg=None, roll_deg=4.0))
+    walk.session.correct(set_state(elevation_deg=None, roll_deg=4.0))
     folder = walk.save()
     after = read_results(run)
     assert [row["folder"] for row in after] == [*(row["folder"] for row in rows), "later"]
@@ -452,7 +452,7 @@ def test_one_of_several_objects_is_corrected_and_taken_up(tmp_path: Path) -> Non
     walk.open(place)
     assert [walk.items[each["item"]].folder.name for each in walk.objects()] == ["1-teapot"]
     assert walk.session.others is not None and walk.session.others.any()
-    walk.session.correct(placed("spout", 350.0, 140.0))
+    walk.session.correct(set_point("spout", 350.0, 140.0))
     corrected = walk.session.explanation.to_dict()
     folder = walk.save()
     walk.close()

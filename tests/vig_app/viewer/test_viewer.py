@@ -28,7 +28,7 @@ from vig_app.examples import example_photos
 from vig_app.results import write_table
 from vig_app.viewer import Session
 from vig_app.viewer.server import Viewer
-from vig_app.viewer.session import changed, cleared, dismissed, marked, placed
+from vig_app.viewer.session import add_stroke, clear_corrections, dismissed, set_point, set_state
 from vig_app.viewer.walk import Walk
 
 
@@ -83,14 +83,14 @@ def test_a_result_of_vig_fit_can_be_resumed(session: Session, tmp_path: Path) ->
 
 def test_every_correction_is_a_state_that_can_be_taken_back(session: Session) -> None:
     first = session.explanation
-    session.correct(placed("spout", 150.0, 140.0))
-    session.correct(marked(PixelLabel.IN_FRONT, 200.0, 150.0, 12.0))
-    held = session.correct(changed(elevation_deg=25.0, roll_deg=None))
+    session.correct(set_point("spout", 150.0, 140.0))
+    session.correct(add_stroke(PixelLabel.IN_FRONT, 200.0, 150.0, 12.0))
+    held = session.correct(set_state(elevation_deg=25.0, roll_deg=None))
     assert held.elevation_deg == pytest.approx(25.0, abs=1e-3)
     assert held.to_dict()["hints"]["points"] == {"spout": [150.0, 140.0]}
     assert held.to_dict()["hints"]["marks"] == pytest.approx(math.pi * 144, rel=0.05)
     assert session.correct(None).to_dict()["hints"].keys() == {"points", "marks"}
-    assert session.correct(cleared).to_dict()["hints"] == {}
+    assert session.correct(clear_corrections).to_dict()["hints"] == {}
     assert session.explanation.azimuth_deg == first.azimuth_deg
     for _ in range(9):
         session.correct(None)
@@ -98,35 +98,35 @@ def test_every_correction_is_a_state_that_can_be_taken_back(session: Session) ->
 
 
 def test_an_object_that_is_not_there_is_absent_until_a_box_is_drawn(session: Session, tmp_path: Path) -> None:
-    session.correct(placed("spout", 150.0, 140.0), dismissed)
+    session.correct(set_point("spout", 150.0, 140.0), dismissed)
     absent = session.explanation
     assert absent.verdict is vig.Verdict.ABSENT and not absent.amodal.any() and not session.state.points
     assert absent.reason == "there is no teapot here, as was stated by hand"
     session.save(tmp_path / "saved")
     again = Session(session.explainer, *(State.read(tmp_path / "saved")[number] for number in (0, 2)))
     assert again.explanation.verdict is vig.Verdict.ABSENT
-    again.correct(again.boxed(130, 75, 135, 140))
+    again.correct(again.set_box(130, 75, 135, 140))
     assert again.explanation.verdict is not vig.Verdict.ABSENT
 
 
 def test_a_box_is_cut_at_the_photos_edges_and_a_bad_one_loses_nothing(session: Session) -> None:
-    session.correct(session.boxed(90.0, -20.0, 200.0, 900.0))
+    session.correct(session.set_box(90.0, -20.0, 200.0, 900.0))
     assert session.state.box == (90.0, 0.0, 200.0, 300.0)
     previous = session.explanation
     with pytest.raises(UserError, match="at least 8 pixels a side"):
-        session.correct(session.boxed(10.0, 10.0, 2.0, 2.0))
+        session.correct(session.set_box(10.0, 10.0, 2.0, 2.0))
     with pytest.raises(UserError, match="names"):
-        session.correct(placed("nose", 1.0, 1.0))
+        session.correct(set_point("nose", 1.0, 1.0))
     assert session.explanation is previous and len(session.states) == 2
 
 
 def test_what_is_saved_is_what_vig_fit_saves_and_can_be_resumed(
     session: Session, explainer: vig.Explainer, tmp_path: Path
 ) -> None:
-    session.correct(changed(visible=True))
-    session.correct(session.boxed(100.0, 60.0, 190.0, 180.0))
-    session.correct(placed("spout", 150.0, 140.0))
-    session.correct(marked(PixelLabel.IN_FRONT, 200.0, 150.0, 12.0))
+    session.correct(set_state(visible=True))
+    session.correct(session.set_box(100.0, 60.0, 190.0, 180.0))
+    session.correct(set_point("spout", 150.0, 140.0))
+    session.correct(add_stroke(PixelLabel.IN_FRONT, 200.0, 150.0, 12.0))
     folder = session.save(tmp_path / "out")
     assert {path.name for path in folder.iterdir()} >= {"explanation.json", "object.glb", "report.html"}
     assert json.loads((folder / "explanation.json").read_text())["hints"].keys() == {
@@ -197,7 +197,7 @@ def test_what_does_not_suit_the_photo_is_refused_before_it_is_a_state(
 
 def test_what_changes_nothing_is_no_step_back(session: Session) -> None:
     for _ in range(3):
-        session.correct(changed(elevation_deg=None, roll_deg=None))
+        session.correct(set_state(elevation_deg=None, roll_deg=None))
     assert len(session.states) == 1
 
 
@@ -263,7 +263,7 @@ def test_corrections_that_come_together_are_fitted_once_and_a_bad_one_alone_is_l
     viewer: Viewer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fits = list[State]()
-    explained = State.explained
+    explained = State.explain
     monkeypatch.setattr(
         State, "explained", lambda self, *others: fits.append(self) or explained(self, *others)
     )
@@ -292,7 +292,7 @@ def test_a_fault_is_reported_and_the_page_goes_on(
         raise ZeroDivisionError
 
     with monkeypatch.context() as patch:
-        patch.setattr(State, "explained", broken)
+        patch.setattr(State, "explain", broken)
         status, content = asked(viewer, "POST", "/act", {"item": 0, "actions": [{"do": "roll", "value": 3}]})
     assert status == 500 and content["error"] == "That went wrong; the terminal says more."
     assert "ZeroDivisionError" in capsys.readouterr().err
@@ -318,10 +318,10 @@ def test_a_stroke_is_continuous_and_as_wide_as_its_brush(session: Session) -> No
     across = np.hypot(columns - columns.clip(50, 150), rows - 50)
     down = np.hypot(columns - 150, rows - rows.clip(50, 120))
     assert np.array_equal(marks == PixelLabel.SEEN, np.minimum(across, down) <= 5)
-    session.correct(marked(PixelLabel.IN_FRONT, 200.0, 150.0, 4.0, [(240.0, 150.0)]))
+    session.correct(add_stroke(PixelLabel.IN_FRONT, 200.0, 150.0, 4.0, [(240.0, 150.0)]))
     assert session.explanation.to_dict()["hints"]["marks"] == pytest.approx(40 * 8 + math.pi * 16, rel=0.05)
     with pytest.raises(UserError, match="expected marks on the photo"):
-        session.correct(marked(PixelLabel.IN_FRONT, 200.0, 150.0, 4.0, [(240.0, 1e9)]))
+        session.correct(add_stroke(PixelLabel.IN_FRONT, 200.0, 150.0, 4.0, [(240.0, 1e9)]))
 
 
 def test_vig_view_serves_until_it_is_interrupted(session: Session, tmp_path: Path) -> None:
@@ -403,6 +403,6 @@ def test_a_box_that_vig_found_is_no_users(explainer: vig.Explainer, tmp_path: Pa
     explained = ghost.explanation
     assert explained.present == 0.6
     assert explained.verdict is vig.Verdict.AMBIGUOUS and "may be no teapot" in explained.reason
-    assert ghost.correct(changed(azimuth_deg=explained.azimuth_deg)).verdict is vig.Verdict.AMBIGUOUS
-    assert ghost.correct(ghost.boxed(*box)).verdict is vig.Verdict.TRUSTED
+    assert ghost.correct(set_state(azimuth_deg=explained.azimuth_deg)).verdict is vig.Verdict.AMBIGUOUS
+    assert ghost.correct(ghost.set_box(*box)).verdict is vig.Verdict.TRUSTED
     assert ghost.state.found is None

@@ -49,7 +49,7 @@ def folder(tmp_path: Path) -> RunFolder:
         folder.record, ReproductionSettings.of("tiny", epochs=3), {"cpus": 2, "processor": "slow"}, command
     )
     for step in ("data train", "evaluate raster"):
-        with record.timed(step):
+        with record.time_step(step):
             pass
     sizes = {"baseline": 100.0, "rm": 90.0, "robust": 0.001}
     results = {method: {metric: np.full(8, size) for metric in METRICS} for method, size in sizes.items()}

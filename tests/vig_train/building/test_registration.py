@@ -127,7 +127,7 @@ def test_meshes_turned_at_random_come_into_one_pose(pot: tuple[np.ndarray, Surfa
     for name, turn in zip(names, turns, strict=True):
         clouds.append(
             PointCloud.from_surface(
-                visible_surface(design(name), TEAPOT_FACES, 6000).transformed(turn, np.zeros(3))
+                visible_surface(design(name), TEAPOT_FACES, 6000).transform(turn, np.zeros(3))
             )
         )
     first, found, _ = align_clouds(clouds)

@@ -46,4 +46,4 @@ def test_a_view_that_looks_the_same_is_no_second_hypothesis() -> None:
     given = prediction({0: 0.5, 36: 0.5}, np.ones(14))
     assert predicted_deviation(given)[0, 1] > 1
     for symmetry in (Symmetry.HALF_TURN, Symmetry.ANY_TURN):
-        assert predicted_deviation(given.folded(symmetry))[0, 1] == pytest.approx(0, abs=1e-6)
+        assert predicted_deviation(given.fold(symmetry))[0, 1] == pytest.approx(0, abs=1e-6)

@@ -18,7 +18,7 @@ from vig_train.packs.transfer import (
     frames_of,
     neighbours_of,
     transfer_model,
-    unoccluded,
+    unoccluded_transfer,
 )
 
 RNG = np.random.default_rng(5)
@@ -68,7 +68,7 @@ def test_unoccluded_is_the_irradiance_of_the_model() -> None:
     normals = np.array([[0, 0, 1.0], [0.6, 0.8, 0], [0, -0.6, 0.8]])
     light = np.array([3.0, 0.2, 0.3, -0.1, 0.2, 0.1, -0.2, 0.3, 0.1])
     expected = irradiance(light, normals)
-    assert np.allclose(unoccluded(normals) @ light, expected)
+    assert np.allclose(unoccluded_transfer(normals) @ light, expected)
 
 
 def test_a_ball_shadows_nothing_of_itself() -> None:

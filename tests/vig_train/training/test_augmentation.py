@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from vig.recognition.network import mirrored
+from vig.recognition.network import mirror_prediction
 from vig_train.training.augmentation import Augmentation, blobs
 from vig_train.training.examples import Examples
 
@@ -105,6 +105,6 @@ def test_a_flip_turns_picture_mask_roll_and_targets(batch: Examples) -> None:
     after = replace(NOTHING, flip=1)(given, np.random.default_rng(0))
     torch.testing.assert_close(after.images, before.images.flip(3), atol=1e-5, rtol=0)
     torch.testing.assert_close(after.mask, before.mask.flip(3), atol=1e-5, rtol=0)
-    azimuth, numbers = map(torch.from_numpy, mirrored(given.azimuth.numpy(), given.numbers.numpy()))
+    azimuth, numbers = map(torch.from_numpy, mirror_prediction(given.azimuth.numpy(), given.numbers.numpy()))
     assert torch.equal(after.azimuth, azimuth) and torch.equal(after.numbers, numbers)
     torch.testing.assert_close(after.roll, -roll)

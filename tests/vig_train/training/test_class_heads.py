@@ -10,9 +10,9 @@ import torch
 
 from vig.io.checks import read_tensors
 from vig.recognition import NetworkSettings, Recognizer
-from vig.recognition.weights import PACKED, STEPS, unpacked, whole_tensors
+from vig.recognition.weights import PACKED, STEPS, unpack_matrix, whole_tensors
 from vig_train.network.network import RecognitionNetwork
-from vig_train.network.weights import packed
+from vig_train.network.weights import pack_matrix
 from vig_train.training import class_heads
 from vig_train.training.checkpoint import save_weights
 from vig_train.training.class_heads import HEADS, PACKED_MATRICES, keep_member
@@ -36,8 +36,8 @@ def members() -> list[class_heads._Member]:
 
 @pytest.fixture
 def network(members: list[class_heads._Member], monkeypatch: pytest.MonkeyPatch) -> RecognitionNetwork:
-    monkeypatch.setattr(class_heads, "unpacked", lambda levels, steps: steps)
-    monkeypatch.setattr(class_heads, "packed", lambda matrix: (None, matrix))
+    monkeypatch.setattr(class_heads, "unpack_matrix", lambda levels, steps: steps)
+    monkeypatch.setattr(class_heads, "pack_matrix", lambda matrix: (None, matrix))
     sizes = NetworkSettings(**{**vars(SIZES), "modes": MODES})
     network = RecognitionNetwork(sizes).eval()
     class_heads._join(network, members)
@@ -79,17 +79,17 @@ def test_a_member_that_is_kept_says_what_it_says_by_itself_but_for_the_bias(
 def test_a_packed_matrix_is_off_by_half_a_step_at_most() -> None:
     scales = np.array([[1.0], [10], [0.1], [1], [1], [0]], np.float32)
     matrix = np.random.default_rng(0).normal(size=(6, 10)).astype(np.float32) * scales
-    levels, steps = packed(matrix)
+    levels, steps = pack_matrix(matrix)
     assert levels.dtype == np.uint8 and levels.shape == (6, 5)
-    off = np.abs(unpacked(levels, steps) - matrix).max(1)
+    off = np.abs(unpack_matrix(levels, steps) - matrix).max(1)
     assert (off <= 0.501 * np.abs(matrix).max(1) / 7 + 1e-6).all()
-    again = unpacked(*packed(unpacked(levels, steps)))
-    np.testing.assert_allclose(again, unpacked(levels, steps), rtol=1e-3)
+    again = unpack_matrix(*pack_matrix(unpack_matrix(levels, steps)))
+    np.testing.assert_allclose(again, unpack_matrix(levels, steps), rtol=1e-3)
 
 
 def test_known_levels_are_unpacked() -> None:
     levels = np.array([[0x81, 0xF0]], np.uint8)
-    assert unpacked(levels, np.array([0.5], np.float16)).tolist() == [[0.0, -3.5, 3.5, -4.0]]
+    assert unpack_matrix(levels, np.array([0.5], np.float16)).tolist() == [[0.0, -3.5, 3.5, -4.0]]
 
 
 @pytest.mark.parametrize(
@@ -102,7 +102,7 @@ def test_known_levels_are_unpacked() -> None:
 )
 def test_what_is_no_packed_matrix_is_refused(levels: np.ndarray, steps: np.ndarray) -> None:
     with pytest.raises(ValueError, match="a packed matrix of"):
-        unpacked(levels, steps)
+        unpack_matrix(levels, steps)
 
 
 def test_a_file_with_packed_matrices_gives_the_network(network: RecognitionNetwork, tmp_path: Path) -> None:

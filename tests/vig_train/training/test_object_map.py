@@ -16,7 +16,7 @@ from vig_train.network.network import RecognitionNetwork
 from vig_train.training.collages import SIDE, Box, draw_pictures
 from vig_train.training.examples import Examples
 from vig_train.training.object_map import CELLS, MapTraining, map_loss, targets_of
-from vig_train.training.presence import PRESENCE, PRIOR_LOG_ODDS, dense_features, fit_presence, refitted
+from vig_train.training.presence import PRESENCE, PRIOR_LOG_ODDS, dense_features, fit_presence, refit_logistic
 
 SMALL = NetworkSettings(
     modes=2,
@@ -88,7 +88,7 @@ def test_what_the_map_cannot_tell_counts_neither_as_there_nor_as_absent(box: Box
 
 def test_a_mirrored_picture_has_mirrored_targets() -> None:
     box: Box = (43.0, 50.0, 125.0, 90.0, 1.0)
-    mirrored = targets_of([box]).mirrored()
+    mirrored = targets_of([box]).mirror()
     expected = targets_of([(SIDE - box[2], box[1], SIDE - box[0], box[3], 1.0)])
     for name, value in vars(expected).items():
         torch.testing.assert_close(getattr(mirrored, name).float(), value.float(), atol=1e-5, rtol=0)
@@ -97,7 +97,7 @@ def test_a_mirrored_picture_has_mirrored_targets() -> None:
 def test_the_loss_is_least_where_all_is_right() -> None:
     box: Box = (40.0, 50.0, 120.0, 90.0, 1.0)
     targets = targets_of([box])
-    batch = type(targets).joined([targets])
+    batch = type(targets).stack([targets])
     right = perfect([box])
     assert map_loss(right, batch) == pytest.approx(0.0, abs=1e-4)
     missed, moved, imagined = right.clone(), right.clone(), right.clone()
@@ -112,7 +112,7 @@ def test_a_map_learns_where_things_are_and_all_else_stays() -> None:
     before = {k: v.clone() for k, v in network.state_dict().items() if not k.startswith("object_map")}
     pictures, boxes = draw_pictures(examples, np.random.default_rng(1))
     targets = [targets_of(each) for each in boxes]
-    batch = type(targets[0]).joined(targets)
+    batch = type(targets[0]).stack(targets)
 
     def held_out() -> float:
         with torch.inference_mode():
@@ -129,7 +129,7 @@ def test_log_odds_are_found_up_to_the_prior() -> None:
     features = rng.normal(size=(20000, 3)) * [1, 10, 0.1]
     true, bias = np.array([1.0, -0.05, 5.0]), -0.7
     present = rng.random(20000) < 1 / (1 + np.exp(-features @ true - bias))
-    weight, found = refitted(np.zeros(3), 0.0, features, present.astype(float))
+    weight, found = refit_logistic(np.zeros(3), 0.0, features, present.astype(float))
     assert weight * [1, 10, 0.1] == pytest.approx(true * [1, 10, 0.1], abs=0.06)
     assert found == pytest.approx(bias + PRIOR_LOG_ODDS, abs=0.06)
 

@@ -41,9 +41,11 @@ def test_a_face_that_is_wound_the_other_way_does_not_turn_its_neighbours_normals
 def test_vertices_move_with_the_template() -> None:
     template = np.array(box((0.4, 0.2, 0.2), (0, 0, 0.1)).vertices, np.float32)
     mesh = two_boxes(template)
-    np.testing.assert_allclose(mesh.moved(template), mesh.vertices, atol=1e-7)
-    np.testing.assert_allclose(mesh.moved(template + [0.1, 0, 0]), mesh.vertices + [0.1, 0, 0], atol=1e-6)
-    higher = mesh.moved(template * [1, 1, 1.5])
+    np.testing.assert_allclose(mesh.follow_template(template), mesh.vertices, atol=1e-7)
+    np.testing.assert_allclose(
+        mesh.follow_template(template + [0.1, 0, 0]), mesh.vertices + [0.1, 0, 0], atol=1e-6
+    )
+    higher = mesh.follow_template(template * [1, 1, 1.5])
     assert np.ptp(higher[:, 2]) == pytest.approx(0.3, rel=0.02)
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import torch
 
-from vig.recognition.network import latents_of, mask_at_pixels, mirrored
+from vig.recognition.network import latents_of, mask_at_pixels, mirror_prediction
 from vig.scene import Latents, Symmetry
 from vig_train.training.targets import azimuth_labels, cell_shares, numbers_of
 
@@ -25,7 +25,7 @@ def some_latents(count: int = 5) -> Latents:
 
 
 def flipped(azimuth: torch.Tensor, numbers: torch.Tensor) -> tuple[torch.Tensor, ...]:
-    return tuple(map(torch.from_numpy, mirrored(*map(np.asarray, (azimuth, numbers)))))
+    return tuple(map(torch.from_numpy, mirror_prediction(*map(np.asarray, (azimuth, numbers)))))
 
 
 def test_numbers_and_latents_are_inverse():
@@ -64,7 +64,7 @@ def test_mirroring_moves_the_eye_across_the_plane_of_symmetry_and_light_to_the_o
 def test_a_mirrored_target_is_the_target_of_the_mirrored_picture(studio):
     """The teapot is its own mirror image in y = 0, and so are its shape components."""
     latents = studio.latents(np.random.default_rng(5), 3)
-    azimuth, numbers = mirrored(latents.azimuth, numbers_of(latents))
+    azimuth, numbers = mirror_prediction(latents.azimuth, numbers_of(latents))
     *_, picture = studio.render(latents)
     *_, other = studio.render(latents_of(numbers, azimuth))
     off = np.abs(picture[:, :, ::-1] - other).mean((1, 2, 3))

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from vig.scene import EXPOSURE_L00, irradiance, rotate_z
-from vig_world.assets.panoramas.light import exposed, grey, light_parts, local_light, project_panorama
-from vig_world.assets.panoramas.painting import directions, first_met, paint, panorama, seen
+from vig_world.assets.panoramas.light import expose_light, grey, light_parts, local_light, project_panorama
+from vig_world.assets.panoramas.painting import directions, first_met, paint, panorama, visible_points
 from vig_world.assets.panoramas.rooms import Box, PanoramaRoom, Source
 
 
 def grey_light(image: np.ndarray) -> np.ndarray:
     """Exposed grey SH light (9,) of a panorama (H, W, 3)."""
-    return exposed(grey(project_panorama(image)))
+    return expose_light(grey(project_panorama(image)))
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +112,7 @@ def test_rays_meet_the_nearest_side_of_boxes_and_of_the_room():
 
 def test_a_box_hides_what_is_behind_it_only():
     points = np.array([[2, 0, 0], [2, 1.9, 0], [0.5, 0, 0]], np.float32)
-    assert seen(points, np.zeros(3, np.float32), [BLOCK]).tolist() == [False, True, True]
+    assert visible_points(points, np.zeros(3, np.float32), [BLOCK]).tolist() == [False, True, True]
 
 
 @pytest.mark.parametrize("radius", [0.02, 0.3])
@@ -210,10 +210,10 @@ def test_exposure_scales_a_light_to_the_papers() -> None:
     light = np.random.default_rng(6).normal(size=9)
     light[0] = 11.0
     assert pytest.approx(0.75 * math.pi) == EXPOSURE_L00
-    assert exposed(light)[0] == pytest.approx(EXPOSURE_L00)
-    np.testing.assert_allclose(exposed(light) / EXPOSURE_L00, light / 11.0)
+    assert expose_light(light)[0] == pytest.approx(EXPOSURE_L00)
+    np.testing.assert_allclose(expose_light(light) / EXPOSURE_L00, light / 11.0)
     with pytest.raises(ValueError, match="positive mean radiance"):
-        exposed(np.zeros(9))
+        expose_light(np.zeros(9))
 
 
 def test_grey_is_rec_709_luminance() -> None:

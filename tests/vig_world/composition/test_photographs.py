@@ -16,7 +16,7 @@ from vig_world.composition.sampling import sample
 from vig_world.dataset.spec import SceneSpec
 from vig_world.library import Library
 from vig_world.raster.view import View
-from vig_world.renderers.cycles.appearance import baked
+from vig_world.renderers.cycles.appearance import bake_texture
 from vig_world.renderers.rasterized import render
 
 COUNT = 24
@@ -130,7 +130,7 @@ def test_a_baked_coat_has_each_face_s_albedo(teapot: ObjectClass) -> None:
     model = teapot.shape_model
     coat = draw_coat(np.random.default_rng(1), len(model.part_names), 1.0, 0.0)
     assert coat.paint is not None
-    image, uv = baked(coat, model.mean, model)
+    image, uv = bake_texture(coat, model.mean, model)
     height, width = image.shape[:2]
     middle = uv.mean(1)
     found = image[

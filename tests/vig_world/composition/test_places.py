@@ -110,7 +110,7 @@ def test_a_slid_place_is_looked_at_anew(library: Library, packaged: ObjectClass)
     for number in range(8):
         layout = library.plan(number).layout
         proposals = _Proposals(layout, actor, False, np.random.default_rng(number))
-        for place in proposals.sifted(Counter()):
+        for place in proposals.sift(Counter()):
             origin, turn = proposals.pose(place, 0.9)
             eye = about_z(-turn) @ (actor.view.eye - origin)
             assert proposals.is_free(place, 0.9) == is_free(layout, eye)
@@ -157,7 +157,7 @@ def test_what_hides_the_object_is_before_it_and_above_the_support(
             assert min(end[:, 2].min() for end in ends) >= stage.margin - 1e-9
         top, bottom, left, right = (int(edge[0]) for edge in view.windows(ends[0][None]))
         shown = np.isfinite(actor.depth)[top:bottom, left:right].sum() / len(actor.pixels)
-        assert candidate.bound == pytest.approx(stage.hidden() + shown, abs=0.02)
+        assert candidate.bound == pytest.approx(stage.hidden_share() + shown, abs=0.02)
         if candidate.parts[-1].role == "holder":
             for offset in (0.0, candidate.most):
                 place = np.array(candidate.parts[-1].position) + offset * candidate.motion

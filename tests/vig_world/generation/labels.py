@@ -79,14 +79,14 @@ def silhouette(
 
     By the differentiable renderer, which shares no code with those that make pictures.
     """
-    view = View.of_scene(spec, object_class, size).widened(CANVAS)
+    view = View.of_scene(spec, object_class, size).widen(CANVAS)
     canvas = np.zeros((CANVAS * size[1], CANVAS * size[0]), bool)
     top, bottom, left, right = (int(edge[0]) for edge in view.windows(vertices[None].astype(np.float64)))
     height, width = bottom - top, right - left
     if height > 0 and width > 0:
         whole = view.camera
         camera = replace(whole, width=width, height=height, cx=whole.cx - left, cy=whole.cy - top)
-        window = View(camera, view.rotation, view.translation).scaled(SAMPLES)
+        window = View(camera, view.rotation, view.translation).scale(SAMPLES)
         depth = window.depth(vertices, object_class.shape_model.faces)
         samples = np.isfinite(depth).reshape(height, SAMPLES, width, SAMPLES)
         canvas[top:bottom, left:right] = samples.sum(axis=(1, 3)) >= SAMPLES**2 / 2

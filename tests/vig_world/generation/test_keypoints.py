@@ -16,7 +16,7 @@ from vig.scene import ObjectClass
 from vig_world.assets.target import target_vertices
 from vig_world.dataset import Dataset, read_dataset
 from vig_world.generation.coco import export_coco_keypoints
-from vig_world.generation.keypoints import EDGES, HIDDEN, SEEN, keypoints, mirrored, names_of, points_of
+from vig_world.generation.keypoints import EDGES, HIDDEN, SEEN, keypoints, mirror_order, names_of, points_of
 from vig_world.generation.write import make_dataset
 from vig_world.generation.yolo import export_yolo_pose
 
@@ -56,13 +56,13 @@ def test_points_are_the_named_vertices_and_the_box(packaged: ObjectClass) -> Non
 
 
 def test_a_mirror_image_swaps_left_and_right(packaged: ObjectClass) -> None:
-    flipped = mirrored(packaged)
+    flipped = mirror_order(packaged)
     names = names_of(packaged)
     assert flipped is not None
     pairs = {names[i]: names[j] for i, j in enumerate(flipped)}
     assert pairs["spout"] == "spout" and pairs["centre"] == "centre"
     assert pairs["corner_000"] == "corner_010" and pairs["corner_111"] == "corner_101"
-    assert mirrored(replace(packaged, mirror=False)) is None
+    assert mirror_order(replace(packaged, mirror=False)) is None
 
 
 def test_places_are_projections(photos: Dataset, wide: Path, teapot: ObjectClass) -> None:

@@ -10,23 +10,23 @@ from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig_world.dataset import Dataset
 from vig_world.generation.keypoints import keypoints
-from vig_world.generation.show import CAPTION, MARGIN, TILE, chosen, contact_sheet, histograms
+from vig_world.generation.show import CAPTION, MARGIN, TILE, choose_samples, contact_sheet, histograms
 
 SIDE = TILE[0]
 
 
 def test_samples_are_chosen_evenly_from_seen_to_hidden() -> None:
     occlusion = np.linspace(0, 0.9, 91)[::-1]
-    indices = chosen(occlusion, 10)
+    indices = choose_samples(occlusion, 10)
     np.testing.assert_allclose(occlusion[indices], np.linspace(0, 0.9, 10), atol=1e-9)
-    assert sorted(chosen(occlusion, 1000)) == list(range(91))
+    assert sorted(choose_samples(occlusion, 1000)) == list(range(91))
 
 
 @pytest.mark.parametrize("labels", [True, False])
 def test_the_sheet_holds_the_samples_side_by_side(labels: bool, dataset: Dataset, tmp_path: Path) -> None:
     sheet = np.asarray(Image.open(contact_sheet(dataset, tmp_path / "sheet.png", 9, labels)))
     assert sheet.shape == (MARGIN + 2 * (SIDE + CAPTION), MARGIN + 8 * (SIDE + MARGIN), 3)
-    ninth = chosen(dataset.occlusion, 9)[8]
+    ninth = choose_samples(dataset.occlusion, 9)[8]
     shown = sheet[MARGIN + SIDE + CAPTION :, MARGIN:][:SIDE, :SIDE].astype(float)
     photo = Image.fromarray(dataset.images[ninth]).resize((SIDE, SIDE), Image.Resampling.LANCZOS)
     hidden = dataset.amodal[ninth] & ~dataset.visible[ninth]
@@ -42,7 +42,7 @@ def test_labels_lie_where_the_object_is(dataset: Dataset, teapot: ObjectClass, t
         for labels, points in ((False, None), (True, None), (True, teapot))
     ]
     plain, outlined, full = (sheet[MARGIN:, MARGIN:][:SIDE, :SIDE] for sheet in sheets)
-    first = int(chosen(dataset.occlusion, 1)[0])
+    first = int(choose_samples(dataset.occlusion, 1)[0])
     mask = Image.fromarray(dataset.visible[first]).resize((SIDE, SIDE), Image.Resampling.BILINEAR)
     seen = np.asarray(mask)
     near = np.asarray(Image.fromarray(seen).filter(ImageFilter.MaxFilter(9)))

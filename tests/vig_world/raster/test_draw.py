@@ -217,7 +217,7 @@ def test_the_samples_of_the_object_lie_on_what_is_seen_of_it(teapot: ObjectClass
 
     picture = draw([screen], pot, view, LIGHT, colouring)
     points, normals, vertices = found[0]
-    fine, faces = view.scaled(2), teapot.shape_model.faces
+    fine, faces = view.scale(2), teapot.shape_model.faces
     seen = rasterize(pot.vertices, faces, view.rotation, view.translation, fine.camera, cull=True)
     place = view.rotation @ points + view.translation[:, None]
     x, y = fine.camera.focal * place[:2] / place[2] + np.array([[fine.camera.cx], [fine.camera.cy]])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vig.scene import linear_from_srgb, srgb8_from_linear
-from vig_world.renderers.photo import PhotoSettings, _counted, _through_lens, photograph
+from vig_world.renderers.photo import PhotoSettings, _count_photons, _through_lens, photograph
 
 PLAIN = PhotoSettings(0.0, (1.0, 1.0, 1.0), 0.0, 0.01, 0.0, 0.0, 1e9, 0.0, 95, False)
 """A camera without faults."""
@@ -46,7 +46,7 @@ def test_settings_stay_modest_and_centre_on_a_right_exposure() -> None:
 def test_noise_is_that_of_the_electrons_counted() -> None:
     """N = 0.25 x 2 x 4000 = 2000 electrons: deviation sqrt(2000 + 10^2) of 4000."""
     how = replace(PLAIN, exposure=1.0, electrons=4000.0, read_noise=10.0)
-    read = _counted(np.full((200, 200, 3), 0.25), how, np.random.default_rng(1))
+    read = _count_photons(np.full((200, 200, 3), 0.25), how, np.random.default_rng(1))
     assert read.mean() == pytest.approx(0.5, rel=1e-3)
     assert read.std() == pytest.approx(np.sqrt(2100) / 4000, rel=0.02)
 

@@ -8,7 +8,7 @@ import pytest
 from vig_world.assets.models.unwrapping import unwrap
 from vig_world.assets.shapes import box
 from vig_world.mesh import Mesh, vertex_normals
-from vig_world.renderers.cycles.rounding import CUTS, rounded
+from vig_world.renderers.cycles.rounding import CUTS, round_mesh
 
 SIDES = 12
 
@@ -26,7 +26,7 @@ def cylinder() -> Mesh:
 
 def rounded_mesh(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]:
     uv = None if mesh.uv is None else mesh.uv[mesh.faces]
-    return rounded(mesh.vertices, vertex_normals(mesh.vertices, mesh.faces), mesh.faces, uv)
+    return round_mesh(mesh.vertices, vertex_normals(mesh.vertices, mesh.faces), mesh.faces, uv)
 
 
 def test_a_prism_with_a_cylinder_s_normals_becomes_one() -> None:
@@ -56,7 +56,7 @@ def test_a_cut_face_has_the_texture_and_the_corners_of_the_whole() -> None:
     vertices = np.eye(3) + 0.9
     vertices /= np.linalg.norm(vertices, axis=1, keepdims=True)
     uv = np.array([[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]])
-    points, normals, faces, finer = rounded(vertices, vertices, np.array([[0, 1, 2]]), uv)
+    points, normals, faces, finer = round_mesh(vertices, vertices, np.array([[0, 1, 2]]), uv)
     assert len(faces) == CUTS**2 and finer is not None
     radius = np.linalg.norm(points[faces], axis=-1)
     assert radius.min() > 0.99 and radius.max() < 1.001  # the flat face's middle has 0.93
@@ -76,7 +76,7 @@ def test_edges_of_neighbours_meet(turned: bool) -> None:
     normals = np.array([[-0.3, 0, 1], [0.3, 0, 1], [0, 0.4, 1], [0, -0.4, 1]])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     second = [0, 1, 3] if turned else [1, 0, 3]
-    points, _, faces, _ = rounded(vertices, normals, np.array([[0, 1, 2], second]), None)
+    points, _, faces, _ = round_mesh(vertices, normals, np.array([[0, 1, 2], second]), None)
     on_edge = [
         {tuple(np.round(p, 6)) for p in points[half].reshape(-1, 3) if abs(p[1]) < 1e-6}
         for half in (faces[: CUTS**2], faces[CUTS**2 :])

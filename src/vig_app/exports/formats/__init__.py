@@ -14,8 +14,8 @@ or
     RUN_FILES, write_run(folder, run)   where the format has files for a run: their names, and what makes them
                                         of an `ExportedRun`
 
-and, where people edit such files, `edited(path)`: whether they did. Importing it must need no package of an
-extra. With the file alone `vig fit --export NAME` and `Explanation.export` take the format, and its files go
+and, where people edit such files, `is_edited(path)`: whether they did. Importing it must need no package of
+an extra. With the file alone `vig fit --export NAME` and `Explanation.export` take the format; its files go
 when another result is saved into the folder; with `write_photos` or `write_run` so does
 `vig export RESULTS --to NAME`.
 """

@@ -9,7 +9,7 @@ import numpy as np
 
 from vig.explanation import Explanation
 from vig.io.files import atomic_write, write_json
-from vig.photo.images import coded, write_png
+from vig.photo.images import as_srgb, write_png
 from vig.scene import rotate_z
 from vig.scene.light import sh_basis
 from vig_app.glb import bake, write_object
@@ -20,7 +20,7 @@ FILES = tuple(f"blender/{name}" for name in "scene.py scene.json object.glb phot
 def write(folder: Path, explanation: Explanation, photo: str) -> None:
     """Write the script and what it reads."""
     script, about, mesh, picture, light = (folder / name for name in FILES)
-    write_png(picture, coded(explanation.picture))
+    write_png(picture, as_srgb(explanation.picture))
     write_object(mesh, explanation, bake(explanation))
     camera, latents = explanation.camera, explanation.latents
     write_json(about, {"width": camera.width, "height": camera.height, "K": camera.K.tolist()})

@@ -25,7 +25,7 @@ VERSION = f"5.5.0 (vig {__version__})"
 def write_photos(folder: Path, photos: Sequence[AnnotatedPhoto], class_ids: Mapping[str, int]) -> None:
     """Write the files; UserError for one that was edited."""
     paths = [folder / "labelme" / f"{photo.stem}.json" for photo in photos]
-    if changed := [path for path in paths if edited(path)]:
+    if changed := [path for path in paths if is_edited(path)]:
         raise UserError(f"expected '{changed[0]}' as vig wrote it; got it edited. Choose another folder.")
     for path, photo in zip(paths, photos, strict=True):
         width, height = photo.size
@@ -36,7 +36,7 @@ def write_photos(folder: Path, photos: Sequence[AnnotatedPhoto], class_ids: Mapp
         write_json(path, content | {"imageData": None, "imageHeight": height, "imageWidth": width})
 
 
-def edited(path: Path) -> bool:
+def is_edited(path: Path) -> bool:
     """Return whether a file is another one than vig wrote."""
     with suppress(OSError, ValueError, AttributeError):
         return read_json(path).get("version") != VERSION

@@ -11,7 +11,7 @@ import numpy as np
 
 from vig.explanation import Explanation
 from vig.io.files import write_json
-from vig.photo.images import coded, write_png
+from vig.photo.images import as_srgb, write_png
 from vig_app.glb import LOOKS_BACK
 
 FILES = ("transforms.json", "nerfstudio/photo.png", "nerfstudio/mask.png")
@@ -20,7 +20,7 @@ FILES = ("transforms.json", "nerfstudio/photo.png", "nerfstudio/mask.png")
 def write(folder: Path, explanation: Explanation, photo: str) -> None:
     """Write one frame."""
     camera, (described, picture, mask) = explanation.camera, FILES
-    write_png(folder / picture, coded(explanation.picture))
+    write_png(folder / picture, as_srgb(explanation.picture))
     write_png(folder / mask, explanation.mask)
     pose = np.linalg.inv(explanation.camera_from_object) @ LOOKS_BACK
     frame = {"file_path": picture, "mask_path": mask, "transform_matrix": pose.tolist()}

@@ -110,11 +110,11 @@ def body_vertices(design: TeapotDesign) -> np.ndarray:
                 np.zeros(len(top)),
             ]
         )
-        vertices[:, :2] *= _lobed(d, vertices, np.repeat(depth, BODY_LOFT.counts))[:, None]
+        vertices[:, :2] *= _lobe_factor(d, vertices, np.repeat(depth, BODY_LOFT.counts))[:, None]
     return vertices
 
 
-def _lobed(design: TeapotDesign, vertices: np.ndarray, depth: np.ndarray) -> np.ndarray:
+def _lobe_factor(design: TeapotDesign, vertices: np.ndarray, depth: np.ndarray) -> np.ndarray:
     """Return the factor of each vertex's radius (V,) by ribs and flat sides, where `depth` (V,) is 0 to 1."""
     d = design
     angle = np.arctan2(vertices[:, 1], vertices[:, 0])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from vig_world.assets.materials import ROUGHNESS, slot_material
-from vig_world.assets.shapes import scaled
+from vig_world.assets.shapes import scale_mesh
 from vig_world.assets.textures import BRIGHTEST, DARKEST, colour, near, texture
 from vig_world.assets.things import Furniture, Material, Parts
 from vig_world.mesh import Mesh, face_normals
@@ -58,7 +58,7 @@ def vary(parts: Parts, rng: np.random.Generator) -> Parts:
             image = near(first if main else second, rng, 0.1).reshape(1, 1, 3)
         roughness = float(rng.uniform(*ROUGHNESS[stuff.kind]))
         image = image.clip(DARKEST, BRIGHTEST).astype(np.float32)
-        result.append((scaled(mesh, size), Material(image, stuff.kind, roughness, "", stuff.emission)))
+        result.append((scale_mesh(mesh, size), Material(image, stuff.kind, roughness, "", stuff.emission)))
     return tuple(result)
 
 
@@ -77,6 +77,6 @@ def vary_furniture(piece: Furniture, rng: np.random.Generator) -> Furniture:
             )
             image = near(np.reshape(base, 3), rng, 0.15).reshape(1, 1, 3)
             stuff = Material(image, stuff.kind, stuff.roughness)
-        parts.append((scaled(mesh, (x, y, z)), stuff))
-    supports = tuple(support.stretched(x, y, z) for support in piece.supports)
+        parts.append((scale_mesh(mesh, (x, y, z)), stuff))
+    supports = tuple(support.stretch(x, y, z) for support in piece.supports)
     return Furniture(piece.family, tuple(parts), supports)

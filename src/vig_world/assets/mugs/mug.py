@@ -46,14 +46,14 @@ def _away(place: int) -> np.ndarray:
     return np.abs((np.arange(AROUND) - place + half) % AROUND - half)
 
 
-def _covered(ring: int) -> np.ndarray:
+def _cap_vertices(ring: int) -> np.ndarray:
     """Return vertices of the loft on the loop round a ring and within it."""
     rows, columns = np.meshgrid(np.arange(-_HALF, _HALF + 1), np.arange(-_HALF, _HALF + 1))
     return (_LOFT.starts[ring + rows] + columns % _COLUMNS).ravel()
 
 
 _LOOPS = (_loop(_LOWER, 1), _loop(_UPPER, -1))
-_OPEN = [np.setdiff1d(_covered(ring), loop) for ring, loop in zip((_LOWER, _UPPER), _LOOPS, strict=True)]
+_OPEN = [np.setdiff1d(_cap_vertices(ring), loop) for ring, loop in zip((_LOWER, _UPPER), _LOOPS, strict=True)]
 _KEPT = np.setdiff1d(np.arange(int(_LOFT.starts[-1])), np.concatenate(_OPEN))
 _NEW = np.full(int(_LOFT.starts[-1]), -1)
 _NEW[_KEPT] = np.arange(len(_KEPT))
@@ -62,7 +62,7 @@ _NEW[_KEPT] = np.arange(len(_KEPT))
 def _faces() -> np.ndarray:
     own = _LOFT.faces()
     for ring in (_LOWER, _UPPER):
-        own = own[~np.isin(own, _covered(ring)).all(axis=1)]
+        own = own[~np.isin(own, _cap_vertices(ring)).all(axis=1)]
     around = [
         _NEW[_LOOPS[0]],
         *(len(_KEPT) + np.arange(RINGS * AROUND).reshape(RINGS, AROUND)),

@@ -14,7 +14,7 @@ from vig_world.assets.own.settings import FileSettings
 from vig_world.assets.own.standing import SizedKind
 from vig_world.assets.own.supports import level_areas
 from vig_world.assets.things import Furniture, FurnitureModel, Parts, Support, prop
-from vig_world.mesh import stacked
+from vig_world.mesh import stack_meshes
 
 _FURNITURE = SizedKind("piece of furniture", 0.3, 4.0, furniture=True)
 _LOWEST = 0.25
@@ -43,7 +43,7 @@ def read_furniture(folder: str | Path) -> tuple[list[FurnitureModel], list[str]]
 
 def _made(name: str, mark: str, parts: Parts, settings: FileSettings) -> tuple[FurnitureModel, list[str]]:
     standing = prop("", *parts).parts
-    vertices, faces = stacked([mesh for mesh, _ in standing])
+    vertices, faces = stack_meshes([mesh for mesh, _ in standing])
     family = settings.family or family_of_file(name)
     areas = level_areas(vertices.astype(np.float64), faces)
     height = float(vertices[:, 2].max())

@@ -26,7 +26,7 @@ from vig_world.assets.own.meshes.ply import read_ply
 from vig_world.assets.own.meshes.stl import read_stl
 from vig_world.assets.own.siblings import MOST_BYTES, Siblings
 from vig_world.assets.own.surfaces import SurfaceMesh, paint
-from vig_world.mesh import stacked
+from vig_world.mesh import stack_meshes
 
 UNREAD = tuple(
     ".fbx .usd .usda .usdc .usdz .dae .3mf .amf .step .stp .iges .igs .brep .blend .max .ma .mb .c4d .3ds"
@@ -152,4 +152,4 @@ def _join_pieces(path: Path, meshes: list[SurfaceMesh]) -> list[MeshPiece]:
 
 def _joined(group: list[MeshPiece]) -> MeshPiece:
     uv = np.concatenate([piece.uv for piece in group])
-    return MeshPiece(*stacked(group), uv, group[0].texture, group[0].opacity)
+    return MeshPiece(*stack_meshes(group), uv, group[0].texture, group[0].opacity)

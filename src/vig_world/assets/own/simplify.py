@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from vig_world.assets.own.load import MeshPiece
-from vig_world.mesh import face_edges, stacked
+from vig_world.mesh import face_edges, stack_meshes
 
 _UV_CELLS = 16
 """Vertices of one place stay apart where their texture coordinates fall into different cells of this many."""
@@ -70,7 +70,7 @@ def _clustered(piece: MeshPiece, low: np.ndarray, cell: float) -> MeshPiece:
 
 def signed_volume(pieces: list[MeshPiece]) -> float | None:
     """Return the volume within the pieces' surface, negative when inside out; None when it is not closed."""
-    points, faces = stacked(pieces)
+    points, faces = stack_meshes(pieces)
     size = float(np.ptp(points, axis=0).max())
     _, place = np.unique(np.round(points / (1e-5 * size)).astype(np.int64), axis=0, return_inverse=True)
     corners = place.reshape(-1)[faces]

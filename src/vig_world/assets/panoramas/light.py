@@ -56,7 +56,7 @@ def local_light(radiance: Array, ground_albedo: float) -> NDArray[np.float64]:
         ValueError: When no light comes from above.
     """
     upper, white = radiance if radiance.shape == (2, 9) else light_parts(radiance)
-    return exposed(upper + ground_albedo * white)
+    return expose_light(upper + ground_albedo * white)
 
 
 def project_panorama(radiance: np.ndarray) -> np.ndarray:
@@ -88,7 +88,7 @@ def grey(light_rgb: np.ndarray) -> np.ndarray:
     return luminance
 
 
-def exposed(light: np.ndarray) -> np.ndarray:
+def expose_light(light: np.ndarray) -> np.ndarray:
     """Return a grey light scaled so that its L00 is the exposure of the paper: (9,) to (9,)."""
     if not light[0] > 0:
         raise ValueError(f"a light needs a positive mean radiance to be exposed; L00 is {light[0]}")

@@ -66,7 +66,9 @@ def paint(room: PanoramaRoom, height: int) -> Array:
         arriving = _arriving(source, lifted, normals)
         if index < _SHADOWED:
             lit = np.nonzero(arriving[:, 1])[0]
-            arriving[lit] *= seen(lifted[lit], source.centre + 0.01 * source.normal, room.boxes)[:, None]
+            arriving[lit] *= visible_points(lifted[lit], source.centre + 0.01 * source.normal, room.boxes)[
+                :, None
+            ]
         direct += arriving
         reach = float(np.linalg.norm(source.centre))
         faced = max(float(-source.centre @ source.normal) / reach, 0.0)
@@ -85,7 +87,11 @@ def paint(room: PanoramaRoom, height: int) -> Array:
     for source in room.sources:
         _show(room, source, image, way, distance, solid_angle)
     eye = np.zeros((1, 3), np.float32)
-    if room.sun and _through_glass(room, eye, room.sun[0])[0] and seen(eye, 20 * room.sun[0], room.boxes)[0]:
+    if (
+        room.sun
+        and _through_glass(room, eye, room.sun[0])[0]
+        and visible_points(eye, 20 * room.sun[0], room.boxes)[0]
+    ):
         _spot(image, way, solid_angle, room.sun[0], 0.03, 0.3 * np.pi * room.sun[1])
     return np.maximum(image, 0).astype(np.float32).reshape(height, 2 * height, 3)
 
@@ -111,7 +117,7 @@ def first_met(way: Array, room: PanoramaRoom) -> tuple[Array, NDArray[np.int_], 
     return nearest, owner, side
 
 
-def seen(points: Array, target: Array, boxes: list[Box]) -> NDArray[np.bool_]:
+def visible_points(points: Array, target: Array, boxes: list[Box]) -> NDArray[np.bool_]:
     """Return which points (N, 3) see the target: a place (3,), or places (N, 3), past the boxes."""
     start = np.ascontiguousarray(points.T, np.float32)
     way = target.reshape(-1, 3).T.astype(np.float32) - start
@@ -129,7 +135,7 @@ def _slabs(box: Box, start: Array, way: Array) -> tuple[Array, Array]:
     return np.minimum(a, b), np.maximum(a, b)
 
 
-def hashed(*cells: NDArray[np.int_]) -> Array:
+def hash_numbers(*cells: NDArray[np.int_]) -> Array:
     """Return a number in [0, 1) for each tuple of whole numbers, the same everywhere."""
     value = np.full(np.shape(cells[0]), 0x9E3779B9, np.uint64)
     for cell in cells:
@@ -150,7 +156,7 @@ def _albedo(
     period = np.array([surface.period for surface in surfaces])[number]
     contrast = np.array([surface.contrast for surface in surfaces])[number]
     contrast = contrast * np.minimum(period / (3 * size), 1) ** 2
-    tone = hashed(number, *np.floor((points + 1e-3) / period[:, None]).astype(np.int64).T)
+    tone = hash_numbers(number, *np.floor((points + 1e-3) / period[:, None]).astype(np.int64).T)
     grain = np.sin(points @ [3.1, 5.3, 4.1]) + np.sin(points @ [-7.3, 4.7, 6.1])
     return albedo * (1 + contrast * (tone - 0.5) + 0.03 * grain)[:, None].astype(np.float32)
 
@@ -173,7 +179,7 @@ def _sunlight(room: PanoramaRoom, points: Array, normals: Array) -> Array:
         direction, strength = room.sun
         facing = normals @ direction
         lit = np.nonzero((facing > 0) & _through_glass(room, points, direction))[0]
-        lit = lit[seen(points[lit], points[lit] + 20 * direction, room.boxes)]
+        lit = lit[visible_points(points[lit], points[lit] + 20 * direction, room.boxes)]
         result[lit] = facing[lit, None] * strength
     return result
 
@@ -225,7 +231,7 @@ def _show(
         if len(where):
             image[where] = source.radiance
             return
-    if seen(np.zeros((1, 3), np.float32), source.centre + 0.02 * source.normal, room.boxes)[0]:
+    if visible_points(np.zeros((1, 3), np.float32), source.centre + 0.02 * source.normal, room.boxes)[0]:
         flux = source.area * source.radiance * max(float(-source.centre @ source.normal), 0) / reach**3
         angle = float(np.linalg.norm(source.across)) / reach if source.over is None else 0.0
         _spot(image, way, solid_angle, source.centre / reach, angle, flux)
@@ -236,10 +242,10 @@ def _view(room: PanoramaRoom, window: Source, u: Array, v: Array, way: Array) ->
     assert window.bars is not None and window.over is not None
     azimuth = np.arctan2(way[:, 1], way[:, 0])
     block = np.floor(azimuth * 6).astype(np.int64)
-    roofs = 0.35 * hashed(block, np.full_like(block, room.skyline)) ** 2
+    roofs = 0.35 * hash_numbers(block, np.full_like(block, room.skyline)) ** 2
     trees = 0.1 + 0.12 * np.sin(9 * azimuth + room.skyline % 7)
     sky = 0.95 + 0.1 * np.sin(5 * azimuth + 14 * way[:, 2] + room.skyline % 5) + 0.2 * way[:, 2]
-    ground = 0.25 + 0.25 * hashed(block, np.full_like(block, room.skyline + 1))
+    ground = 0.25 + 0.25 * hash_numbers(block, np.full_like(block, room.skyline + 1))
     outside = np.where(way[:, 2] > (roofs if room.skyline % 3 == 0 else trees), sky, ground)
     view = (1 - window.veil) * outside + window.veil * 0.6
     for place, panes, half in zip((u, v), window.bars, (window.across, window.over), strict=True):

@@ -85,7 +85,9 @@ def _dots(rng: np.random.Generator, layer: Array, tint: Array) -> None:
         _ring(rng, layer, rng.uniform(0.03, 0.1), 0.03, tint)
 
 
-def _stamped(rng: np.random.Generator, layer: Array, tints: tuple[Array, Array, Array], count: int) -> None:
+def _stamp_flowers(
+    rng: np.random.Generator, layer: Array, tints: tuple[Array, Array, Array], count: int
+) -> None:
     """Stamp flowers of one kind round the pot, evenly with some play."""
     height, around = layer.shape[:2]
     side = int(height * rng.uniform(0.3, 0.6))
@@ -101,14 +103,14 @@ def _stamped(rng: np.random.Generator, layer: Array, tints: tuple[Array, Array, 
 
 def _sprigs(rng: np.random.Generator, layer: Array, tint: Array) -> None:
     tints = (near([0.10, 0.20, 0.07], rng, 0.4), tint, near([0.6, 0.4, 0.08], rng, 0.3))
-    _stamped(rng, layer, tints, int(rng.integers(3, 9)))
+    _stamp_flowers(rng, layer, tints, int(rng.integers(3, 9)))
     if rng.uniform() < 0.6:
         _ring(rng, layer, 0.06, 0.03, _GOLD if rng.uniform() < 0.4 else tint)
 
 
 def _blue_and_white(rng: np.random.Generator, layer: Array, tint: Array) -> None:
-    _stamped(rng, layer, (tint, 2.2 * tint, tint), int(rng.integers(3, 6)))
-    _stamped(rng, layer, (1.6 * tint, tint, tint), int(rng.integers(4, 9)))
+    _stamp_flowers(rng, layer, (tint, 2.2 * tint, tint), int(rng.integers(3, 6)))
+    _stamp_flowers(rng, layer, (1.6 * tint, tint, tint), int(rng.integers(4, 9)))
     for at in (0.05, 0.1, 0.93):
         _ring(rng, layer, at, rng.uniform(0.01, 0.03), tint)
     height, around = layer.shape[:2]

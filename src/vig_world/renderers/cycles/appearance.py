@@ -117,7 +117,7 @@ def coat_material(coat: Coat, texture: str) -> dict[str, Any]:
     return _material(grey, texture, 1.0, {"Specular IOR Level": 0.0} | clear)
 
 
-def baked(
+def bake_texture(
     coat: Coat, vertices: np.ndarray, model: ShapeModel, texels: int = TEXELS
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return a coat's albedo as a texture (h, w, 3), linear, row 0 on top; corners' coordinates (F, 3, 2).

@@ -17,11 +17,11 @@ from vig_world.renderers.cycles.appearance import (
     TEXELS,
     TEXELS_FINE,
     appearance,
-    baked,
+    bake_texture,
     coat_material,
     lambertian,
 )
-from vig_world.renderers.cycles.rounding import rounded
+from vig_world.renderers.cycles.rounding import round_mesh
 from vig_world.streams import stream
 
 NOISE_STREAM = 2**20 + 2
@@ -57,7 +57,7 @@ def compose(
                 scene.add(instance, lambertian(instance.material.texture[0, 0]))
             else:
                 texels = TEXELS_FINE if fine else TEXELS
-                pixels, uv = baked(spec.coat, instance.mesh.vertices, object_class.shape_model, texels)
+                pixels, uv = bake_texture(spec.coat, instance.mesh.vertices, object_class.shape_model, texels)
                 scene.add(instance, coat_material(spec.coat, scene.texture(pixels)), uv=uv)
         else:
             scene.add(instance, _material(scene, instance, rng), shell=instance.name in SHELL)
@@ -104,7 +104,7 @@ class _SceneMessage:
             assert uv is not None or mesh.uv is not None
             corners = mesh.uv[faces] if uv is None and mesh.uv is not None else uv
         if self._fine:
-            vertices, normals, faces, corners = rounded(vertices, normals, faces, corners)
+            vertices, normals, faces, corners = round_mesh(vertices, normals, faces, corners)
         self.arrays[f"{number}_vertices"] = vertices.astype(np.float32)
         self.arrays[f"{number}_normals"] = normals.astype(np.float32)
         self.arrays[f"{number}_faces"] = faces.astype(np.int32)

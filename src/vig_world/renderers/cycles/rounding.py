@@ -14,7 +14,7 @@ LEAST_BEND, MOST_BEND = 1e-5, 0.6
 """Metres by which an edge bends at least; and most of it, of its length, before it is left as it is."""
 
 
-def rounded(
+def round_mesh(
     vertices: np.ndarray, normals: np.ndarray, faces: np.ndarray, uv: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]:
     """Return a mesh whose curved faces are cubic patches, cut into `CUTS` x `CUTS` triangles.

@@ -52,7 +52,7 @@ def trace(
 
     probe_settings(scene, header)
     scene.camera = probe(scene, header["probe"])
-    results["probe"] = mirrored(render(scene, folder))
+    results["probe"] = mirror_columns(render(scene, folder))
     ended, times = time.perf_counter(), os.times()
     return {
         "build_s": built - began[0],
@@ -101,11 +101,11 @@ def surround(scene: bpy.types.Scene, panorama: np.ndarray) -> None:
     world.cycles.sampling_method, world.cycles.sample_map_resolution = "MANUAL", max(SUN_MAP, width)
     nodes, links = world.node_tree.nodes, world.node_tree.links
     environment = nodes.new("ShaderNodeTexEnvironment")
-    environment.image = materials.float_image("panorama", mirrored(panorama))
+    environment.image = materials.float_image("panorama", mirror_columns(panorama))
     links.new(environment.outputs["Color"], nodes["Background"].inputs["Color"])
 
 
-def mirrored(image: np.ndarray) -> np.ndarray:
+def mirror_columns(image: np.ndarray) -> np.ndarray:
     """Return an equirectangular image (H, W, C) between vig's columns and Blender's; its own inverse.
 
     vig's column j of W lies at azimuth 2 pi (j + 0.5) / W; Blender's middle column is +X and azimuth falls
@@ -160,7 +160,7 @@ def pinhole(scene: bpy.types.Scene, about: dict[str, Any], turn: np.ndarray) -> 
     pose = np.eye(4)
     pose[:3, :3] = rotation.T @ np.diag([1.0, -1.0, -1.0])
     pose[:3, 3] = -rotation.T @ np.array(about["translation"])
-    return _placed(scene, data, turn @ pose)
+    return _place_object(scene, data, turn @ pose)
 
 
 def probe(scene: bpy.types.Scene, about: dict[str, Any]) -> bpy.types.Object:
@@ -172,7 +172,7 @@ def probe(scene: bpy.types.Scene, about: dict[str, Any]) -> bpy.types.Object:
     pose = np.eye(4)
     pose[:3, :3] = [[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]  # columns: right, up, backwards
     pose[2, 3] = about["z"]
-    return _placed(scene, data, pose)
+    return _place_object(scene, data, pose)
 
 
 def probe_settings(scene: bpy.types.Scene, header: dict[str, Any]) -> None:
@@ -184,7 +184,7 @@ def probe_settings(scene: bpy.types.Scene, header: dict[str, Any]) -> None:
     scene.render.film_transparent = True
 
 
-def _placed(scene: bpy.types.Scene, data: bpy.types.Camera, pose: np.ndarray) -> bpy.types.Object:
+def _place_object(scene: bpy.types.Scene, data: bpy.types.Camera, pose: np.ndarray) -> bpy.types.Object:
     camera = bpy.data.objects.new(data.name, data)
     scene.collection.objects.link(camera)
     camera.matrix_world = pose.T.tolist()  # mathutils reads the columns of this list
