@@ -18,7 +18,7 @@ from vig.known_object.keypoints import Keypoints, Matches, ViewKeypoints
 from vig.known_object.picture import WEIGHTS, Picture, Place
 from vig.known_object.search import VIEW_PIXELS, Poses, Stage, Views, locate
 from vig.known_object.surface import FILE, Surface
-from vig.known_object.verdict import DISTINCT, judge, print_explained
+from vig.known_object.verdict import DISTINCT, judge, print_explained, rivals_of
 from vig.likelihood import SPATIAL, spatial_posterior
 from vig.photo import ImagePyramid, Intrinsics, Window
 from vig.photo.window import DISTANCE_RATIO_BOUNDS
@@ -257,7 +257,8 @@ class KnownObject:
             for turn, target, far in zip(rotations, targets, distances / distances[0], strict=True)
         ]
         latents, framing = views[0]
-        verdict, reason, right = judge(poses, keypoints, picture.outlined, self.surface.one_colour)
+        rivals, one_colour = rivals_of(poses, self.surface), self.surface.one_colour
+        verdict, reason, right = judge(poses.scores, rivals, keypoints, picture.outlined, one_colour)
         if not (visible > 0.5).any():
             verdict, reason = Verdict.FAILED, Verdict.FAILED.value
         small = self._picture(pyramid, around, place, IMAGE_SIZE // 2).native(self.surface)
@@ -283,9 +284,7 @@ class KnownObject:
             evidence=float(WEIGHTS.pixels * poses.scores[0]),
             start_evidence=float(WEIGHTS.pixels * poses.scores[0]),
             evaluations=0,
-            alternatives=tuple(
-                OtherView(*view, math.nan, lag) for view, lag in zip(views[1:], behind[1:], strict=True)
-            ),
+            alternatives=tuple(OtherView(*views[number], math.nan, behind[number]) for number in rivals),
             descent=np.concatenate([latents.to_vector(), framing[None]], axis=1),
             position_deviation=np.zeros(3, np.float32),
         )

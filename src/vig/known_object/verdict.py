@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from vig.inference.settings import Fit, Verdict
 from vig.known_object.picture import LEAST_COLOUR, Picture
 from vig.known_object.search import Poses
+from vig.known_object.surface import Surface
 from vig.scene.functions import sigmoid
 
 DISTINCT = math.radians(25.0)
@@ -24,21 +26,19 @@ TRUSTED = 0.91
 
 
 def judge(
-    poses: Poses, keypoints: int | None, outlined: bool, one_colour: bool
+    scores: np.ndarray, rivals: Sequence[int], keypoints: int | None, outlined: bool, one_colour: bool
 ) -> tuple[Verdict, str, float]:
-    """Return the verdict on the best of some poses, why, and the probability that it is right, see `ODDS`;
-    NaN where its keypoints were not counted.
+    """Return the verdict on the first of some poses, why, and the probability that it is right, see `ODDS`;
+    NaN where its keypoints were not counted. `scores` (N,) are of all; `rivals` as of `rivals_of`.
     """
     if one_colour:
         return Verdict.AMBIGUOUS, "a mesh of one colour tells too little to trust a pose", math.nan
-    if len(poses.scores) == 1:
+    if len(scores) == 1:
         return Verdict.AMBIGUOUS, "only the pose that was given, or that its print told, was tried", math.nan
     if keypoints is None:
         return Verdict.AMBIGUOUS, 'its print was not compared: pip install "vig[match]"', math.nan
-    cosines = (np.einsum("ij,kij->k", poses.rotations[0], poses.rotations) - 1) / 2
-    rivals = poses.scores[cosines < math.cos(DISTINCT)]
-    lead = min(float(poses.scores[0] - rivals.max()) if len(rivals) else math.inf, MOST_LEAD)
-    known = np.array([1.0, poses.scores[0], lead, math.log1p(keypoints)])
+    lead = min(float(scores[0] - scores[rivals[0]]) if rivals else math.inf, MOST_LEAD)
+    known = np.array([1.0, scores[0], lead, math.log1p(keypoints)])
     right = float(sigmoid(known @ (ODDS if outlined else BOX_ODDS)))
     if not outlined:
         return Verdict.AMBIGUOUS, "without a mask no pose of a known object is trusted", right
@@ -48,6 +48,14 @@ def judge(
     if lead >= 0.5:
         reason = "much of what the photo shows at this place is not explained by the surface"
     return Verdict.AMBIGUOUS, reason, right
+
+
+def rivals_of(poses: Poses, surface: Surface) -> list[int]:
+    """Return numbers of poses that differ from the first and look different, too, the likeliest first."""
+    turns = poses.rotations[0].T @ poses.rotations
+    apart = np.flatnonzero((np.trace(turns, axis1=1, axis2=2) - 1) / 2 < math.cos(DISTINCT))
+    differing = [number for number in apart.tolist() if not surface.looks_same(turns[number])]
+    return sorted(differing, key=lambda number: -poses.scores[number])
 
 
 def print_explained(picture: Picture, coverage: np.ndarray, colour: np.ndarray, inlier: np.ndarray) -> float:

@@ -347,6 +347,34 @@ def test_keypoints_tell_how_likely_a_pose_is(pack: Path, monkeypatch: pytest.Mon
     assert np.isnan(without.confidence) and "vig[match]" in without.reason
 
 
+def test_a_turn_that_looks_the_same_is_no_rival(tmp_path: Path) -> None:
+    """A carton that half a turn about its vertical leaves as it is, print included."""
+    pytest.importorskip("cv2")
+    plain = carton(7, 8)
+    back, front, bottom, top, left, right = (side.reshape(32, 32, 3) for side in np.split(plain.texels, 6))
+    across = [np.concatenate([half, half[::-1, ::-1]]) for half in (bottom[:16], top[:16])]
+    sides = [front, front, *across, right[::-1, ::-1], right]
+    surface = replace(plain, texels=np.concatenate([side.reshape(-1, 3) for side in sides]))
+    turns = {angles: Rotation.from_euler("xyz", angles, degrees=True) for angles in
+             ((0, 0, 0), (0, 0, 180), (0, 0, 90), (180, 0, 0), (0, 180, 0))}  # fmt: skip
+    same = [angles for angles, turn in turns.items() if surface.looks_same(turn.as_matrix())]
+    assert same == [(0, 0, 0), (0, 0, 180)]
+    assert not plain.looks_same(turns[0, 0, 180].as_matrix())
+    toy("fin").save(tmp_path)
+    surface.save(tmp_path)
+    pose = pose_at(2)
+    photo, mask = photo_of(pose, surface, 2)
+    found = Explainer(tmp_path).explain(photo, box_round(mask), K=K * np.array([[2], [2], [1]]), mask=mask)
+    half = np.eye(4)
+    half[:3, :3] = turns[0, 0, 180].as_matrix()
+    assert min(off(found.camera_from_object @ turn, pose)[0] for turn in (np.eye(4), half)) < 3
+    assert found.verdict is Verdict.TRUSTED
+    others = [
+        off(other.camera_from_object @ half, found.camera_from_object)[0] for other in found.alternatives
+    ]
+    assert min(others, default=180) > 20
+
+
 def test_a_whole_photo_is_searched(tmp_path: Path) -> None:
     """Two cartons with fine print, one before the other and each found; with boxes, too."""
     pytest.importorskip("cv2")
