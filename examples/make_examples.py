@@ -32,7 +32,7 @@ from vig_app.examples import FOLDER
 from vig_world.assets.target import target_vertices
 from vig_world.composition.sampling import sample, target_occlusion
 from vig_world.dataset.spec import SceneSpec
-from vig_world.generation.job import photograph_picture
+from vig_world.generation.job import take_photo
 from vig_world.library import Library
 from vig_world.raster.picture import Picture
 from vig_world.renderers.cycles import CyclesRenderer
@@ -66,7 +66,7 @@ def main() -> None:
             for spec in candidates(library, object_class, level):
                 if used & marks(spec):
                     continue
-                picture, _ = photograph_picture(cycles.render(spec), spec)
+                picture, _ = take_photo(cycles.render(spec), spec)
                 if well_exposed(picture):
                     break
                 print(f"    sample {spec.index} is passed over for its exposure", flush=True)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from vig.explanation import Explanation
-from vig.hints import Hints
+from vig.hints import Hints, checked_hints
 from vig.inference import (
     ExpectedStart,
     ExplainSettings,
@@ -142,8 +142,7 @@ class Explainer:
         Raises:
             UserError: The photo, the box, the window, the focal length, the camera or a hint cannot be used.
         """
-        if mask is not None:
-            hints = replace(hints or Hints(), mask=mask)
+        hints = checked_hints(hints, mask)
         if window is not None and isinstance(hints, Hints) and hints.roll_deg is not None:
             raise UserError("expected a window or a roll among the hints; got both. Turn the window by it.")
         if window is not None and (box is not None or not isinstance(window, Window)):
@@ -185,9 +184,7 @@ class Explainer:
         """Explain one photo. `framed`: whether a given window is the standard camera's picture;
         `turned`: whether a known lens is turned towards the object.
         """
-        if hints is not None and not isinstance(hints, Hints):
-            raise UserError(f"expected vig.Hints; got a {type(hints).__name__}. Name what you know in one.")
-        coded = coded_photo(photo)
+        hints, coded = checked_hints(hints), coded_photo(photo)
         pyramid, (height, width) = ImagePyramid(coded), coded.shape[:2]
         settings, present = (
             resolve(self.settings, self.object_class, photo=window is None or not framed),
@@ -380,7 +377,7 @@ def lens_of(photo: Photo, focal: float | None = None, camera: Any = None) -> Len
     """
     if camera is not None:
         if focal is not None:
-            raise UserError("expected a camera or a focal length; got both. The camera has its own.")
+            raise UserError("expected K or a focal length; got both. K has its own.")
         return camera_as_shown(photo, camera), "given"
     if focal is not None:
         return checked_focal(focal), "given"

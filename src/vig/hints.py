@@ -107,10 +107,13 @@ class Hints(PlainHints):
         changed: dict[str, Any] = {}
         for name, kind in (("mask", bool), ("marks", np.uint8)):
             if (value := getattr(self, name)) is not None:
-                array = np.asarray(numpy_of_tensor(value))
+                try:
+                    array = np.asarray(numpy_of_tensor(value))
+                except ValueError:  # rows of several lengths
+                    array = np.empty(0, object)
                 if array.ndim == 3 and 1 in (array.shape[0], array.shape[2]):
                     array = array[..., 0] if array.shape[2] == 1 else array[0]
-                if name == "mask" and array.dtype.kind in "iuf" and array.size:
+                if name == "mask" and array.dtype.kind in "iuf" and array.size and np.isfinite(array).all():
                     # 0 and another value, or shades of which half of the range is the edge.
                     most = 1.0 if array.max() <= 1 else 255.0
                     array = array > 0 if len(np.unique(array)) <= 2 else array > most / 2
@@ -237,6 +240,17 @@ class Hints(PlainHints):
             held,
             box,
         )
+
+
+def checked_hints(hints: Any, mask: Any = None) -> Hints | None:
+    """Return hints, with a mask that is given beside them. UserError for other objects, or a mask in both."""
+    if hints is not None and not isinstance(hints, Hints):
+        raise UserError(f"expected vig.Hints; got a {type(hints).__name__}. Name what you know in one.")
+    if mask is None:
+        return hints
+    if hints is not None and hints.mask is not None:
+        raise UserError("expected a mask, or hints with one; got both. Give one.")
+    return replace(hints or Hints(), mask=mask)
 
 
 def checked_pose(value: Any, usual_distance: float) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
@@ -86,7 +87,7 @@ class State(PlainHints):
             name = explainer.object_class.name
             fit = judge_presence(explanation.fit, self.found, name)
             if not self.found:
-                fit = replace(fit, reason=f"there is no {name} here, as was stated by hand")
+                fit = replace(fit, reason=f"{name}: marked by hand as not there", present=math.nan)
             explanation = replace(explanation, fit=fit)
         return explanation if others is None else replace(explanation, others=others)
 

@@ -173,7 +173,7 @@ def _labels_in(file: Path, data: bytes, say: Callable[[str], None]) -> Iterator[
     elif isinstance(content, dict) and "images" in content and "annotations" in content:
         known = {image["id"] for image in content["images"]}
         if lost := sum(row["image_id"] not in known for row in content["annotations"]):
-            say(f"{file}: {lost} of {len(content['annotations'])} annotations name no image of it; left out")
+            say(f"{file}: {lost} of {len(content['annotations'])} annotations are of images not listed")
         yield from _coco_labels(content)
     else:
         raise ValueError("JSON of another kind")

@@ -123,7 +123,7 @@ def name_of(row: Mapping[str, Any]) -> str:
 
 
 def without_dismissed(rows: Collection[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return rows without those of absent objects of photos that show others."""
+    """Return rows without those of objects marked as not there of photos that show others."""
     shown = {row["folder"].split("/")[0] for row in rows if row["verdict"] != "absent"}
     return [row for row in rows if row["verdict"] != "absent" or row["folder"].split("/")[0] not in shown]
 

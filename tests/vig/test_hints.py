@@ -244,6 +244,25 @@ def test_what_cannot_be_is_refused(explainer: vig.Explainer, example: Example, h
     assert told in str(raised.value) and "\n" not in str(raised.value)
 
 
+@pytest.mark.parametrize(
+    ("mask", "hints", "told"),
+    [
+        ([[1], [1, 2]], None, "expected mask of 150 x 150 pixels"),
+        (np.full((150, 150), np.nan), None, "got float64"),
+        ("mask.png", None, "expected mask of 150 x 150 pixels"),
+        (np.ones((150, 150), bool), {"visible": True}, "expected vig.Hints; got a dict"),
+        (np.ones((150, 150), bool), Hints(mask=np.ones((150, 150), bool)), "got both"),
+    ],
+)
+def test_a_mask_of_no_use_is_refused(
+    explainer: vig.Explainer, example: Example, mask: Any, hints: Any, told: str
+) -> None:
+    for explain in (explainer.explain, vig.Tracker(explainer).start):
+        with pytest.raises(UserError) as raised:
+            explain(example.photo, mask=mask, hints=hints)
+        assert told in str(raised.value) and "\n" not in str(raised.value)
+
+
 def test_a_box_through_a_lens_has_the_middles_of_its_sides() -> None:
     """Those of the box round an ellipse that fills the box, mapped by the same lens, to a few hundredths."""
     lens = Intrinsics(150.0, 150.0, 100.0, 100.0)

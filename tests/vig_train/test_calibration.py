@@ -535,7 +535,7 @@ def test_mistakes_are_told_before_any_work(
     weights = untrained(tmp_path / "recognition.safetensors")
     kept = weights.read_bytes()
     arguments, said = {
-        "none": (["--weights", weights, "--studio", 0], "expected a dataset or photos of the studio"),
+        "none": (["--weights", weights, "--studio", 0], "expected a dataset or --studio above 0"),
         "split": (
             [photos, "--split", "train", "--weights", weights],
             "has no train split; it has validation",

@@ -85,8 +85,7 @@ class Intrinsics:
             _refuse(f"a camera of a photo of {width} x {height}", received)
         longer, numbers = max(width, height), (lens.fx, lens.fy, lens.cx, lens.cy)
         words = "fx {:g}, fy {:g}, cx {:g}, cy {:g}".format(*numbers)
-        if not all(map(math.isfinite, numbers)) or min(lens.fx, lens.fy) <= 0:
-            _refuse("finite numbers, focal lengths above 0", f"{words}. OpenCV's axes make both positive")
+        _check_finite(numbers)
         if min(lens.fx, lens.fy) < WIDEST * longer:
             _refuse(f"focal lengths that suit a photo of {width} x {height}", words)
         if not 0.2 < lens.fx / lens.fy < 5:
@@ -241,8 +240,15 @@ def _numbers_in(value: Any) -> Iterator[Any]:
 
 def check_camera(camera: Any) -> None:
     """Raise UserError for what is no camera in a form of `Intrinsics.of`, whatever the photo."""
-    if not isinstance(camera, Intrinsics | float):
-        _four_numbers(camera)
+    if not isinstance(camera, Intrinsics):
+        _check_finite((camera, camera, 0.0, 0.0) if isinstance(camera, float) else _four_numbers(camera))
+
+
+def _check_finite(numbers: tuple[float, float, float, float]) -> None:
+    """Raise UserError for fx, fy, cx, cy that no camera has."""
+    if not all(map(math.isfinite, numbers)) or min(numbers[:2]) <= 0:
+        words = "fx {:g}, fy {:g}, cx {:g}, cy {:g}".format(*numbers)
+        _refuse("finite numbers, focal lengths above 0", f"{words}. OpenCV's axes make both positive")
 
 
 def _four_numbers(camera: Any) -> tuple[float, float, float, float]:

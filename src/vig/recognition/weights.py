@@ -74,7 +74,7 @@ def whole_tensors(tensors: Mapping[str, np.ndarray], metadata: Mapping[str, str]
 
 def unpack_matrix(levels: np.ndarray, steps: np.ndarray) -> np.ndarray:
     """Return the float32 matrix (R, 2 C) of 4-bit levels (R, C) uint8 and float16 steps (R,), see
-    `vig_train.network.weights.packed`. ValueError when they are something else.
+    `vig_train.network.weights.pack_matrix`. ValueError when they are something else.
     """
     if levels.dtype != np.uint8 or levels.ndim != 2 or steps.shape != levels.shape[:1]:
         raise ValueError(f"a packed matrix of {levels.shape} {levels.dtype}, {steps.shape}")

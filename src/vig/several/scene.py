@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from vig.explanation import Explanation
+from vig.inference import Verdict
 from vig.outputs import output
 from vig.scene import rotate_z
 from vig_renderer.defaults import with_default_settings
@@ -40,8 +41,14 @@ class SceneExplanation:
         """Return (9,) SH of incident radiance in the heading frame of the camera, the mean of the
         objects'.
         """
-        light: np.ndarray = np.mean([heading_light(each) for each in self.objects], axis=0)
+        shown = [self.objects[number] for number in self.shown] or self.objects
+        light: np.ndarray = np.mean([heading_light(each) for each in shown], axis=0)
         return light
+
+    @property
+    def shown(self) -> list[int]:
+        """Return numbers of the objects that are not absent."""
+        return [n for n, each in enumerate(self.objects) if each.verdict is not Verdict.ABSENT]
 
     @cached_property
     def poses(self) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -69,12 +76,16 @@ class SceneExplanation:
         return {
             "format": 1,
             "objects": list(self.names),
-            "before": [[self.names[i], self.names[j]] for i, j in np.argwhere(self.occludes)],
+            "before": [
+                [self.names[i], self.names[j]]
+                for i, j in np.argwhere(self.occludes)
+                if {i, j} <= {*self.shown}
+            ],
             "light": self.light.tolist(),
             "camera": {"K": self.poses[0][0].tolist(), "width": width, "height": height,
                        "focal_from": self.objects[0].focal_from},
             "camera_from_object": {
-                name: pose.tolist() for name, (_, pose) in zip(self.names, self.poses, strict=True)
+                self.names[number]: self.poses[number][1].tolist() for number in self.shown
             },
         }  # fmt: skip
 

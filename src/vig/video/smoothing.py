@@ -111,7 +111,7 @@ def _smooth_gaussian(
     acceleration: float | np.ndarray,
     speed: float | np.ndarray = math.inf,
 ) -> np.ndarray:
-    """Smooth by `smoothed` with Gaussian noise of such variances (..., T)."""
+    """Smooth by `smooth` with Gaussian noise of such variances (..., T)."""
     change = np.broadcast_to(np.square(acceleration), values.shape[:-1])
     step = np.array([[1.0, 1.0], [0.0, 1.0]])
     noise = change[..., None, None] * np.array([[1 / 3, 1 / 2], [1 / 2, 1.0]])

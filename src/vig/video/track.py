@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from vig.explainer import Box, Explainer, Photo
+from vig.explainer import Box, Explainer, Photo, lens_of
 from vig.explanation import Explanation
 from vig.hints import Hints
 from vig.inference.settings import UNIFORM_TURN
@@ -108,7 +108,8 @@ def track(
     if not isinstance(explainer, Explainer):
         explainer = Explainer(explainer)
     if explainer.known is not None and explainer.known.is_followed(hints or Hints()):
-        return _track_known(frames, explainer, box, focal if K is None else K, hints, on_frame)
+        known = lens_of(frames[0], focal, K)
+        return _track_known(frames, explainer, box, None if known is None else known[0], hints, on_frame)
     follower = Follower(explainer, focal, hints, K)
     alone: list[Sighting] = []
     for number, frame in enumerate(frames):
@@ -131,7 +132,7 @@ def track(
     trajectory, again = Trajectory.of(alone, path, fold), list(alone)
     for number, sighting in enumerate(alone):
         if trajectory.contradicts(number, sighting, fold):
-            window, frame_hints = trajectory.predict_frame(number, hints)
+            window, frame_hints = trajectory.expected_window(number, hints)
             explanation = explainer.explain_followed(frames[number], window, focal, frame_hints, K)
             again[number] = Sighting.of(explanation)
             if on_frame is not None:

@@ -135,7 +135,7 @@ class Trajectory:
         # 0.15: sides, or log size, by which a frame is off the smoothed place
         return sighting.lost or turned > FAR or away > 0.15
 
-    def predict_frame(self, number: int, hints: Hints | None = None) -> tuple[Window, Hints]:
+    def expected_window(self, number: int, hints: Hints | None = None) -> tuple[Window, Hints]:
         """Return the window that a frame is expected to show the object in, and hints on its view."""
         azimuth, elevation = np.degrees(self.numbers[0, :2, number]).tolist()
         window = window_at(self.place[number], float(self.numbers[0, 5, number]))

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 text = getattr(bpy.context.space_data, "text", None)
-folder = Path(bpy.path.abspath(text.filepath) if text else __file__).resolve().parent
+folder = Path(bpy.path.abspath(text.filepath) if text and text.filepath else __file__).resolve().parent
 about = json.loads((folder / "scene.json").read_text())
 width, height, ((focal, _, center_x), (_, focal_y, center_y), _) = about["width"], about["height"], about["K"]
 pixel = focal / focal_y  # height of a pixel over its width
@@ -43,7 +43,7 @@ scene.world.use_nodes = True
 nodes, links = scene.world.node_tree.nodes, scene.world.node_tree.links
 sky = nodes.new("ShaderNodeTexEnvironment")
 sky.image = panorama
-links.new(sky.outputs["Color"], nodes["Background"].inputs["Color"])
+links.new(sky.outputs["Color"], next(each for each in nodes if each.type == "BACKGROUND").inputs["Color"])
 
 if bpy.context.window:  # none in the background
     bpy.context.window.scene = scene

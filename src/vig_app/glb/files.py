@@ -16,7 +16,6 @@ from PIL import Image
 
 from vig import __version__
 from vig.explanation import Explanation
-from vig.inference import Verdict
 from vig.io.files import atomic_write
 from vig.photo.images import png_bytes
 from vig.record import glb_from_object
@@ -85,16 +84,14 @@ def write_scene(path: Path, scene: SceneExplanation, textures: Sequence[Texture 
     along its sight until it stands there, and scaled along (`scale` of its node), which leaves the picture
     as it is; by `MOST_SCALED` at most, as something may stand on a shelf.
     """
-    poses = [pose for _, pose in scene.poses]
+    shown = scene.shown or range(len(scene.objects))
+    poses = [scene.poses[number][1] for number in shown]
     scales, world_from_camera = on_one_ground(poses)
     objects = []
-    for name, each, pose, scale, texture in zip(
-        scene.names, scene.objects, poses, scales, textures, strict=True
-    ):
-        if each.verdict is Verdict.ABSENT:
-            continue
+    for number, pose, scale in zip(shown, poses, scales, strict=True):
         node = world_from_camera @ np.diag([scale, scale, scale, 1.0]) @ pose
-        objects.append(GlbObject.of(each, name, node, texture, {"scale": scale}))
+        about = scene.objects[number], scene.names[number], node, textures[number]
+        objects.append(GlbObject.of(*about, {"scale": scale}))
     height, width = scene.objects[0].picture.shape[:2]
     K = scene.poses[0][0]
     camera = Camera(width, height, K[0, 0], K[0, 2], K[1, 2], focal_y=K[1, 1])

@@ -59,7 +59,7 @@ def summary(described: dict[str, Any]) -> str:
     """Return class, trusted parts with their probabilities, and the share hidden."""
     confidence, hidden = described["confidence"], described["hidden_fraction"]
     if described["verdict"] == "absent":
-        if not described["present"]:
+        if described["present"] is None:  # stated, not estimated
             return f"{described['class']}: none; below is the fit that was dismissed"
         return (
             f"{described['class']}: in the photo with a probability of {_rounded_down(described):.0%}, below"

@@ -18,7 +18,7 @@ from vig.parallel import Lost
 from vig.parallel.cluster import map_on_cluster
 from vig.photo.checks import existing_file
 from vig_app.corrections import CORRECTIONS
-from vig_app.runs.work import Rows, RunSettings, Task, beside_folder, failure_row, lost_row, prepare
+from vig_app.runs.work import Rows, RunSettings, Task, beside_folder, failure_rows, lost_row, prepare
 
 Item = TypeVar("Item")
 Sent = tuple[Task, bytes, bytes | None]
@@ -39,7 +39,7 @@ def rows_of_cluster(
                 photo = existing_file(task.photo).read_bytes()
                 mask = None if task.mask is None else existing_file(task.mask).read_bytes()
             except (UserError, OSError) as error:
-                unread.append((task, failure_row(task, error)))
+                unread.append((task, failure_rows(task, error)))
                 continue
             sent[next(numbers)] = task
             yield task, photo, mask
@@ -55,7 +55,7 @@ def rows_of_cluster(
             if rows[0]["error"] is None:
                 _store(task, files)
         except UserError as error:
-            rows = failure_row(task, error)
+            rows = failure_rows(task, error)
         yield task, rows
     yield from take_waiting(unread)
 

@@ -121,7 +121,7 @@ class Work:
             task = apply_labels(task) if task.labels and not task.corrected else task
             rows = self.several(task) if task.objects or task.most else [self.one(task)]
         except UserError as error:
-            return failure_row(task, error)
+            return failure_rows(task, error)
         seconds = round(time.monotonic() - started, 3)
         return [row | {"seconds": seconds} for row in rows]
 
@@ -238,6 +238,8 @@ def _states(task: Task, scene: SceneExplanation) -> dict[str, State]:
         }
         name = max(overlaps, key=overlaps.__getitem__, default="")
         if correction.state is None or overlaps.get(name, 0.0) < SAME_OBJECT:
+            if correction.state is not None and correction.state.found == 0:
+                continue  # it was marked as not there, and is not found any more
             raise _of_no_object(task, correction)
         states[name] = correction.state
     return states
@@ -291,7 +293,7 @@ def row_of(task: Task, explanation: Explanation) -> dict[str, Any]:
     return row_of_record(explanation.to_dict(), photo=str(task.photo), folder=task.folder.name, object=1)
 
 
-def failure_row(task: Task, error: object) -> Rows:
+def failure_rows(task: Task, error: object) -> Rows:
     """Return the one row of a photo that was not explained; the reason names the photo."""
     name, reason = str(task.photo), str(error)
     reason = reason if str(UserError(name)) in reason else f"{name}: {reason}"
@@ -300,7 +302,7 @@ def failure_row(task: Task, error: object) -> Rows:
 
 def lost_row(task: Task, lost: Lost) -> Rows:
     """Return the one row of a photo whose workers were killed."""
-    return failure_row(
+    return failure_rows(
         task,
         f"{task.photo}: a worker process was killed {lost.attempts} times while it explained this photo,"
         " possibly out of memory; try it alone.",

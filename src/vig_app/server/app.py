@@ -127,7 +127,7 @@ def refuse(request: Request, error: Exception) -> JSONResponse:
 
 
 async def check_fields(request: Request) -> None:
-    """Raise UserError for fields that a form does not have, or that stand in the address."""
+    """Raise UserError for fields that a form does not have, or query parameters."""
     others = {*await request.form()} - {"photo", "box", "mask", "class"} | {*request.query_params}
     if others:
         words = "expected the form's fields photo, box, mask and class"

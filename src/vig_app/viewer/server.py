@@ -31,7 +31,7 @@ from vig_app.report.contents import drawing_data
 from vig_app.report.drawing import views_of
 from vig_app.report.folder_page import reduce_picture
 from vig_app.report.html import fill_template, jpeg_bytes, jpeg_url
-from vig_app.viewer.session import Change, add_stroke, clear_corrections, dismissed, set_point, set_state
+from vig_app.viewer.session import Change, add_stroke, clear_corrections, dismiss, set_point, set_state
 from vig_app.viewer.walk import Walk
 
 HOST = "127.0.0.1"
@@ -252,7 +252,7 @@ class Viewer:
             case "visible":
                 return set_state(visible=bool(value))
             case "none":
-                return dismissed
+                return dismiss
             case "clear":
                 return clear_corrections
         return None

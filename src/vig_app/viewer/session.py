@@ -30,7 +30,7 @@ Places = Sequence[tuple[float, float]]
 class Session:
     """One photo, its explanation, and the states that led there.
 
-    Changes are `Session.boxed`, `placed`, `marked`, `changed`, `dismissed` and `cleared`.
+    Changes are `Session.set_box`, `set_point`, `add_stroke`, `set_state`, `dismiss` and `clear_corrections`.
     """
 
     def __init__(
@@ -127,12 +127,13 @@ class Session:
 
 def set_point(name: str, x: float, y: float) -> Change:
     """Return the correction that sets a named point of the class."""
-    return lambda state: replace(state, points={**state.points, name: (x, y)})
+    return lambda state: replace(state, points={**state.points, name: (x, y)}, found=state.found or None)
 
 
 def add_stroke(label: PixelLabel, x: float, y: float, radius: float, path: Places = ()) -> Change:
     """Return the correction that adds a stroke of a brush, set down at a place and moved along a path."""
-    return lambda state: replace(state, strokes=(*state.strokes, Stroke(x, y, radius, label, tuple(path))))
+    stroke = Stroke(x, y, radius, label, tuple(path))
+    return lambda state: replace(state, strokes=(*state.strokes, stroke), found=state.found or None)
 
 
 def set_state(**values: Any) -> Change:
@@ -140,11 +141,11 @@ def set_state(**values: Any) -> Change:
     return lambda state: replace(state, **values)
 
 
-def dismissed(state: State) -> State:
-    """Return the state in which there is no such object; a box drawn later brings it back."""
+def dismiss(state: State) -> State:
+    """Return the state in which there is no such object; any later correction brings it back."""
     return replace(clear_corrections(state), found=0.0)
 
 
 def clear_corrections(state: State) -> State:
     """Return the state without corrections but the box."""
-    return State(box=state.box, focal=state.focal, camera=state.camera, found=state.found)
+    return State(box=state.box, focal=state.focal, camera=state.camera, found=state.found or None)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from vig.explainer import Box, Explainer
-from vig.io.checks import reading
+from vig.io.checks import read_json, reading
 from vig.io.errors import UserError
 from vig.photo.decoding import open_picture
 from vig.record import read_explanation
@@ -67,7 +67,10 @@ class Item:
             open_picture(path) as image,
         ):
             numbers = np.asarray(image)
-            return (numbers != 0) & (numbers != int(self.folder.name.split("-")[0]))
+        own = [self.folder.name.split("-")[0]]
+        for about in self.folder.parent.glob("*-*/explanation.json"):
+            own += [about.parent.name.split("-")[0]] * (read_json(about)["verdict"] == "absent")
+        return ~np.isin(numbers, [0, *map(int, own)])
 
 
 class Walk:

@@ -27,7 +27,7 @@ def calibrate(settings: Calibrate) -> int:
     """Calibrate the weights in place, then fits that start from them; returns the exit code."""
     check_ranges(settings, workers=(1, inf), studio=(0, inf), seed=(0, inf))
     if not settings.datasets and not settings.studio:
-        raise UserError("expected a dataset or photos of the studio to calibrate on; got neither")
+        raise UserError("expected a dataset or --studio above 0 to calibrate on; got neither. Give one.")
     object_class = ObjectClass.load(settings.object_class)
     datasets = [read_dataset(path, settings.split).at_network_size() for path in settings.datasets]
     for dataset in datasets:

@@ -44,7 +44,7 @@ def save_weights(
         path: Path of the file.
         shared_trunk: Name the trunk in place of writing it.
         more: Further metadata of the file.
-        packed: Names of matrices that are written in 4 bits, see `vig_train.network.weights.packed`.
+        packed: Names of matrices that are written in 4 bits, see `vig_train.network.weights.pack_matrix`.
     """
     tensors = {
         f"network.{k}": v.half() if v.is_floating_point() else v

@@ -58,7 +58,7 @@ class Footprint:
         return Footprint(level, (level @ _AXES.T).max(-2), _extent(points[..., 2]), _extent(points @ axis))
 
     @staticmethod
-    def stack_footprints(footprints: Sequence[Footprint]) -> Footprint:
+    def stack(footprints: Sequence[Footprint]) -> Footprint:
         """Return the footprints of N solids, with as many points each, as one of shape (N, ...)."""
         return Footprint(*(np.stack([getattr(each, name) for each in footprints]) for name in _FIELDS))
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from vig_world.assets.footprint import Footprint
 from vig_world.assets.things import Support
-from vig_world.composition.occluders import placed_prop
+from vig_world.composition.occluders import place_prop
 from vig_world.composition.stage import MARGIN, StagedRoom
 from vig_world.rotations import about_z, turned_about_z
 
@@ -164,7 +164,7 @@ class _Proposals:
         if self.touch[number, others].any():
             return "collision"
         turn = about_z(float(self.angles[number]))
-        part, depths = placed_prop(self.names[number], self.positions[number], turn, "clutter"), None
+        part, depths = place_prop(self.names[number], self.positions[number], turn, "clutter"), None
         if self.crosses[number]:
             depths = stage.depth_of_props([part])
             if stage.hidden_share(depths) > stage.hidden_share():

@@ -112,7 +112,7 @@ def area_to_hide(stage: StagedRoom, level: float, nearness: float) -> float:
     return pixels * (nearness * float(stage.actor.own.mean()) / view.camera.focal) ** 2
 
 
-def placed_prop(
+def place_prop(
     name: tuple[str, int], position: np.ndarray, rotation: np.ndarray, role: Role = "occluder"
 ) -> Placed:
     """Return a prop at (3,) turned by (3, 3), as plain data."""
@@ -192,7 +192,7 @@ def _draw_candidate(
         return None
     number, rows, least, most, front, bound = drawn
     position, hand_position, motion = rows[6:]
-    parts = [placed_prop(names[number % len(names)], position, rows[:3])]
+    parts = [place_prop(names[number % len(names)], position, rows[:3])]
     if arms:
-        parts.append(placed_prop(arms[number], hand_position, rows[3:6], "holder"))
+        parts.append(place_prop(arms[number], hand_position, rows[3:6], "holder"))
     return OccluderCandidate(parts, motion, least, most, kind == "standing", front, bound)

@@ -234,7 +234,7 @@ class StagedRoom:
     def obstacles(self) -> Footprint:
         """Return bounds of the object and of the props so far, as one of shape (N, ...)."""
         if self._obstacles is None:
-            self._obstacles = Footprint.stack_footprints([self.actor.body, *self.solids])
+            self._obstacles = Footprint.stack([self.actor.body, *self.solids])
         return self._obstacles
 
     def on_support(self, support: Support, points: np.ndarray) -> np.ndarray:

@@ -147,7 +147,7 @@ class Maker:
             self._renderer = self._open()
         picture, settings = self._renderer.render(spec), None
         if self.job.photo:
-            picture, settings = photograph_picture(picture, spec)
+            picture, settings = take_photo(picture, spec)
         return encode(spec, picture, self.job.object_class, settings)
 
     def _open(self) -> Renderer:
@@ -167,7 +167,7 @@ class Maker:
             self._renderer = None
 
 
-def photograph_picture(picture: Picture, spec: SceneSpec) -> tuple[Picture, PhotoSettings]:
+def take_photo(picture: Picture, spec: SceneSpec) -> tuple[Picture, PhotoSettings]:
     """Return a picture passed through the camera model, its labels kept, and the camera's settings."""
     linear = getattr(picture, "linear", None)
     if linear is None:

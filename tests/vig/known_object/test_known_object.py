@@ -360,6 +360,14 @@ def test_a_turn_that_looks_the_same_is_no_rival(tmp_path: Path) -> None:
     same = [angles for angles, turn in turns.items() if surface.looks_same(turn.as_matrix())]
     assert same == [(0, 0, 0), (0, 0, 180)]
     assert not plain.looks_same(turns[0, 0, 180].as_matrix())
+    logo = sides[1].copy()
+    logo[8:24, 8:24] = 255 - logo[8:24, 8:24]  # a quarter of a side
+    sides[1] = logo
+    marked = replace(surface, texels=np.concatenate([side.reshape(-1, 3) for side in sides]))
+    assert not marked.looks_same(turns[0, 0, 180].as_matrix())
+    card = replace(surface, vertices=surface.vertices * np.float32([1, 1, 0.005]))  # .25 mm thick
+    assert card.looks_same(turns[0, 0, 180].as_matrix()) and not card.looks_same(turns[180, 0, 0].as_matrix())
+    assert not card.looks_same(turns[0, 0, 90].as_matrix())
     toy("fin").save(tmp_path)
     surface.save(tmp_path)
     pose = pose_at(2)

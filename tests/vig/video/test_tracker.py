@@ -183,7 +183,11 @@ def test_what_cannot_be_tracked_is_refused(video: Video, explainer: vig.Explaine
     tracker.start(video.frames[0], box=video.box)
     with pytest.raises(UserError, match="frames of one size, 150 x 150; got one of 140 x 150"):
         tracker.step(video.frames[0][:, :140])
-    for camera, words in ((np.zeros((3, 3)), "K as"), ("abc", "fx, fy, cx, cy or K .*; got 'abc'")):
+    for camera, words in (
+        (np.zeros((3, 3)), "K as"),
+        ("abc", "fx, fy, cx, cy or K .*; got 'abc'"),
+        (math.nan, "finite numbers, focal lengths above 0"),
+    ):
         with pytest.raises(UserError, match=words):
             vig.Tracker(explainer, K=camera)
     wrong: Any = 12

@@ -111,7 +111,6 @@ def test_mistakes_are_an_object(told: Callable[..., Any], tmp_path: Path) -> Non
         ("dataset", "make", "--out", tmp_path / "d", "--count", 0),
         ("dataset", "check", missing),
         ("dataset", "show", missing),
-        ("dataset", "groups", "--out", tmp_path / "g", "--count", 0),
         ("dataset", "export", missing, "--to", "coco", "--out", tmp_path / "c"),
         ("train", "--dataset", missing, "--out", tmp_path / "t"),
         ("calibrate", missing, "--weights", missing),
@@ -132,7 +131,6 @@ def test_verbs_of_datasets(told: Callable[..., Any], tmp_path: Path) -> None:
         ("check", (made,)),
         ("show", (made,)),
         ("export", (made, "--to", "coco", "--out", tmp_path / "coco")),
-        ("groups", ("--out", tmp_path / "g", "--count", 1)),
     ):
         code, result, _ = told("dataset", name, *more)
         assert code == ExitCode.DONE and keys_of(f"dataset {name}") - {"json"} <= {*result, "info"}, name

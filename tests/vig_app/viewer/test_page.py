@@ -24,7 +24,7 @@ from vig_app.corrections import State
 from vig_app.examples import example_photos
 from vig_app.results import read_results, write_table
 from vig_app.viewer.server import Viewer
-from vig_app.viewer.session import add_stroke, dismissed, set_point, set_state
+from vig_app.viewer.session import add_stroke, dismiss, set_point, set_state
 from vig_app.viewer.walk import Walk
 
 SCREENS = {"phone": (390, 844), "laptop": (1280, 800), "wide": (1920, 1080)}
@@ -487,7 +487,7 @@ def test_one_of_several_that_is_not_there_leaves_table_and_exports(tmp_path: Pat
     fit(*command, "--export", "coco")
     walk = Walk.of_folder(run)
     walk.open(next(n for n, item in enumerate(walk.items) if item.folder.name == "2-teapot"))
-    walk.session.correct(dismissed)
+    walk.session.correct(dismiss)
     walk.save()
     walk.close()
     for again in (False, True):

@@ -28,7 +28,7 @@ from vig_app.examples import example_photos
 from vig_app.results import write_table
 from vig_app.viewer import Session
 from vig_app.viewer.server import Viewer
-from vig_app.viewer.session import add_stroke, clear_corrections, dismissed, set_point, set_state
+from vig_app.viewer.session import add_stroke, clear_corrections, dismiss, set_point, set_state
 from vig_app.viewer.walk import Walk
 
 
@@ -97,16 +97,20 @@ def test_every_correction_is_a_state_that_can_be_taken_back(session: Session) ->
     assert session.explanation.to_dict() == first.to_dict() and len(session.states) == 1
 
 
-def test_an_object_that_is_not_there_is_absent_until_a_box_is_drawn(session: Session, tmp_path: Path) -> None:
-    session.correct(set_point("spout", 150.0, 140.0), dismissed)
+def test_an_object_that_is_not_there_is_absent_until_it_is_corrected(
+    session: Session, tmp_path: Path
+) -> None:
+    session.correct(set_point("spout", 150.0, 140.0), dismiss)
     absent = session.explanation
     assert absent.verdict is vig.Verdict.ABSENT and not absent.amodal.any() and not session.state.points
-    assert absent.reason == "there is no teapot here, as was stated by hand"
+    assert absent.reason == "teapot: marked by hand as not there" and absent.to_dict()["present"] is None
     session.save(tmp_path / "saved")
     again = Session(session.explainer, *(State.read(tmp_path / "saved")[number] for number in (0, 2)))
     assert again.explanation.verdict is vig.Verdict.ABSENT
-    again.correct(again.set_box(130, 75, 135, 140))
-    assert again.explanation.verdict is not vig.Verdict.ABSENT
+    for back in (again.set_box(130, 75, 135, 140), set_point("spout", 150.0, 140.0), clear_corrections):
+        again.correct(back)
+        assert again.explanation.verdict is not vig.Verdict.ABSENT
+        again.correct(dismiss)
 
 
 def test_a_box_is_cut_at_the_photos_edges_and_a_bad_one_loses_nothing(session: Session) -> None:
@@ -264,9 +268,7 @@ def test_corrections_that_come_together_are_fitted_once_and_a_bad_one_alone_is_l
 ) -> None:
     fits = list[State]()
     explained = State.explain
-    monkeypatch.setattr(
-        State, "explained", lambda self, *others: fits.append(self) or explained(self, *others)
-    )
+    monkeypatch.setattr(State, "explain", lambda self, *others: fits.append(self) or explained(self, *others))
 
     def act(*actions: dict[str, Any], item: int = 0) -> dict[str, Any]:
         status, content = asked(viewer, "POST", "/act", {"item": item, "actions": actions})

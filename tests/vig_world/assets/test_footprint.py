@@ -26,6 +26,6 @@ def test_gaps_of_many_are_those_of_each_pair() -> None:
     clouds = rng.uniform(-0.1, 0.1, (5, 20, 3)) + rng.uniform(-0.3, 0.3, (5, 1, 3))
     many, single = Footprint.of(clouds, axis), [Footprint.of(cloud, axis) for cloud in clouds]
     each = [[one.gap(other) for other in single] for one in single]
-    for every in (many, Footprint.stack_footprints(single)):
+    for every in (many, Footprint.stack(single)):
         np.testing.assert_array_equal(every[:, None].gap(many), each)
     assert many[3].gap(single[0]) == each[3][0]
