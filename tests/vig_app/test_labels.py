@@ -200,7 +200,7 @@ def test_annotations_of_images_that_are_not_there_are_counted_in_a_line(tmp_path
     (tmp_path / "a.json").write_text(json.dumps(content))
     lines: list[str] = []
     assert [len(labels) for labels in read_labels(tmp_path / "a.json", lines.append).values()] == [1]
-    assert lines == [f"{tmp_path / 'a.json'}: 1 of 2 annotations name no image of it; left out"]
+    assert lines == [f"{tmp_path / 'a.json'}: 1 of 2 annotations are of images not listed"]
 
 
 def test_an_unknown_category_is_named_by_its_number(tmp_path: Path) -> None:
