@@ -38,7 +38,7 @@ NATIVE := $(filter-out %/density_list.h,$(wildcard src/vig_native/*.cc src/vig_n
 	src/vig_native/cmake/CMakeLists.txt
 
 $(CORE): pyproject.toml constraints.txt $(NATIVE)
-	@echo "making the environment in $(VENV): half a minute, 0.3 GB"
+	@echo "making the environment in $(VENV): one or two minutes, 0.3 GB"
 	$(PYTHON) -m venv $(VENV)
 	$(PIP) install --quiet --constraint constraints.txt --editable .
 	touch $@

@@ -137,7 +137,7 @@ class Explainer:
             K: The whole intrinsics of the photo, without distortion, in place of a focal length: fx, fy, cx
                 and cy in pixels, a matrix (3, 3), or a mapping that has them, such as BOP's {"cam_K": ...}.
                 The answer's `camera` is then this one, and its pose exact wherever the object is.
-            mask: (H, W) bool, the object's visible pixels, in place of `Hints.mask`.
+            mask: (H, W) bool, the object's visible pixels, or a file of them; in place of `Hints.mask`.
 
         Raises:
             UserError: The photo, the box, the window, the focal length, the camera or a hint cannot be used.

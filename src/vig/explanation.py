@@ -216,6 +216,22 @@ class Explanation:
         return np.array(described["camera_from_mesh"]) if described else None
 
     @property
+    def camera_from_mesh_covariance(self) -> np.ndarray | None:
+        """Return the covariance (6, 6) of `camera_from_mesh`: x, y, z of the mesh's origin in units of its
+        file, then turns about the camera's axes in radians; None for other classes.
+        """
+        mesh, (_, pose, covariance) = self.camera_from_mesh, self.pinhole_pose()
+        if mesh is None or self.object_class.object_from_mesh is None:
+            return None
+        unit = float(np.cbrt(np.linalg.det(self.object_class.object_from_mesh[:3, :3])))  # metres
+        x, y, z = unit * mesh[:3, 3] - pose[:3, 3]
+        change = np.eye(6)
+        change[:3, 3:] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]  # a turn moves the one origin about the other
+        change[:3] /= unit
+        moved: np.ndarray = change @ covariance @ change.T
+        return moved
+
+    @property
     def amodal(self) -> np.ndarray:
         """Return all pixels (H, W) bool that the object covers, hidden ones included."""
         return self._masks[0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from vig.inference import PixelLabel, WindowHints
 from vig.io.checks import number_of
 from vig.io.errors import UserError
 from vig.photo import Window
+from vig.photo.masks import read_mask
 from vig.recognition.find import LocationHints
 from vig.scene import IMAGE_SIZE, ObjectClass
 from vig.scene.camera import view_of as view_of
@@ -107,6 +109,8 @@ class Hints(PlainHints):
         changed: dict[str, Any] = {}
         for name, kind in (("mask", bool), ("marks", np.uint8)):
             if (value := getattr(self, name)) is not None:
+                if name == "mask" and isinstance(value, str | Path):
+                    value = read_mask(value)
                 try:
                     array = np.asarray(numpy_of_tensor(value))
                 except ValueError:  # rows of several lengths

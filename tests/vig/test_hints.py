@@ -249,7 +249,7 @@ def test_what_cannot_be_is_refused(explainer: vig.Explainer, example: Example, h
     [
         ([[1], [1, 2]], None, "expected mask of 150 x 150 pixels"),
         (np.full((150, 150), np.nan), None, "got float64"),
-        ("mask.png", None, "expected mask of 150 x 150 pixels"),
+        ("no-mask.png", None, "no-mask.png"),
         (np.ones((150, 150), bool), {"visible": True}, "expected vig.Hints; got a dict"),
         (np.ones((150, 150), bool), Hints(mask=np.ones((150, 150), bool)), "got both"),
     ],

@@ -94,13 +94,16 @@ class KnownObject:
                 `DISTINCT` of its azimuth and elevation are tried.
         """
         height, width = pyramid.shape[:2]
-        lens = lens or assumed_lens(width, height)
+        known, lens = lens is not None, lens or assumed_lens(width, height)
         x, y, w, h = place.box
         Window.of(width, height, place.box)  # which refuses boxes beside the photo
         side = MARGIN * max(w, h)
         window = Window(x + w / 2 - side / 2, y + h / 2 - side / 2, side, lens=lens)
         poses, keypoints = self._search(pyramid, window, place, told)
-        return self._fit(pyramid, window, place, poses, lens, keypoints)
+        window, fit, ratio = self._fit(pyramid, window, place, poses, lens, keypoints)
+        if fit.verdict is Verdict.TRUSTED and not known:
+            fit = replace(fit, reason=f"{fit.reason}; without K its distance is a guess")
+        return window, fit, ratio
 
     def follow(
         self,
@@ -259,6 +262,10 @@ class KnownObject:
         latents, framing = views[0]
         rivals, one_colour = rivals_of(poses, self.surface), self.surface.one_colour
         verdict, reason, right = judge(poses.scores, rivals, keypoints, picture.outlined, one_colour)
+        height, width = pyramid.shape[:2]
+        if verdict is Verdict.TRUSTED and not (0 <= lens.cx <= width and 0 <= lens.cy <= height):
+            reason = f"the principal point is beside the photo of {width} x {height}: is K of another size?"
+            verdict = Verdict.AMBIGUOUS
         if not (visible > 0.5).any():
             verdict, reason = Verdict.FAILED, Verdict.FAILED.value
         small = self._picture(pyramid, around, place, IMAGE_SIZE // 2).native(self.surface)

@@ -21,6 +21,10 @@ def pack_of_mesh(
     """Return the class pack of a mesh file; UserError for no mesh, or without a maker of packs."""
     for point in entry_points(group=GROUP):
         if find_spec(point.module.partition(".")[0]) is not None:
-            folder: Path = point.load()(Path(mesh), length, say, up)
+            try:
+                folder: Path = point.load()(Path(mesh), length, say, up)
+            except ModuleNotFoundError as error:
+                needed = f"expected the package {error.name}; it is not installed."
+                raise UserError(f"{needed} Run pip install 'vig[world]'.") from None
             return folder
     raise UserError("expected the package vig_train, to read a mesh; it is not installed. Install vig anew.")

@@ -143,7 +143,7 @@ class RunOptions:
 
 @dataclass(frozen=True)
 class FitCommand:
-    """Explain photos of one object each, or of several: a folder of numbers, pictures and the object."""
+    """Explain photos of one object each, or of several. Writes numbers, pictures and the object in 3-D."""
 
     images: tyro.conf.Positional[tuple[Path, ...]] = ()
     """Photos, folders of them, or patterns such as 'photos/*.jpg': any size, JPEG, PNG, TIFF, WebP, AVIF ...;

@@ -161,8 +161,8 @@ class CheckClass:
 
 @dataclass(frozen=True)
 class Calibrate:
-    """Calibrate uncertainties and confidences of a network and of fits on photos that training never saw.
-    Writes into the weights, and calibration.json and reliability.png beside them; a class pack's
+    """Calibrate confidences and deviations (no camera) of a network and of fits on photos that training never
+    saw. Writes into the weights, and calibration.json and reliability.png beside them; a class pack's
     calibration.json is used by every fit."""
 
     datasets: tyro.conf.Positional[tuple[Path, ...]]
@@ -174,7 +174,7 @@ class Calibrate:
     studio: int = 300
     """Photos that are drawn in the studio, of the split's designs, some without the object; 0: none."""
     seed: int = 1
-    """Of these."""
+    """Seed of the studio's photos."""
     props: Path | None = None
     """Models to put before and behind their objects: a folder of meshes, or furniture catalogues."""
     object_class: Annotated[str, tyro.conf.arg(name="class")] = "teapot"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -345,6 +346,39 @@ def test_keypoints_tell_how_likely_a_pose_is(pack: Path, monkeypatch: pytest.Mon
     without = Explainer(pack).explain(photo, **given, hints=Hints(mask=mask))
     assert off(without.camera_from_object, pose)[0] < 4 and without.verdict is Verdict.AMBIGUOUS
     assert np.isnan(without.confidence) and "vig[match]" in without.reason
+
+
+def test_the_covariance_is_that_of_the_meshs_own_origin(pack: Path) -> None:
+    """Against the spread of poses that are drawn by the pose's covariance; millimetres, another origin."""
+    photo, mask = photo_of(pose_at(2))
+    found = Explainer(pack).explain(photo, box_round(mask), K=K, mask=mask)
+    object_from_mesh = np.eye(4)
+    object_from_mesh[:3] = (
+        0.001 * np.c_[Rotation.from_euler("y", 90, degrees=True).as_matrix(), [40, 70, -90]]
+    )
+    own = replace(found, object_class=replace(found.object_class, object_from_mesh=object_from_mesh))
+    _, pose, covariance = own.pinhole_pose()
+    moves = np.random.default_rng(3).multivariate_normal(np.zeros(6), covariance * 1e-4, 20_000)
+    middle = (pose @ object_from_mesh)[:3, 3] - pose[:3, 3]
+    drawn = moves[:, :3] + Rotation.from_rotvec(moves[:, 3:]).apply(middle)
+    spread = np.cov(np.c_[1000 * drawn, moves[:, 3:]].T) * 1e4
+    assert own.camera_from_mesh_covariance is not None and found.camera_from_mesh_covariance is None
+    size = np.sqrt(np.diag(spread))
+    np.testing.assert_allclose(
+        own.camera_from_mesh_covariance / np.outer(size, size), spread / np.outer(size, size), atol=0.05
+    )
+
+
+def test_a_camera_of_another_photo_is_not_trusted_and_none_is_named(tmp_path: Path) -> None:
+    pytest.importorskip("cv2")
+    toy("fin").save(tmp_path)
+    carton(7, 8).save(tmp_path)
+    photo, mask = photo_of(pose_at(2), carton(7, 8), 2)
+    explain = partial(Explainer(tmp_path).explain, photo, box_round(mask), mask=mask)
+    known, aside, unknown = explain(K=(800, 800, 300, 250)), explain(K=(800, 800, 660, 250)), explain()
+    assert known.verdict is unknown.verdict is Verdict.TRUSTED and "K" not in known.reason
+    assert "without K its distance is a guess" in unknown.reason
+    assert aside.verdict is Verdict.AMBIGUOUS and "is K of another size?" in aside.reason
 
 
 def test_a_turn_that_looks_the_same_is_no_rival(tmp_path: Path) -> None:
