@@ -22,7 +22,7 @@ from vig.photo.fit_geometry import FitGeometry
 from vig.photo.images import linear_photo, png_bytes
 from vig.photo.masks import box_of
 from vig.photo.outline import REACH, SMALLEST_PICTURE, line_reach
-from vig.photo.pinhole import project, sight_axes
+from vig.photo.pinhole import covariance_at, project, sight_axes
 from vig.record import Hints as HintsRecord
 from vig.record import camera_from_mesh, record
 from vig.renderer.drawing import draw_latents
@@ -224,12 +224,7 @@ class Explanation:
         if mesh is None or self.object_class.object_from_mesh is None:
             return None
         unit = float(np.cbrt(np.linalg.det(self.object_class.object_from_mesh[:3, :3])))  # metres
-        x, y, z = unit * mesh[:3, 3] - pose[:3, 3]
-        change = np.eye(6)
-        change[:3, 3:] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]  # a turn moves the one origin about the other
-        change[:3] /= unit
-        moved: np.ndarray = change @ covariance @ change.T
-        return moved
+        return covariance_at(covariance, unit * mesh[:3, 3] - pose[:3, 3], unit)
 
     @property
     def amodal(self) -> np.ndarray:

@@ -64,7 +64,7 @@ class KnownObject:
         return told.roll_deg is None and (told.mask is not None or not self.surface.one_colour)
 
     def is_followed(self, told: Hints) -> bool:
-        """Return whether it is followed in videos by its colours, in any rotation: no roll is told."""
+        """Return whether videos follow it by its colours, in any rotation: no roll is given."""
         return told.roll_deg is None and not self.surface.one_colour
 
     @cached_property

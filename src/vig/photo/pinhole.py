@@ -163,3 +163,15 @@ def _turn(vector: np.ndarray) -> np.ndarray:
     sine, half = np.sinc(angle / math.pi), np.sinc(angle / (2 * math.pi))
     rotation: np.ndarray = np.eye(3) + sine * generator + 0.5 * half**2 * generator @ generator
     return rotation
+
+
+def covariance_at(covariance: np.ndarray, offset: np.ndarray, unit: float = 1.0) -> np.ndarray:
+    """Return a pose's covariance (6, 6) for another origin, `offset` (3,) metres from its own in the camera's
+    axes, with positions in units of `unit` metres: a turn moves the one origin about the other.
+    """
+    x, y, z = offset
+    change = np.eye(6)
+    change[:3, 3:] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
+    change[:3] /= unit
+    moved: np.ndarray = change @ covariance @ change.T
+    return moved

@@ -188,13 +188,13 @@ class Verb:
 
 
 @cache
-def without_empty_defaults(settings: type) -> type:
-    """Return a dataclass whose help, and that of its groups, states no defaults None, False and ()."""
+def hide_empty_defaults(settings: type) -> type:
+    """Leave defaults None, False and () out of the help of a dataclass and of its groups; returns it."""
     settings.__annotations__ = get_type_hints(settings, include_extras=True)
     for each in fields(settings):
         kind = settings.__annotations__[each.name]
         if is_dataclass(kind):
-            without_empty_defaults(kind)  # type: ignore[arg-type]
+            hide_empty_defaults(kind)  # type: ignore[arg-type]
         elif any(each.default is empty for empty in (None, False, ())):
             settings.__annotations__[each.name] = Annotated[kind, tyro.conf.arg(help_behavior_hint="")]
     return settings

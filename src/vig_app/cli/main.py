@@ -20,7 +20,7 @@ import tyro
 from vig import __version__
 from vig.io.errors import UserError
 from vig_app.cli import common
-from vig_app.cli.common import ExitCode, Verb, verbs_of_packages, without_empty_defaults
+from vig_app.cli.common import ExitCode, Verb, hide_empty_defaults, verbs_of_packages
 from vig_app.cli.options import FitCommand
 from vig_app.cli.speed import extra_of
 
@@ -121,7 +121,7 @@ def _parse_arguments(verbs: list[Verb], arguments: list[str]) -> Any:
         group, _, name = verb.name.rpartition(" ")
         if group and group not in groups:
             groups[group] = tyro.extras.SubcommandApp()
-        (groups[group] if group else app).command(name=name)(without_empty_defaults(verb.settings))
+        (groups[group] if group else app).command(name=name)(hide_empty_defaults(verb.settings))
     for group, inner in groups.items():
         app.command(inner, name=group, help=GROUPS[group])
     complaint = io.StringIO()
