@@ -27,8 +27,6 @@ from vig.io.errors import UserError
 from vig.photo.masks import box_of, run_lengths
 
 REMEDY = "Export COCO's, labelme's or CVAT's (for images 1.1) anew."
-CROSSED = 0.02
-"""Share of a polygon's pixels that it may go round twice or the other way, by slips of the hand."""
 Box = tuple[float, float, float, float]
 Polygon = tuple[tuple[float, float], ...]
 
@@ -119,7 +117,8 @@ def fill_polygon(polygon: Polygon, width: int, height: int) -> np.ndarray:
     winding = turns.cumsum(1)[:, :width]
     inside = winding != 0
     usual = 1 if (winding > 0).sum() >= (winding < 0).sum() else -1
-    if (inside & (winding != usual)).sum() > CROSSED * inside.sum():
+    # slips of the hand go round a few pixels twice or the other way
+    if (inside & (winding != usual)).sum() > 0.02 * inside.sum():
         raise ValueError("a polygon that crosses itself")
     return np.asarray(inside)
 

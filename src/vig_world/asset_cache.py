@@ -21,11 +21,6 @@ from vig.io.files import cache_folder, write_arrays
 from vig_native import engine
 
 Arrays = dict[str, np.ndarray]
-KEPT_VERSIONS = 2
-"""Folders of other versions of the code that are not deleted, the latest ones."""
-
-
-_HASHED = (".py", ".json", ".npz", ".csv")
 
 
 class AssetCache:
@@ -65,7 +60,7 @@ def asset_cache() -> AssetCache:
         if not folder.is_dir():
             folder.mkdir(parents=True)
             versions = sorted(cache.glob("world-*"), key=lambda path: path.stat().st_mtime)
-            for old in versions[: -KEPT_VERSIONS - 1]:
+            for old in versions[:-3]:  # two others stay
                 shutil.rmtree(old, ignore_errors=True)
     except (OSError, RuntimeError):
         return AssetCache(None)
@@ -77,8 +72,9 @@ def _version() -> str:
     digest = hashlib.sha256()
     for package in (vig_world, vig.scene):
         root = Path(package.__path__[0])
-        for path in sorted(path for path in root.rglob("*") if path.suffix in _HASHED):
-            digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
+        for path in sorted(root.rglob("*")):
+            if path.suffix in (".py", ".json", ".npz", ".csv"):
+                digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
     digest.update(Path(str(engine.__file__)).read_bytes())
     for name in ("numpy", "scipy"):
         digest.update(metadata.version(name).encode())

@@ -54,8 +54,6 @@ HALLS, HALL_SIZES = 8, 8
 """Empty halls of a size, whose numbers follow those of the seamless grounds; and sizes, each twice the last:
 for cameras up to 280 m away."""
 TEXTURE_SIZE = 128
-MOST_ALBEDO = 0.85
-"""Factor on the finishes of rooms, so that lit ones are seldom overexposed."""
 SLOTS = tuple(FINISHES)
 ALL_ZONES = tuple(sorted(ZONE_NAMES))
 
@@ -282,7 +280,8 @@ class Library:
         rng = asset_rng(self.split, f"surface/{kind}", number)
         image = texture(kind, rng, TEXTURE_SIZE)
         luminance = image.mean(axis=2, keepdims=True)
-        return MOST_ALBEDO * (luminance + rng.uniform(0.1, 1.0) * (image - luminance))
+        # .85: lit rooms are seldom overexposed
+        return 0.85 * (luminance + rng.uniform(0.1, 1.0) * (image - luminance))
 
     def pyramid(self, kind: str, number: int) -> TextureLevels:
         """Return a finish for the rasteriser."""

@@ -12,8 +12,6 @@ PIXELS = 40
 """Longer side of the object in the picture."""
 MOVES = np.array([0.02, 0.02, 0.02, 0.004, 0.004, 0.008])
 """Differences of a pose by which its derivatives are taken: radians about x, y, z; shares of the distance."""
-SPREADS = (0.6, 0.4, 0.3, 0.2)
-"""Spread of log colours in each round; a pixel that is farther off counts less."""
 
 
 def align(surface: Surface, picture: Picture, pose: np.ndarray) -> np.ndarray:
@@ -23,7 +21,7 @@ def align(surface: Surface, picture: Picture, pose: np.ndarray) -> np.ndarray:
     """
     photo = picture.native(surface)
     logs = np.log(picture.colour.clip(0, None) * np.float32(picture.exposure) + np.float32(LEAST_COLOUR))
-    for spread in SPREADS:
+    for spread in (0.6, 0.4, 0.3, 0.2):
         coverage, base, normal, light = _draw_surface(surface, photo, pose)
         place = (coverage > 0.5) & (picture.seen > 0.5)
         count = int(place.sum())

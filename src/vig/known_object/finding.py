@@ -19,8 +19,6 @@ from vig.scene.functions import sigmoid
 
 RANKING = (Stage(1, 80, 0, (0.0, 0.0, 0.0), math.inf),)
 """Compares poses as they are: without an outline a search makes those of keypoints no better."""
-LEAST_WEIGHT = 0.5
-"""Least weight of a pose, see `MatchedPose.weight`."""
 ODDS = (-0.16, 1.82, 0.53)
 """Log odds that what is found is the object: constant, per log weight of its keypoints, per score. Fitted to
 photos of HOPE under two of its lights."""
@@ -85,7 +83,7 @@ def _places(poses: list[MatchedPose], radius: float) -> list[list[MatchedPose]]:
     """Return poses of one place each, those of the likeliest first."""
     places: list[list[MatchedPose]] = []
     for each in poses:
-        if each.weight < LEAST_WEIGHT:
+        if each.weight < 0.5:
             continue
         for place in places:
             apart = np.linalg.norm(

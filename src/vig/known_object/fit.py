@@ -29,8 +29,6 @@ from vig_renderer.harmonics import COSINE_LOBE, L_COUNT, Y00, Y1
 
 MARGIN = 1.3
 """Side of the window that is searched over the longer side of the object's box."""
-ASSUMED_FOCAL = 0.9
-"""Focal length over the photo's longer side where none is known: of phones and webcams."""
 KEYPOINT_PIXELS, MOST_STARTS = 300, 8
 """Longer side of the object's box in which keypoints are sought, and poses of these that begin the search."""
 STEPS = np.array([0.05, 0.05, 0.05, 0.01, 0.01, 0.02])
@@ -364,7 +362,8 @@ class KnownObject:
 
 def assumed_lens(width: int, height: int) -> Intrinsics:
     """Return the lens of a photo of which none is known."""
-    return Intrinsics.of(ASSUMED_FOCAL * max(width, height), width, height)
+    # that of phones and webcams
+    return Intrinsics.of(0.9 * max(width, height), width, height)
 
 
 def _agrees(view: tuple[float | None, ...], rotations: np.ndarray) -> np.ndarray:

@@ -15,8 +15,6 @@ from vig.scene.functions import sigmoid
 
 DISTINCT = math.radians(25.0)
 """Angle from which poses are different."""
-MOST_LEAD = 4.0
-"""Lead that counts at most, and that of a pose without a rival."""
 ODDS, BOX_ODDS = (-1.75, 0.19, 0.66, 1.05), (-3.33, 0.04, -0.01, 1.28)
 """Log odds that a pose is right, its points a tenth of the diameter off at most: constant, per score, per
 lead over every other pose, per log of 1 + keypoints; with a mask, and without. Fitted to photos of HOPE under
@@ -37,7 +35,7 @@ def judge(
         return Verdict.AMBIGUOUS, "only the pose that was given, or that its print told, was tried", math.nan
     if keypoints is None:
         return Verdict.AMBIGUOUS, 'its print was not compared: pip install "vig[match]"', math.nan
-    lead = min(float(scores[0] - scores[rivals[0]]) if rivals else math.inf, MOST_LEAD)
+    lead = min(float(scores[0] - scores[rivals[0]]) if rivals else math.inf, 4.0)
     known = np.array([1.0, scores[0], lead, math.log1p(keypoints)])
     right = float(sigmoid(known @ (ODDS if outlined else BOX_ODDS)))
     if not outlined:

@@ -18,8 +18,6 @@ from vig.photo.checks import existing_file
 from vig.photo.colour import Encoding, coded_encoding
 from vig.photo.images import as_srgb, coded_photo, write_png
 
-UNREAD_MATRICES = (8, 10, 12, 13, 14)
-"""Matrices of H.273 (YCgCo, constant luminance, ICtCp) that ffmpeg mistakes for others without an error."""
 ENDINGS = frozenset(".3gp .avi .flv .m2ts .m4v .mkv .mov .mp4 .mpeg .mpg .mts .ogv .ts .webm .wmv".split())
 """Endings of files that are taken for videos."""
 PICTURE_CODECS = frozenset("bmp gif jpeg2000 mjpeg png tiff webp".split())
@@ -177,7 +175,8 @@ def _encoding(video: str | Path, codec: Any, frame: Any) -> Encoding | None:
     """Return the samples' encoding where a video is HDR or has other primaries than sRGB's like, or None."""
     primaries, transfer, matrix = int(codec.color_primaries), int(codec.color_trc), int(frame.colorspace)
     try:
-        if matrix in UNREAD_MATRICES:
+        # Of H.273 (YCgCo, constant luminance, ICtCp): ffmpeg mistakes them for others without an error.
+        if matrix in (8, 10, 12, 13, 14):
             raise ValueError(f"matrix {matrix} of H.273")
         if transfer in (0, 2) and frame.side_data.get("DOVI_RPU_BUFFER"):
             raise ValueError("Dolby Vision's own colours alone")

@@ -3,8 +3,6 @@
 from importlib import import_module
 from typing import Any
 
-_OWN = ("render_latents", "scene_of")
-
 __all__ = [
     "DirectionalLight",
     "MeshObject",
@@ -26,7 +24,8 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'vig.renderer' has no attribute '{name}'")
     renderer = import_module("vig_renderer")
     _ = renderer.render  # which states the package to install where torch is missing
-    return getattr(import_module("vig.renderer.explained") if name in _OWN else renderer, name)
+    own = name in ("render_latents", "scene_of")
+    return getattr(import_module("vig.renderer.explained") if own else renderer, name)
 
 
 def __dir__() -> list[str]:

@@ -21,19 +21,15 @@ from vig_app.cli.options import CameraOptions, HintOptions, changed_options
 
 MARK_CHANNELS = ((0, PixelLabel.IN_FRONT), (1, PixelLabel.SEEN), (2, PixelLabel.NOTHING))
 """Labels of a pixel of marks whose red, green or blue stands out."""
-OF_ONE_PHOTO = ("marks", "points", "azimuth", "pose")
-"""Options for a single photo."""
 CAMERA_KEYS = {*MATRICES, PARAMETERS, *FIELDS[0]}
 """A mapping with one of these is a camera, not cameras by the photos' names."""
-MOST_DIGITS = 19
-"""Digits of a photo's number."""
 REMEDY = 'Write {"photo.jpg": [fx, fy, cx, cy]}, one camera for all, or name BOP\'s scene_camera.json.'
 
 
 def hints_of(options: HintOptions, photos: Sequence[Path]) -> Hints | None:
     """Return the hints on each photo, but for its mask; UserError where something cannot be used."""
     for name in changed_options(options) if len(photos) > 1 else ():
-        if name in OF_ONE_PHOTO:
+        if name in ("marks", "points", "azimuth", "pose"):
             raise UserError(f"expected one photo with --{name}; got {len(photos)}. Fit them one by one.")
     hints = Hints(
         marks=None if options.marks is None else read_marks(options.marks),
@@ -145,7 +141,7 @@ def cameras_of(options: CameraOptions, photos: Sequence[Path]) -> list[Any]:
 
 
 def _is_number(name: str) -> bool:
-    return name.isdecimal() and len(name) < MOST_DIGITS
+    return name.isdecimal() and len(name) < 19
 
 
 def _parse_lens(text: str) -> tuple[float, ...]:

@@ -40,10 +40,6 @@ GROUPS = {
     "dataset": "Generate, check, look at and export datasets.",
 }
 """Verbs that have verbs of their own."""
-TRAINING = "train", "class train", "calibrate", "reproduce"
-"""Verbs that need the extra `train`, whichever of its packages is missing."""
-AXIS_OPTIONS = ("--up", "--front")
-"""Options whose value is an axis, such as -z."""
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -58,7 +54,7 @@ def main(arguments: list[str] | None = None) -> None:
             stream.reconfigure(errors="backslashreplace")
     arguments = sys.argv[1:] if arguments is None else arguments
     for at in reversed(range(len(arguments) - 1)):  # a parser takes -z for an option of its own
-        if arguments[at] in AXIS_OPTIONS and re.fullmatch("-[xyzXYZ]", arguments[at + 1]):
+        if arguments[at] in ("--up", "--front") and re.fullmatch("-[xyzXYZ]", arguments[at + 1]):
             arguments = [*arguments[:at], "=".join(arguments[at : at + 2]), *arguments[at + 2 :]]
     if arguments == ["--version"]:
         print(f"vig {__version__}")
@@ -82,7 +78,8 @@ def main(arguments: list[str] | None = None) -> None:
     except Exception as error:
         if isinstance(error, ModuleNotFoundError) and (extra := extra_of(error.name or "")):
             code = ExitCode.MISTAKE
-            extra = "train" if " ".join(arguments).startswith(TRAINING) else extra
+            if " ".join(arguments).startswith(("train", "class train", "calibrate", "reproduce")):
+                extra = "train"  # whichever of its packages is missing
             line = f"expected the package {error.name}; it is not installed. Run pip install 'vig[{extra}]'."
         else:
             traceback.print_exc()

@@ -22,8 +22,6 @@ WIDENED = 2 * GAP
 """Texels round a chart that show it, too, for a viewer that reduces the image."""
 AXES = np.repeat(np.eye(3), 2, 0) * np.array([[1], [-1]] * 3)
 """(6, 3), the directions that charts look along, outwards."""
-SMOOTHINGS = 3
-"""Times that a face takes its neighbours' mean direction, so that charts have few, smooth borders."""
 LEAST_COSINE = 0.25
 """Cosine of a face's normal and its chart's direction, at least: else it takes the one nearest its normal."""
 SPLITS = 4
@@ -128,7 +126,8 @@ def _directions(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     own = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
     pairs = _neighbours(faces)
     smooth = own
-    for _ in range(SMOOTHINGS):
+    # so that charts have few, smooth borders
+    for _ in range(3):
         before, smooth = smooth, smooth.copy()
         np.add.at(smooth, pairs[:, 0], before[pairs[:, 1]])
         np.add.at(smooth, pairs[:, 1], before[pairs[:, 0]])

@@ -33,12 +33,8 @@ BLEEDS = 2
 """Pixels of the window beside an outline that may show things beyond it, and do not count."""
 BORDER = 7
 """Pixels beside an outline from which colours count in full."""
-JUMP = 0.03
-"""Difference in depth of neighbouring pixels, over the object's length, that is an outline within it."""
 NEAR = 0.02
 """Distance of a texel from the surface in a pixel up to which it has its colour, over the object's length."""
-LEAST_ALBEDO = 0.01
-"""Albedo from which the light is taken from the rendering."""
 MIRROR = np.array([1.0, -1.0, 1.0], np.float32)
 LEVELS = srgb8_from_linear(np.linspace(0, 1, 1 << 12))
 """8-bit sRGB of linear values in steps."""
@@ -134,7 +130,8 @@ class _Shown:
         visible = shown.visible[part]
         if explanation.others is not None:
             visible = visible & (others_in_window(explanation, PANEL)[part] < 0.5)
-        layers[3] = _inside(visible, depth, JUMP * length)
+        # a jump in depth between neighbouring pixels is an outline within the object
+        layers[3] = _inside(visible, depth, 0.03 * length)
         layers[3] *= _ramp(_facing(shown.normals[part], camera, part), LEAST_FACING)
         layers[3] *= _ramp(light, LEAST_IRRADIANCE)
         layers[4] = 1 / depth
@@ -191,7 +188,7 @@ def _light(explanation: Explanation) -> np.ndarray:
     latents, object_class, shown = explanation.latents, explanation.object_class, close_up(explanation)
     albedo = latents.albedo[0]
     channel = int(albedo.argmax())
-    if object_class.part_reflectance is None and albedo[channel] > LEAST_ALBEDO:
+    if object_class.part_reflectance is None and albedo[channel] > 0.01:
         return shown.rendering[..., channel] / albedo[channel]
     # Where dark parts meet bright ones the rendering mixes their reflectances.
     white = replace(latents, albedo=np.ones_like(latents.albedo))

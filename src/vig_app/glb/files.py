@@ -29,7 +29,6 @@ LOOKS_BACK = np.diag([1.0, -1.0, -1.0, 1.0])
 """Cameras of glTF, USD and nerfstudio look along -Z with Y up, those of OpenCV along +Z with Y down."""
 MOST_SCALED = 1.5
 """Greatest scale of an object of a scene, so that it stands on the ground of the others."""
-JPEG_QUALITY = 92
 FLOATS, WHOLE = 5126, 5125
 VERTICES, CORNERS = 34962, 34963
 LINEAR, MIPMAPS, CLAMPED = 9729, 9987, 33071
@@ -232,7 +231,7 @@ class _File:
     def _add_texture(self, texture: Texture) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the materials' reference to the texture, and the mesh's `extras` on it."""
         photo = io.BytesIO()
-        Image.fromarray(texture.picture).save(photo, "JPEG", quality=JPEG_QUALITY, subsampling=0)
+        Image.fromarray(texture.picture).save(photo, "JPEG", quality=92, subsampling=0)
         files = (
             (photo.getvalue(), "texture", "jpeg"),
             (png_bytes(texture.origin_picture), "texture_seen", "png"),

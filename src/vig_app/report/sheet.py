@@ -24,7 +24,6 @@ LABEL = 34
 """Pixels of the two lines under it."""
 GAP = 6
 """Pixels between tiles."""
-MOST_COLUMNS = 16
 PER_SHEET = 200
 """Photos."""
 MOST_SHEETS = 5
@@ -38,7 +37,6 @@ VERDICT_COLOURS = {
 }
 BACKGROUND = (255, 255, 255)
 TEXT = (27, 31, 36)
-BEHIND_PICTURE = (138, 144, 153)
 LETTERS = 26
 """Letters of a tile's line, at most."""
 
@@ -71,7 +69,7 @@ def write_sheets(
         path, part = out / sheet_name(number), ordered[number * PER_SHEET : (number + 1) * PER_SHEET]
         if part:
             with atomic_write(path) as temporary:
-                columns = min(MOST_COLUMNS, math.ceil(math.sqrt(1.5 * len(part))))
+                columns = min(16, math.ceil(math.sqrt(1.5 * len(part))))
                 lines, width = math.ceil(len(part) / columns), tile + 2 * BORDER + GAP
                 height = width + LABEL
                 sheet = Image.new("RGB", (columns * width + GAP, lines * height + GAP), BACKGROUND)
@@ -92,7 +90,7 @@ def _tile(row: Mapping[str, Any], path: Path, pixels: int) -> Image.Image:
     tile = Image.new("RGB", (side, side + LABEL), BACKGROUND)
     pen, font = ImageDraw.Draw(tile), ImageFont.load_default(11)
     pen.rectangle((0, 0, side - 1, side - 1), fill=VERDICT_COLOURS[verdict])
-    pen.rectangle((BORDER, BORDER, side - BORDER - 1, side - BORDER - 1), fill=BEHIND_PICTURE)
+    pen.rectangle((BORDER, BORDER, side - BORDER - 1, side - BORDER - 1), fill=(138, 144, 153))
     try:
         with Image.open(path) as picture:
             picture.thumbnail((pixels, pixels))

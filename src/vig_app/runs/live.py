@@ -49,9 +49,6 @@ TIMEOUT = 10.0
 """Seconds without a frame after which a source is given up."""
 CLOCK = Fraction(1, 1000)
 """Unit of the overlay video's times, seconds."""
-AXIS = 0.6
-"""Length of a drawn axis, of the object's longest side."""
-AXIS_COLOURS = ((230, 60, 50), (70, 190, 70), (70, 110, 240))
 
 
 class LatestFrame:
@@ -285,14 +282,14 @@ def draw_pose(picture: np.ndarray, pose: TrackedPose, tracker: Tracker) -> np.nd
     """Return a frame (H, W, 3) uint8 with the object's outline, and its axes: x red, y green, z blue."""
     shown = picture if pose.lost else overlay(pose.explanation)
     image = Image.fromarray(shown)
-    length = AXIS * float(np.ptp(tracker.explainer.object_class.shape_model.mean, axis=0).max())
+    length = 0.6 * float(np.ptp(tracker.explainer.object_class.shape_model.mean, axis=0).max())
     points = np.concatenate([np.zeros((1, 3)), length * np.eye(3)])
     matrix = pose.camera_from_object
     seen = project(pose.camera.K, matrix, points)
     if (seen[:, 2] > 0).all():
         origin, *ends = map(tuple, seen[:, :2].tolist())
         draw, width = ImageDraw.Draw(image), max(1, min(image.size) // 160)
-        for end, colour in zip(ends, AXIS_COLOURS, strict=True):
+        for end, colour in zip(ends, ((230, 60, 50), (70, 190, 70), (70, 110, 240)), strict=True):
             draw.line([origin, end], tuple(c // 3 for c in colour) if pose.lost else colour, width)
     return np.asarray(image)
 

@@ -36,8 +36,6 @@ KEY = ".key"
 """File within a folder with the key of its results, see `vig_app.runs.ledger.key_of`."""
 RESULTS = (*FILES, *OPTIONAL_FILES, "scene.json", "scene.glb", CORRECTIONS)
 """Files of a photo's results, whether of one object or of several."""
-SAME_OBJECT = 0.5
-"""Intersection over union of boxes of one object, at least: as detections are counted as right."""
 
 
 @dataclass(frozen=True)
@@ -237,7 +235,7 @@ def _states(task: Task, scene: SceneExplanation) -> dict[str, State]:
             and name.partition("-")[2] == correction.name.partition("-")[2]
         }
         name = max(overlaps, key=overlaps.__getitem__, default="")
-        if correction.state is None or overlaps.get(name, 0.0) < SAME_OBJECT:
+        if correction.state is None or overlaps.get(name, 0.0) < 0.5:
             if correction.state is not None and correction.state.found == 0:
                 continue  # it was marked as not there, and is not found any more
             raise _of_no_object(task, correction)

@@ -29,8 +29,6 @@ KINDS = {
 """Tags of a labelling configuration that are answered, and the types of their results."""
 MOST_BYTES = 100_000_000
 SECONDS = 20.0
-POINT_WIDTH = 0.75
-"""Drawn width of a point, percent of the photo's."""
 
 
 class _NoRedirect(urllib.request.HTTPRedirectHandler):
@@ -97,7 +95,7 @@ def _values(explanation: Explanation, kind: str, label: str) -> list[dict[str, A
     plain, percent = label.casefold(), 100 / np.array(explanation.mask.shape[::-1])
     if kind == "keypointlabels":
         places = [percent * at[:2] for name, at in explanation.points.items() if name.casefold() == plain]
-        return [{"x": x, "y": y, "width": POINT_WIDTH} for x, y in map(np.ndarray.tolist, places)]
+        return [{"x": x, "y": y, "width": 0.75} for x, y in map(np.ndarray.tolist, places)]
     if plain.removesuffix("amodal").strip(" -_") != explanation.object_class.name.casefold():
         return []
     mask = explanation.amodal if plain.endswith("amodal") else explanation.mask

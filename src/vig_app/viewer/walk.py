@@ -24,9 +24,6 @@ from vig_app.runs import Task, ledger_of
 from vig_app.runs.work import row_of
 from vig_app.viewer.session import Session
 
-OWN = ("photo", "folder", "object", "seconds")
-"""Columns of a run's table that stay when an object is corrected."""
-
 BOX = ("box_x", "box_y", "box_width", "box_height")
 
 
@@ -176,7 +173,8 @@ class Walk:
                 rows = read_results(self.run)  # others may have written since it was opened
                 self.session.save(item.folder, files or None)
                 row = row_of(Task(self.session.path, item.folder), explanation)
-                item.found.update({name: value for name, value in row.items() if name not in OWN})
+                stay = ("photo", "folder", "object", "seconds")
+                item.found.update({name: value for name, value in row.items() if name not in stay})
                 by_folder = {row["folder"]: row for row in rows} | {item.found["folder"]: item.found}
                 write_table(self.run, without_dismissed(by_folder.values()))
         item.photo = item.box = None  # which are in its corrections.json now

@@ -23,10 +23,7 @@ from vig_train.network.weights import load_network
 from vig_train.training.targets import azimuth_labels
 
 FACTORS = ("pose", "shape", "appearance", "light")
-GREY_FACTORS = ("pose", "shape")
 
-_LUMA = (0.299, 0.587, 0.114)
-"""Weights of R, G, B in a grey image (ITU-R BT.601)."""
 _KERNEL = 5
 """Side of the convolutions' kernels, pixels."""
 
@@ -98,7 +95,8 @@ class FactorNetwork(nn.Module):
         """Return the network's channels of images (B, 3, H, W): all three, or their luma (B, 1, H, W)."""
         if not self.grey:
             return image
-        return (image * image.new_tensor(_LUMA)[:, None, None]).sum(1, keepdim=True)
+        # R, G, B in a grey image (ITU-R BT.601)
+        return (image * image.new_tensor((0.299, 0.587, 0.114))[:, None, None]).sum(1, keepdim=True)
 
     def forward(self, image: torch.Tensor) -> torch.Tensor:
         return self.layers(self.channels(image) - self.mean_image).float() * self.scale + self.centre
@@ -120,7 +118,7 @@ class PaperNetworks(nn.Module):
         self.settings = settings
         counts = dict(zip(FACTORS, (4, settings.modes, 3, L_COUNT), strict=True))
         self.factors = nn.ModuleDict(
-            {name: FactorNetwork(counts[name], name in GREY_FACTORS, settings) for name in FACTORS}
+            {name: FactorNetwork(counts[name], name in ("pose", "shape"), settings) for name in FACTORS}
         )
         self.register_buffer("azimuth_deviation", torch.tensor(1.0))
         self.register_buffer("deviation", torch.ones(regressed_layout(settings.modes).size))

@@ -23,9 +23,6 @@ from vig_train.training.loop import EpochLog, Trainer, TrainingRun, check_amount
 from vig_train.training.targets import numbers_of
 from vig_world.dataset import Dataset
 
-_DEVIATION_PER_MAD = 1.4826
-"""Standard deviation of a Gaussian over the median of its absolute values."""
-
 
 @dataclass(frozen=True)
 class PaperTrainingSettings:
@@ -234,7 +231,8 @@ def _calibrate(networks: PaperNetworks, data: _TrainingData) -> None:
     azimuth, numbers = (torch.cat(column) for column in zip(*outputs, strict=True))
     truth = data.latents[data.held_out]
     azimuth_error = angle_difference(azimuth, truth.azimuth)
-    networks.azimuth_deviation.copy_((_DEVIATION_PER_MAD * azimuth_error.abs().median()).clamp_min(1e-3))
+    # standard deviation of a Gaussian over the median of its absolute values
+    networks.azimuth_deviation.copy_((1.4826 * azimuth_error.abs().median()).clamp_min(1e-3))
     networks.deviation.copy_((numbers - numbers_of(truth)).square().mean(0).sqrt().clamp_min(1e-3))
 
 

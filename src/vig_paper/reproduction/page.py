@@ -24,7 +24,6 @@ from vig_train.evaluation.table import METRICS
 from vig_train.record import read_record
 from vig_world.dataset.format import read_info
 
-TITLE = "Overcoming Occlusion with Inverse Graphics, reproduced"
 TITLES = {"raster": "Rasterised photos", "cycles": "Path-traced photos"}
 PICTURES = {
     "photos.png": "Test photos, from unoccluded to hidden; the object's hidden part is tinted.",
@@ -61,7 +60,7 @@ def write_page(root: Path) -> Path:
         loader=FileSystemLoader(Path(__file__).parent), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
     page = templates.get_template("page.html").render(
-        title=TITLE,
+        title="Overcoming Occlusion with Inverse Graphics, reproduced",
         introduction=_introduction(folder, record, tables),
         sections=[section for section in sections if section[2]],
     )

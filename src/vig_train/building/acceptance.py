@@ -16,15 +16,6 @@ UNMATCHED_DISTANCE = 0.03
 """Distance, in sizes, from which a point has no counterpart."""
 MAX_UNMATCHED_SHARE = 0.03
 """Share of points without counterpart that is accepted."""
-MAX_ATTACHMENT_SHARE = 0.09
-"""The same for the mesh of a surface of revolution, whose shape model has no handles or spouts."""
-MAX_MEAN_DISTANCE = 0.012
-"""Mean distance, in sizes, that is accepted."""
-MAX_FOLDED_SHARE = 0.04
-"""Share of folded edges that is accepted."""
-MAX_MEDIAN_RATIO = 2.4
-"""Greatest accepted `Quality.median_ratio`: a template can be bent into a thing of another kind, whose shape
-is then far from all others."""
 
 
 @dataclass(frozen=True)
@@ -55,11 +46,11 @@ class Quality:
             return f"{self.unmatched_mesh:.0%} of it is nothing like the template"
         if self.unmatched_template > MAX_UNMATCHED_SHARE:
             return f"it lacks {self.unmatched_template:.0%} of the template"
-        if self.mean > MAX_MEAN_DISTANCE:
+        if self.mean > 0.012:
             return f"it is {self.mean:.1%} of its size off"
-        if self.folded_share > MAX_FOLDED_SHARE:
+        if self.folded_share > 0.04:
             return f"the template folds over itself on it, at {self.folded_share:.0%} of its edges"
-        if self.median_ratio > MAX_MEDIAN_RATIO:
+        if self.median_ratio > 2.4:
             return f"its shape is {self.median_ratio:.1f} times as far from the median as those of others"
         return ""
 
@@ -94,7 +85,8 @@ def judge_meshes(
             template's few vertices, is subtracted from the others'.
         symmetry: Symmetry of the class.
     """
-    max_unmatched = MAX_ATTACHMENT_SHARE if symmetry == "any-turn" else MAX_UNMATCHED_SHARE
+    # the shape model of a surface of revolution has no handles or spouts
+    max_unmatched = 0.09 if symmetry == "any-turn" else MAX_UNMATCHED_SHARE
     of_medoid = qualities[medoid].unmatched_mesh
     compared = {
         index: replace(

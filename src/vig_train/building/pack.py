@@ -21,8 +21,6 @@ from vig_world.assets.source_meshes import FILE, SourceMesh, save
 
 TRAINED_FILES = (WEIGHTS_FILE, "calibration.json", "reliability.png")
 """Files of a pack that `vig class train` writes."""
-CARD_SECTIONS = ("## Recognition", "## On photographs")
-"""Sections of a card, written by `vig class train` and `vig class check`."""
 
 
 def write_pack(
@@ -48,7 +46,8 @@ def write_pack(
     _put_aside_weights(out, staged, say)
     # Those on the weights that stay.
     sections = read_sections(out / "card.md")[1] if (out / TRAINED_FILES[0]).exists() else {}
-    write_card(staged, [card(result), *(sections[name] for name in CARD_SECTIONS if name in sections)])
+    kept = ("## Recognition", "## On photographs")  # by `vig class train` and `vig class check`
+    write_card(staged, [card(result), *(sections[name] for name in kept if name in sections)])
     for file in sorted(staged.iterdir(), key=lambda path: path.name == "class.json"):
         file.replace(out / file.name)
     shutil.rmtree(staged)

@@ -19,11 +19,6 @@ from vig_world.assets.source_meshes import MOST_FACES
 from vig_world.mesh import face_normals, stack_meshes
 
 _ONE_OF = f"one of {' '.join(SUFFIXES)}"
-SAME_SHAPE_TOLERANCE = 3e-4
-"""Difference of `shape_invariants` up to which two surfaces are one."""
-ALIKE_TOLERANCE = 0.1
-"""The same up to which surfaces with names as of one at several levels of detail are one. Levels of mugs,
-down to a tenth of the faces, differ by up to .06, different cups by .003 to .7."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +119,8 @@ def copies_by_name(scans: list[Scan]) -> dict[int, int]:
 
     def alike(*pair: int) -> bool:
         one, other = (shape_invariants(scans[each].vertices, scans[each].faces) for each in pair)
-        return bool(np.abs(one - other).max() < ALIKE_TOLERANCE)
+        # Levels of mugs, down to a tenth of the faces, differ by up to .06, different cups by .003 to .7
+        return bool(np.abs(one - other).max() < 0.1)
 
     names = [scan.name[: -len(Path(scan.name).suffix)] for scan in scans]
     return shape_copies(names, [len(scan.faces) for scan in scans], alike)
@@ -136,7 +132,7 @@ def same_shapes(scans: list[Scan]) -> dict[int, int]:
     copies: dict[int, int] = {}
     for number, invariant in enumerate(invariants):
         for earlier in range(number):
-            is_copy = np.abs(invariant - invariants[earlier]).max() < SAME_SHAPE_TOLERANCE
+            is_copy = np.abs(invariant - invariants[earlier]).max() < 3e-4
             if earlier not in copies and is_copy:
                 copies[number] = earlier
                 break

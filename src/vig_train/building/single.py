@@ -23,8 +23,6 @@ from vig_world.assets.own.simplify import simplified
 
 MOST_FACES = 10_000
 """Faces of the surface that poses are searched with, at most; with 3,000 depths were off by 2 %."""
-EDITION = 6
-"""Edition of the packs: those of another edition are not used."""
 TURNS = {
     Symmetry.NONE: "no turn about its vertical looks the same",
     Symmetry.HALF_TURN: "half a turn about its vertical looks the same",
@@ -59,7 +57,7 @@ def pack_of_mesh(
     settings = BuildSettings(name[:100], up=up, length=length, materials=False)
     settings.check()
     loaded = load(mesh.parent, mesh)
-    key = f"{fingerprint(loaded.files)[:24]}-{EDITION}"
+    key = f"{fingerprint(loaded.files)[:24]}-6"  # edition of the packs: others are not used
     key += ("" if length is None else f"-{length:g}m") + ("" if up is None else axis_name(axis_vector(up)))
     cache = asset_cache().folder
     try:

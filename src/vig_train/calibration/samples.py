@@ -48,8 +48,6 @@ AS_USERS_TAKE_THEM = StudioSettings(
 are as wide as they can be. `absent` is the share that show something else."""
 MIN_ROLL_DEG = 20.0
 """Least roll, degrees, of a photo out of distribution."""
-GOLDEN_RATIO = (math.sqrt(5) - 1) / 2
-"""Its multiples modulo one spread evenly (a Weyl sequence)."""
 
 
 @dataclass(frozen=True)
@@ -185,7 +183,8 @@ def photos_to_roll(dataset: Dataset | StudioPhotos) -> np.ndarray:
 
 def roll_angles(count: int) -> np.ndarray:
     """Return degrees (count,) of `MIN_ROLL_DEG` or more either way, each subsequence spread evenly."""
-    return MIN_ROLL_DEG + (np.arange(count) * GOLDEN_RATIO) % 1 * (360 - 2 * MIN_ROLL_DEG)
+    golden = (math.sqrt(5) - 1) / 2  # its multiples modulo one spread evenly (a Weyl sequence)
+    return MIN_ROLL_DEG + (np.arange(count) * golden) % 1 * (360 - 2 * MIN_ROLL_DEG)
 
 
 def roll_photos(images: np.ndarray, degrees: np.ndarray) -> np.ndarray:

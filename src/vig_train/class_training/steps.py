@@ -61,8 +61,6 @@ from vig_world.assets.source_meshes import meshes_fingerprint
 from vig_world.dataset.spec import SPLITS, Split
 
 RELIABILITY_FILE, TRUST_FILE = "reliability.png", "trust.txt"
-QUICK_PHOTOS = 160
-"""Photos on which the quick recognizer is calibrated; it is not tested."""
 PHOTOS = 960
 """Photos of the studio to calibrate on, a quarter of them without the object. From halves of 1,280, half of
 these without it, the share of real cars that is trusted varied from 0 to .38."""
@@ -242,7 +240,8 @@ class ClassTraining:
         return self.run_folder / WEIGHTS_FILE
 
     def _calibrate(self) -> None:
-        count = QUICK_PHOTOS if self.quick else PHOTOS
+        # the quick recognizer is calibrated but not tested
+        count = 160 if self.quick else PHOTOS
         drawn = self._photos("train", count, CALIBRATION_SEED, "validation")
         photos = [each for each, _ in drawn]
         parts = zip(self._recognizers(), (examples for _, examples in drawn), strict=True)

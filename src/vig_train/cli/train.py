@@ -30,8 +30,6 @@ from vig_world.dataset import Dataset, read_dataset
 TRUNK_STAGES = len(NetworkSettings().blocks)
 MAP_PICTURES = 8000
 """Number of pictures put together for the map of objects."""
-WITHOUT_MAP = ("epochs", "rate", "batch", "frozen")
-"""Options that the training of a map alone does not take."""
 CONTEXT = (192, 128, 96, 64)
 """Channels of the decoder that sees the whole image."""
 
@@ -92,7 +90,8 @@ def _check_combination(settings: Train, object_class: ObjectClass) -> None:
     alone = settings.mask_alone or settings.map_alone
     map_of_drawn = settings.map_alone and settings.distinct
     own = [name for name in settings.others if ObjectClass.load(name).name == object_class.name]
-    of_others = [name for name in WITHOUT_MAP if getattr(settings, name) != getattr(Train, name)]
+    of_others = ("epochs", "rate", "batch", "frozen")
+    of_others = [name for name in of_others if getattr(settings, name) != getattr(Train, name)]
     for is_wrong, message in (
         (
             settings.mask_alone and settings.map_alone,

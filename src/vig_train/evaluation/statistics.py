@@ -19,8 +19,6 @@ FAR_DEG = 30.0
 """A fit whose azimuth is off by more has failed."""
 NEAR_DEG = 15.0
 """A fit called trusted should have its azimuth within this."""
-NOMINAL = 0.9
-"""Share of images whose truth should be within the predicted intervals."""
 
 Summary = dict[str, Any]
 
@@ -126,7 +124,7 @@ def standardised_errors(result: MethodResult, truth: np.ndarray) -> np.ndarray:
     return np.where(deviation > 0, np.abs(error) / np.where(deviation > 0, deviation, 1.0), without_deviation)
 
 
-def coverage(standard: np.ndarray, nominal: float = NOMINAL) -> dict[str, float]:
+def coverage(standard: np.ndarray, nominal: float = 0.9) -> dict[str, float]:
     """Return the share of truths within the predicted Gaussian's central interval of probability `nominal`.
 
     standard (N, P) from `standardised_errors`. By group, see `latent_groups`, whose latents are pooled.

@@ -25,8 +25,6 @@ from vig_train.training.recolour import recolour
 from vig_train.training.studio import Studio, StudioImage, StudioSettings
 from vig_train.training.targets import numbers_of
 
-STEP_SETTINGS = ("count", "distinct", "recoloured")
-"""Settings of a drawing on which its images do not depend."""
 DRAWN = 60
 """Images of a file that is drawn once."""
 
@@ -81,9 +79,9 @@ def drawn_once(
     Raises:
         UserError: A file is damaged, or the folder cannot be written.
     """
-    described = {
-        name: value for name, value in drawing.resume_settings().items() if name not in STEP_SETTINGS
-    }
+    described = drawing.resume_settings()
+    for name in ("count", "distinct", "recoloured"):  # images do not depend on these
+        described.pop(name, None)
     key = hashlib.sha256(json.dumps([described, seed], sort_keys=True).encode()).hexdigest()[:12]
     numbers, folder = range(-(-drawing.distinct // DRAWN)), folder / f"drawn-{key}"
     paths = {number: folder / f"{number:05d}.safetensors" for number in numbers}

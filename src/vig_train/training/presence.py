@@ -11,8 +11,6 @@ from vig_train.network.network import RecognitionNetwork, bfloat16
 from vig_train.training.augmentation import Augmentation
 from vig_train.training.examples import Examples
 
-BATCH = 60
-"""Images that pass the network at once."""
 RIDGE = 1e-3
 """Strength of the ridge penalty that draws the standardised weights to the earlier ones."""
 PRIOR_LOG_ODDS = 2.0
@@ -47,7 +45,7 @@ def fit_presence(network: RecognitionNetwork, examples: Examples, seed: int) -> 
 def dense_features(network: RecognitionNetwork, examples: Examples, seed: int) -> np.ndarray:
     """Return features (N, D) float32 that the heads read, of the images as training augments them."""
     parts = []
-    for number, chosen in enumerate(torch.arange(len(examples)).split(BATCH)):
+    for number, chosen in enumerate(torch.arange(len(examples)).split(60)):
         torch.manual_seed(seed + number)
         batch = Augmentation()(examples[chosen], np.random.default_rng([seed, number, 7]))
         with torch.inference_mode(), bfloat16(batch.images.device):

@@ -18,7 +18,6 @@ from vig_world.mesh import Mesh
 _SKINS = np.array(
     [[0.70, 0.45, 0.33], [0.52, 0.30, 0.20], [0.30, 0.15, 0.09], [0.12, 0.06, 0.04]], np.float32
 )
-_SLEEVES = ("cloth", "cloth", "stripes", "paint", "speckle")
 
 
 def _swept(points: list[list[float]], count: int, sides: int) -> Mesh:
@@ -61,7 +60,8 @@ def arm(rng: np.random.Generator) -> Prop:
         [cuff + 0.05, bend * 0.6, 0.0, 0.042, 0.038],
         [0.55, bend * 3.3, 0.0, 0.056, 0.05],
     ]
-    fabric = material("cloth", rng, str(rng.choice(_SLEEVES)), None, 128)
+    pattern = str(rng.choice(("cloth", "cloth", "stripes", "paint", "speckle")))
+    fabric = material("cloth", rng, pattern, None, 128)
     hand = [*fingers, (_swept(thumb, 9, 8), skin), (_swept(palm, 16, 12), skin)]
     parts = [*hand, (_swept(sleeve, 8, 14), fabric)]
     return Prop("arm", tuple((scale_mesh(mesh, size), stuff) for mesh, stuff in parts))

@@ -24,8 +24,6 @@ FILE = "meshes.safetensors"
 """Name of the file in a pack's build folder."""
 MOST_FACES = 20_000
 """Most faces of a mesh; one with more is simplified."""
-CREASE_COSINE = 0.77
-"""Faces that meet at a sharper angle, 40 degrees, keep an edge in their shading."""
 NEIGHBOURS = 4
 """Vertices of the template by which a vertex of a mesh is moved."""
 
@@ -118,7 +116,8 @@ def corner_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     pairs = (incidence @ incidence.T).tocoo()
     mine, other = pairs.row // 3, pairs.col // 3
     cosine = np.einsum("nk,nk->n", unit[mine], unit[other])
-    smooth = np.abs(cosine) > CREASE_COSINE
+    # Faces that meet at a sharper angle, 40 degrees, keep an edge in their shading
+    smooth = np.abs(cosine) > 0.77
     weight = np.sign(cosine[smooth])
     sums = csr_matrix((weight, (pairs.row[smooth], other[smooth])), (count, len(faces))) @ own
     length = np.linalg.norm(sums, axis=1, keepdims=True)

@@ -5,17 +5,18 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Generic, TypeVar
+from typing import Generic, Literal, TypeVar, get_args
 
 import numpy as np
 
 from vig_world.assets.textures import Array
 from vig_world.mesh import Mesh
 
-ZONE_NAMES = (
-    "cooking", "dining", "drinks", "desk", "reading", "display", "storage", "bedside", "washing", "floor",
-)  # fmt: skip
+Zone = Literal[
+    "cooking", "dining", "drinks", "desk", "reading", "display", "storage", "bedside", "washing", "floor"
+]
 """The functional zones of rooms."""
+ZONE_NAMES: tuple[Zone, ...] = get_args(Zone)
 ALIKE: dict[str, set[str]] = {
     "teapot": {"kettle"},
     "pot": {"kettle"},

@@ -13,8 +13,6 @@ from vig_world.composition.occluders import place_prop
 from vig_world.composition.stage import MARGIN, StagedRoom
 from vig_world.rotations import about_z, turned_about_z
 
-MOST_COVER = 0.3
-"""Largest share of the frame that the bounding window of one piece of clutter may cover."""
 FAR = 4.5
 """Metres from the camera beyond which supports are left empty."""
 BACKGROUND = 4
@@ -143,7 +141,7 @@ class _Proposals:
             ("too large", fits),
             ("eye", in_front),
             ("unseen", cover > 0),
-            ("too large", cover <= MOST_COVER),
+            ("too large", cover <= 0.3),
             ("collision", free_of_others),
         ):
             unfit[reason] += int((fit & ~passes).sum())

@@ -48,9 +48,6 @@ PROPS, TURNS = 3, 5
 """Number of props, and of orientations of each, considered at a time to stand before the object."""
 GRASPS = 6
 """Number of draws for a held prop to have room before the object with the hand in the frame."""
-MORE_THAN_HIDES = 0.008
-"""Square metres by which a held prop may exceed the area it is to hide: it stays near the object. For a
-teapot; like other lengths here it scales with the object."""
 
 
 def draw_kind(
@@ -130,7 +127,8 @@ def standing(stage: StagedRoom, rng: np.random.Generator, level: float) -> Occlu
 def in_hand(stage: StagedRoom, rng: np.random.Generator, level: float) -> OccluderCandidate | None:
     """Return a prop held by an arm from outside the frame: tilted, or its broad side to the camera."""
     scale, least_area = stage.actor.scale, area_to_hide(stage, level, 0.75)
-    name = draw_large(stage, rng, (least_area, least_area + MORE_THAN_HIDES * scale**2), False)
+    # Little larger than what it is to hide, for a teapot .008 square metres: it stays near the object
+    name = draw_large(stage, rng, (least_area, least_area + 0.008 * scale**2), False)
     numbers = rng.integers(stage.library.members("arm"), size=GRASPS).tolist()
     arms = [stage.member("arm", number) for number in numbers]
     draws = rng.random((GRASPS, 7)), rng.standard_normal((GRASPS, 3))

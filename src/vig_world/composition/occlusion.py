@@ -13,8 +13,6 @@ from vig_world.composition.stage import StagedRoom
 FIT_TOLERANCE = 0.008
 KINDS_TRIED, TRIALS_PER_KIND = 6, 8
 """Number of draws of the last occluder before the room is given up."""
-HAND_SHARE = 0.02
-"""Least share of the frame that shows the arm of a held prop, so that nothing seems to float."""
 
 
 def hide(
@@ -80,7 +78,8 @@ def _place(stage: StagedRoom, candidate: OccluderCandidate | None, level: float)
         return "fills the frame"
     parts = [part.shift(shift) for part in candidate.parts]
     arms = [part for part in parts if part.role == "holder" and part.family == "arm"]
-    if arms and (stage.depth_of_props(arms) <= depths)[np.isfinite(depths)].mean() < HAND_SHARE:
+    # nothing may seem to float
+    if arms and (stage.depth_of_props(arms) <= depths)[np.isfinite(depths)].mean() < 0.02:
         return "no hand"
     stage.add(parts, footprints, depths)
     return ""

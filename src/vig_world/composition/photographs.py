@@ -13,15 +13,11 @@ from vig_world.assets.coats import draw_coat, mean_albedo
 from vig_world.dataset.spec import Coat, Lens
 from vig_world.raster.view import View
 
-SEAMLESS = 0.35
-"""Share of objects on a seamless ground."""
 DECORATED, METAL = 0.5, 0.08
 """Shares of painted and of metal objects."""
 LEVEL, LOW = math.radians(15.0), math.radians(42.0)
 """Elevation below which most photographs are taken, and most of the others."""
 LEVEL_SHARE, LOW_SHARE = 0.55, 0.33
-LONGEST = 6.0
-"""Longest focal length, over the standard lens's."""
 FARTHEST, HIGHEST = 2.5, 2.5
 """Metres from the camera to the object, and above its support, that rooms have space for."""
 LEAST_GAP = 0.25
@@ -56,7 +52,7 @@ def draw_manner(
         elevation = rng.uniform(LEVEL, LOW) if low else rng.uniform(LOW, 0.49 * math.pi)
     coat = draw_coat(rng, len(model.part_names), DECORATED, METAL)
     away = object_class.viewing_distance
-    longest = max(1.0, min(LONGEST, FARTHEST / away))
+    longest = max(1.0, min(6.0, FARTHEST / away))
     farther = math.exp(rng.uniform(math.log(0.9), math.log(longest))) if rng.random() < 0.7 else 1.0
     if elevation > 0:
         highest = (HIGHEST - object_class.target_height) / (away * math.sin(elevation))
@@ -69,7 +65,7 @@ def draw_manner(
     scale, shift = math.exp(rng.normal(0, SCALE)), rng.normal(0, SHIFT, 2)
     moved = (lens.shift[0] * scale + shift[0], lens.shift[1] * scale + shift[1])
     lens = replace(lens, scale=lens.scale * scale, shift=(float(moved[0]), float(moved[1])))
-    seamless = bool(rng.random() < SEAMLESS)
+    seamless = bool(rng.random() < 0.35)
     return Manner(float(elevation), coat, mean_albedo(coat, vertices, model), lens, seamless)
 
 

@@ -28,8 +28,6 @@ ZONE_WEIGHTS = {
 """Relative frequency of each zone of a room as the object's place, for classes that name none."""
 PROPOSALS = {False: 48, True: 200}
 """Places drawn at a time; more where the room is to hide the object."""
-MOST_LOOKED_AT = 16
-"""Number of valid places that are rendered."""
 EYE_CLEARANCE = 0.06
 """Metres between the camera and walls or furniture."""
 LOWEST_EYE = 0.02
@@ -38,11 +36,8 @@ MOST_NEAR = 0.02
 """Share of the frame in which something may be nearer than `Actor.nearest`."""
 EDGE = 0.01
 """Metres between the object's outline and the edge of its support."""
-WALL_SHARE = 0.9
-"""Share of views from the side where people stand, for supports with a wall or back behind."""
 COVERED, LOW_COVER = 12.0, 0.7
 """Supports with less clearance, metres, are likelier by this factor where the room is to hide the object."""
-SLIDES = 5
 NEAR_RAY = 0.05
 """Metres from a piece of furniture within which the line of sight counts as meeting it."""
 BEYOND = unfurnished.RADIUS * math.cos(math.pi / unfurnished.SEGMENTS) - math.sqrt(2) * unfurnished.STANDS
@@ -111,7 +106,7 @@ def _hiding(stage_at: Callable[[float], StagedRoom], hidden: tuple[float, float]
     if hidden[0] == 0 or stage.hidden_share() <= hidden[1]:
         return stage, 0.0
     low, high = 0.0, 1.0
-    for _ in range(SLIDES):
+    for _ in range(5):
         slid = (low + high) / 2
         stage = stage_at(slid)
         share = stage.hidden_share()
@@ -157,7 +152,7 @@ class _Proposals:
                 highest=layout.height - clearance,
                 edge=EDGE,
                 near_ray=NEAR_RAY,
-                wall_share=WALL_SHARE,
+                wall_share=0.9,
             )  # fmt: skip
             return proposed
 
@@ -170,7 +165,7 @@ class _Proposals:
         state = self.states if self.fits_any else np.full(len(self.states), small)
         for lack, reason in ((small, "too small"), (engine.PLACE_EYE, "eye")):
             rejected[f"place {reason}"] += int(np.count_nonzero(state == lack))
-        return np.flatnonzero(state == engine.PLACE_GOOD)[:MOST_LOOKED_AT].tolist()
+        return np.flatnonzero(state == engine.PLACE_GOOD)[:16].tolist()
 
     def is_free(self, place: int, slid: float) -> bool:
         """Return whether the camera is free at one of the places that was free before it was slid."""

@@ -26,7 +26,6 @@ from vig_world.streams import stream
 
 MAX_OCCLUSION = 0.9
 GOLDEN = (math.sqrt(5) - 1) / 2
-LOWEST_ELEVATION = 0.05
 TOLERANCE = 0.015
 ATTEMPTS, HALL_ATTEMPTS, SIZE_ATTEMPTS = 300, 72, 12
 """Rooms, and as many seamless grounds, tried; empty halls after these; how many with props of a size."""
@@ -80,7 +79,7 @@ def sample(
     split = library.split
     rng = stream(seed, index, split, 0, draw)
     shape, design = draw_shape(rng, object_class, split)
-    azimuth, elevation = rng.uniform(0, 2 * np.pi), rng.uniform(LOWEST_ELEVATION, np.pi / 2)
+    azimuth, elevation = rng.uniform(0, 2 * np.pi), rng.uniform(0.05, np.pi / 2)
     albedo = rng.uniform(0.2, 0.8, 3)
     panorama, turn = int(rng.integers(library.panoramas)), rng.uniform(0, 2 * np.pi)
     if target is None:

@@ -35,11 +35,6 @@ from vig_world.dataset.format import (
 )
 from vig_world.dataset.spec import SceneSpec
 
-MOST_CAMERA = 1024
-"""Bytes of each sample's entry of scene_camera.json."""
-MOST_SPEC = 65_536
-"""Bytes of each sample's spec."""
-
 
 @dataclass(frozen=True)
 class Dataset:
@@ -117,7 +112,8 @@ class Dataset:
         """Return millimetres of a unit of each depth image, (N,); UserError where they cannot be read."""
         path = self.folder / SCENE / "scene_camera.json"
         with reading(path, "the cameras of a dataset", REMEDY):
-            table = read_json(inside(self.folder, path.relative_to(self.folder)), MOST_CAMERA * MOST_SAMPLES)
+            # bytes of each sample's entry
+            table = read_json(inside(self.folder, path.relative_to(self.folder)), 1024 * MOST_SAMPLES)
             cameras = decode(dict[str, dict[str, Any]], table)
             scales = [decode(float, cameras[str(i)]["depth_scale"]) for i in range(len(self))]
             if not all(scale > 0 for scale in scales):
@@ -192,7 +188,8 @@ def read_dataset(path: str | Path, split: str | None = "train") -> Dataset:
 
 def read_specs(folder: Path, count: int) -> list[str]:
     """Return the lines of a split's specs.jsonl, for `count` samples. OSError or ValueError when damaged."""
-    data = read_bytes(inside(folder, "specs.jsonl"), MOST_SPEC * count)
+    # bytes of each sample's spec
+    data = read_bytes(inside(folder, "specs.jsonl"), 65_536 * count)
     lines = data.decode().splitlines()
     if len(lines) != count:
         raise ValueError(f"it has {len(lines)} lines for {count} samples")

@@ -24,7 +24,6 @@ _TYPES = {
     for name, kind in COLUMNS.items()
 }
 """Types of the table's columns; the others are float64."""
-_TEXTS = ("hidden_by", "zone", "assets", "photo")
 
 
 def read_table(root: Path, split: str, texts: bool = True) -> pa.Table:
@@ -56,7 +55,8 @@ def read_table(root: Path, split: str, texts: bool = True) -> pa.Table:
         strings = [leaf.path for leaf in leaves if leaf.physical_type == "BYTE_ARRAY"]
         file = pq.ParquetFile(pa.BufferReader(data), read_dictionary=strings)
         # On this thread: one of Arrow's may let go of `data` while Python ends, which aborts the process.
-        table = file.read([name for name in held if texts or name not in _TEXTS], use_threads=False)
+        left_out = () if texts else ("hidden_by", "zone", "assets", "photo")
+        table = file.read([name for name in held if name not in left_out], use_threads=False)
         if len(table) != count:
             raise ValueError(f"{len(table)} of its {count} rows could be read")
         for place, name in enumerate(table.column_names):

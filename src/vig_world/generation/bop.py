@@ -6,6 +6,7 @@ script `calc_gt_info.py` defines the numbers of `scene_gt_info.json`. Lengths ar
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
@@ -17,9 +18,6 @@ from vig_world.dataset.format import DEPTH_SCALES, OBJECT_ID, Size
 from vig_world.mesh import Mesh, vertex_normals
 from vig_world.raster.picture import CANVAS
 from vig_world.raster.view import View
-
-LEAST_VISIBLE = 0.1
-"""BOP's test targets are instances of which at least this share is visible."""
 
 
 def scene_camera(view: View, depth_scale: float) -> dict[str, Any]:
@@ -33,12 +31,7 @@ def scene_camera(view: View, depth_scale: float) -> dict[str, Any]:
     camera = view.camera
     matrix = [camera.focal, 0.0, camera.cx, 0.0, camera.focal, camera.cy, 0.0, 0.0, 1.0]
     rotation, translation = view.rotation.ravel().tolist(), (1000 * view.translation).tolist()
-    return {
-        "cam_K": matrix,
-        "depth_scale": depth_scale,
-        "cam_R_w2c": rotation,
-        "cam_t_w2c": translation,
-    }
+    return {"cam_K": matrix, "depth_scale": depth_scale, "cam_R_w2c": rotation, "cam_t_w2c": translation}
 
 
 def pose(view: View) -> dict[str, Any]:
@@ -107,13 +100,21 @@ def localisation_targets(gt_info: list[dict[str, Any]]) -> list[dict[str, int]]:
     return [
         {"im_id": index, "inst_count": 1, "obj_id": OBJECT_ID, "scene_id": 0}
         for index, info in enumerate(gt_info)
-        if info["visib_fract"] >= LEAST_VISIBLE
+        if info["visib_fract"] >= 0.1
     ]
 
 
-def mean_model(object_class: ObjectClass) -> Mesh:
-    """Return the class's mean shape, metres: BOP has one model per object; the samples' own shapes differ."""
-    return Mesh(object_class.shape_model.mean, object_class.shape_model.faces)
+def shared_files(object_class: ObjectClass, size: Size) -> dict[str, bytes]:
+    """Return the files of all splits by their names: the camera, and the class's mean shape with its numbers.
+
+    BOP has one model per object; the samples' own shapes differ.
+    """
+    model = Mesh(object_class.shape_model.mean, object_class.shape_model.faces)
+    return {
+        "camera.json": json.dumps(camera(size)).encode(),
+        "models/models_info.json": json.dumps(models_info(model, object_class.symmetry)).encode(),
+        f"models/obj_{OBJECT_ID:06d}.ply": ply(model),
+    }
 
 
 def ply(mesh: Mesh) -> bytes:

@@ -36,10 +36,6 @@ from vig_world.library import OwnAssets
 from vig_world.threads import one_thread
 
 THREADS = 2
-MOST_FILE = 1 << 31
-"""Bytes of any file of a split."""
-MOST_MODEL = 64 << 20
-"""Bytes of a file that all splits share."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +91,7 @@ def check_dataset(
         raise UserError(f"render must be at least 0; got {render}")
     split = complete_split(root, split)
     settings = read_info(root)["splits"][split]
-    object_class = class_of(root, settings, object_class)
+    object_class = class_of(root, split, object_class)
     folder = root / split
     hashes = _manifest(folder, settings)
     size, normals = tuple(settings["size"]), settings["normals"]
@@ -175,16 +171,9 @@ def _file_problems(folder: Path, hashes: dict[str, str]) -> Iterator[str]:
 
 def _model_problems(root: Path, object_class: ObjectClass, size: Size) -> Iterator[str]:
     """Yield problems of the files that all splits share."""
-    model = bop.mean_model(object_class)
-    written = {
-        "camera.json": bop.camera(size),
-        "models/models_info.json": bop.models_info(model, object_class.symmetry),
-        f"models/obj_{bop.OBJECT_ID:06d}.ply": bop.ply(model),
-    }
-    for name, expected in written.items():
+    for name, expected in bop.shared_files(object_class, size).items():
         try:
-            data = read_bytes(inside(root, name), MOST_MODEL)
-            same = data == expected if isinstance(expected, bytes) else parse_json(data) == expected
+            same = read_bytes(inside(root, name), 64 << 20) == expected
         except (OSError, ValueError):
             same = False
         if not same:
@@ -194,7 +183,7 @@ def _model_problems(root: Path, object_class: ObjectClass, size: Size) -> Iterat
 def _read(folder: Path, name: str, value: str | None) -> tuple[bytes, list[str]]:
     """Return a file's content, and the problems of it as a file."""
     try:
-        data = read_bytes(inside(folder, name), MOST_FILE)
+        data = read_bytes(inside(folder, name), 1 << 31)
     except (OSError, ValueError) as error:
         return b"", [f"{name}: {getattr(error, 'strerror', None) or error}"]
     if value is None:

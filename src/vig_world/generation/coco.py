@@ -13,7 +13,7 @@ from vig.scene import ObjectClass
 from vig_world.dataset.format import OBJECT_ID, image_paths, read_info
 from vig_world.dataset.read import Dataset, image_bytes, read_dataset
 from vig_world.generation.files import refuse_used, write_bytes
-from vig_world.generation.keypoints import EDGES, OUTSIDE, dataset_class, keypoints, names_of
+from vig_world.generation.keypoints import EDGES, OUTSIDE, class_of, keypoints, names_of
 
 READ_AT_ONCE = 256
 
@@ -61,7 +61,7 @@ def export_coco_keypoints(
     root, out = Path(root), Path(out)
     dataset = read_dataset(root, split)
     split = dataset.folder.name
-    object_class = dataset_class(dataset, object_class)
+    object_class = class_of(root, split, object_class)
     path = out / "annotations" / f"keypoints_{split}.json"
     refuse_used(root, out, [out / "images" / split, path])
     annotations: list[dict[str, Any]] = []

@@ -11,9 +11,6 @@ from vig.io.errors import UserError
 from vig.io.files import atomic_write
 from vig_world.dataset.format import PARTIAL, SCENE, inside
 
-MOST_LABELS = 4096
-"""Bytes of each of a sample's labels."""
-
 
 def sidecar_path(folder: Path, index: int) -> Path:
     """Return the file that marks sample `index` of an unfinished split as complete."""
@@ -59,7 +56,8 @@ def read_scene(folder: Path, count: int) -> list[dict[str, Any]]:
     """Return BOP's entries of each of `count` samples: camera, gt and gt_info. ValueError when damaged."""
     tables = {}
     for key in ("camera", "gt", "gt_info"):
-        table = read_json(inside(folder, f"{SCENE}/scene_{key}.json"), MOST_LABELS * count)
+        # bytes of each sample's labels
+        table = read_json(inside(folder, f"{SCENE}/scene_{key}.json"), 4096 * count)
         kind = dict[str, dict[str, Any]] if key == "camera" else dict[str, tuple[dict[str, Any], ...]]
         decode(kind, table)
         if len(table) != count:

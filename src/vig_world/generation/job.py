@@ -7,9 +7,8 @@ import json
 import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from vig.io.errors import UserError
 from vig.photo.images import png_bytes
@@ -28,41 +27,10 @@ from vig_world.renderers.rasterized import render, with_surroundings
 from vig_world.streams import stream
 from vig_world.threads import one_thread
 
+if TYPE_CHECKING:
+    from vig_world.renderers.cycles import CyclesRenderer
+
 TIERS = ("raster", "cycles")
-PHOTO_STREAM = 2**20
-"""Number of the random stream of photographs, far from those of attempts at a scene."""
-
-
-class Renderer(Protocol):
-    """Makes pictures of scenes, in one worker process."""
-
-    def render(self, spec: SceneSpec) -> Picture:
-        """Return the picture of a scene: a pure function of it."""
-        ...
-
-    def close(self) -> None:
-        """Release resources, such as a child process."""
-        ...
-
-
-@dataclass(frozen=True)
-class _Raster:
-    """The rasteriser as a renderer."""
-
-    library: Library
-    object_class: ObjectClass
-    size: Size
-    normals: bool
-
-    def render(self, spec: SceneSpec) -> Picture:
-        view = View.of_scene(spec, self.object_class, self.size)
-        picture = render(self.library, spec, self.object_class, view, self.normals)
-        if self.size == STANDARD_SIZE:
-            return picture
-        return with_surroundings(picture, self.library, spec, view)
-
-    def close(self) -> None:
-        pass
 
 
 @dataclass(frozen=True)
@@ -90,11 +58,6 @@ class Job:
     size: Size = STANDARD_SIZE
     normals: bool = False
 
-    @cached_property
-    def fingerprint(self) -> str:
-        """Return the fingerprint of the class."""
-        return self.object_class.fingerprint
-
 
 @dataclass(frozen=True)
 class Failure:
@@ -112,12 +75,12 @@ class Failure:
 
 
 class Maker:
-    """Makes samples of a job in this process, with one renderer that is started when first needed."""
+    """Makes samples of a job in this process; a path tracer is started when first needed."""
 
     def __init__(self, job: Job) -> None:
         self.job = job
         self.library = Library(job.split, job.own)
-        self._renderer: Renderer | None = None
+        self._tracer: CyclesRenderer | None = None
 
     def make(self, index: int, draw: int = 0) -> dict[str, bytes] | Failure:
         """Return the files of a draw of sample `index` by their names in the split's folder; see `encode`.
@@ -143,28 +106,32 @@ class Maker:
     @one_thread()
     def files(self, spec: SceneSpec) -> dict[str, bytes]:
         """Return the files of a scene. Raises UserError when the renderer cannot run here."""
-        if self._renderer is None:
-            self._renderer = self._open()
-        picture, settings = self._renderer.render(spec), None
+        picture, settings = self._draw(spec), None
         if self.job.photo:
             picture, settings = take_photo(picture, spec)
         return encode(spec, picture, self.job.object_class, settings)
 
-    def _open(self) -> Renderer:
+    def _draw(self, spec: SceneSpec) -> Picture:
+        """Return the picture of a scene: a pure function of it."""
         job = self.job
         if job.tier == "cycles":
-            from vig_world.renderers.cycles import CyclesRenderer
+            if self._tracer is None:
+                from vig_world.renderers.cycles import CyclesRenderer
 
-            return CyclesRenderer(
-                self.library, job.object_class, **job.options, size=job.size, normals=job.normals
-            )
-        return _Raster(self.library, job.object_class, job.size, job.normals)
+                options = {**job.options, "size": job.size, "normals": job.normals}
+                self._tracer = CyclesRenderer(self.library, job.object_class, **options)
+            return self._tracer.render(spec)
+        view = View.of_scene(spec, job.object_class, job.size)
+        picture = render(self.library, spec, job.object_class, view, job.normals)
+        if job.size == STANDARD_SIZE:
+            return picture
+        return with_surroundings(picture, self.library, spec, view)
 
     def close(self) -> None:
-        """Close the renderer."""
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
+        """Close the path tracer's process."""
+        if self._tracer is not None:
+            self._tracer.close()
+            self._tracer = None
 
 
 def take_photo(picture: Picture, spec: SceneSpec) -> tuple[Picture, PhotoSettings]:
@@ -172,7 +139,7 @@ def take_photo(picture: Picture, spec: SceneSpec) -> tuple[Picture, PhotoSetting
     linear = getattr(picture, "linear", None)
     if linear is None:
         linear = linear_from_srgb(picture.image.astype("float32") / 255)
-    rng = stream(spec.seed, spec.index, spec.split, PHOTO_STREAM)
+    rng = stream(spec.seed, spec.index, spec.split, 2**20)  # far from those of attempts at a scene
     image, settings = photograph(linear, rng)
     return replace(picture, image=image), settings
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -18,15 +17,10 @@ from vig_world.raster.view import View
 
 CORNERS = tuple(f"corner_{number:03b}" for number in range(8))
 """Corners of the box along the object's axes: 1 stands for the greater x, y, z, in this order."""
-CENTRE = "centre"
 EDGES = tuple((i, i | bit) for i in range(8) for bit in (4, 2, 1) if not i & bit)
 """Pairs of corners."""
 OUTSIDE, HIDDEN, SEEN = 0, 1, 2
 """COCO's numbers of visibility."""
-SLACK = 0.02
-"""Depth by which a point may lie behind its pixel's surface, over the diagonal of the object's box."""
-MIRROR_SLACK = 0.02
-"""Distance of a class's point from its mirror image, over the length of the mean shape's box."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +40,7 @@ class Keypoints:
 
 def names_of(object_class: ObjectClass) -> tuple[str, ...]:
     """Return the names of a class's keypoints, in their order."""
-    return (*object_class.points, *CORNERS, CENTRE)
+    return (*object_class.points, *CORNERS, "centre")
 
 
 def points_of(object_class: ObjectClass, vertices: np.ndarray) -> np.ndarray:
@@ -64,22 +58,16 @@ def mirror_order(object_class: ObjectClass) -> list[int] | None:
     points = points_of(object_class, object_class.shape_model.mean)
     gaps = np.linalg.norm(points * [1, -1, 1] - points[:, None], axis=2)
     partner = gaps.argmin(0)
-    close = gaps.min(0) <= MIRROR_SLACK * np.ptp(points, axis=0).max()
+    close = gaps.min(0) <= 0.02 * np.ptp(points, axis=0).max()
     return partner.tolist() if close.all() and (partner[partner] == np.arange(len(points))).all() else None
 
 
-def dataset_class(dataset: Dataset, given: ObjectClass | None = None) -> ObjectClass:
-    """Return the class that a dataset was made with: the one given, or the packaged one of its name.
+def class_of(root: Path, split: str, given: ObjectClass | None) -> ObjectClass:
+    """Return the class that a split was made with: the one given, or the packaged one of its name.
 
     Raises UserError when it is another one, or there is none of that name.
     """
-    root, split = dataset.folder.parent, dataset.folder.name
     settings = read_info(root)["splits"][split]
-    return class_of(root, settings, given)
-
-
-def class_of(root: Path, settings: dict[str, Any], given: ObjectClass | None) -> ObjectClass:
-    """Return `dataset_class` by a split's settings."""
     object_class = given or ObjectClass.load(settings["class"])
     if object_class.fingerprint != settings["class_fingerprint"]:
         raise UserError(
@@ -98,7 +86,7 @@ def keypoints(dataset: Dataset, object_class: ObjectClass, indices: Iterable[int
         view = View.of_scene(spec, object_class, size)
         depth, mask = (dataset.read(kind, [index])[0] for kind in ("depth", "mask_visib"))
         points = points_of(object_class, vertices)
-        slack = SLACK * float(np.linalg.norm(np.ptp(vertices, axis=0)))
+        slack = 0.02 * float(np.linalg.norm(np.ptp(vertices, axis=0)))
         yield _locate_keypoints(points, len(object_class.points), view, depth, mask, slack)
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import multiprocessing
 import multiprocessing.util
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
+from contextlib import closing
 from pathlib import Path
 
 from vig.io.errors import UserError
@@ -24,77 +25,71 @@ CHUNK = 8
 
 
 def make_samples(
+    job: Job,
+    folder: Path,
     missing: list[int],
-    attempt: Callable[[list[Draw]], Iterator[tuple[int, Failure | Lost | None]]],
+    processes: int,
     advance: Callable[[int], None],
+    address: str | None = None,
 ) -> None:
-    """Have samples made: where a draw of one fails its next one is made, after the others.
+    """Make samples of a split: where a draw of one fails its next one is made, after the others.
 
-    Failures are printed on standard error, but for scenes that cannot be composed.
+    Failures are printed on standard error, but for scenes that cannot be composed. Ctrl-C lets each process
+    finish the sample in progress; processes end by themselves when this one dies.
 
     Args:
+        job: Recipe of the split.
+        folder: Folder of the split.
         missing: Indices of the samples.
-        attempt: Makes draws; yields each one's place in the list, and the reason of its failure or None.
+        processes: Number of processes; one that dies is replaced. Up to 1: this one makes them.
         advance: Called with the number of samples newly written.
+        address: Address of a Ray cluster whose nodes make them, while this process alone writes them; `auto`:
+            the one this machine belongs to.
 
     Raises:
-        UserError: `HOPELESS` draws failed and none succeeded, or `MOST_DRAWS` of one sample failed.
+        UserError: `HOPELESS` draws failed and none succeeded, or `MOST_DRAWS` of one sample failed; a file
+            cannot be written; Ray is not installed, or there is no cluster.
     """
     waiting, made, failed = [(index, 0) for index in missing], 0, 0
     while waiting:
         again: list[Draw] = []
-        for place, outcome in attempt(waiting):
-            if outcome is None:
-                made += 1
-                advance(1)
-                continue
-            failed += 1
-            (index, draw), failure = waiting[place], outcome
-            if isinstance(failure, Lost):
-                failure = Failure(
-                    f"sample {index}: its worker process was killed {failure.attempts} times, possibly out of"
-                    " memory: use fewer workers"
-                )
-            if (failed >= HOPELESS and not made) or draw + 1 >= MOST_DRAWS:
-                raise UserError(
-                    f"expected scenes that can be made; {failed} failed and {made} were made. The last"
-                    f" failure: {failure.reason}"
-                ) from (RuntimeError(failure.traceback) if failure.traceback else None)
-            if not failure.expected:
-                print(f"{failure.reason}; another scene takes its place", file=sys.stderr, flush=True)
-            again.append((index, draw + 1))
+        with closing(_attempt(job, folder, waiting, processes, address)) as outcomes:
+            for place, failure in outcomes:
+                if failure is None:
+                    made += 1
+                    advance(1)
+                    continue
+                failed += 1
+                index, draw = waiting[place]
+                if isinstance(failure, Lost):
+                    failure = Failure(
+                        f"sample {index}: its worker process was killed {failure.attempts} times, possibly"
+                        " out of memory: use fewer workers"
+                    )
+                if (failed >= HOPELESS and not made) or draw + 1 >= MOST_DRAWS:
+                    raise UserError(
+                        f"expected scenes that can be made; {failed} failed and {made} were made. The last"
+                        f" failure: {failure.reason}"
+                    ) from (RuntimeError(failure.traceback) if failure.traceback else None)
+                if not failure.expected:
+                    print(f"{failure.reason}; another scene takes its place", file=sys.stderr, flush=True)
+                again.append((index, draw + 1))
         waiting = sorted(again)
 
 
-def make_here(job: Job, folder: Path, missing: list[int], advance: Callable[[int], None]) -> None:
-    """Make the samples in this process; see `make_samples`."""
-    maker = Maker(job)
-
-    def attempt(draws: list[Draw]) -> Iterator[tuple[int, Failure | None]]:
-        for place, draw in enumerate(draws):
-            yield place, store(folder, maker.make(*draw))
-
-    try:
-        make_samples(missing, attempt, advance)
-    finally:
-        maker.close()
-
-
-def make_in_processes(
-    job: Job, folder: Path, missing: list[int], workers: int, advance: Callable[[int], None]
-) -> None:
-    """Make the samples in `workers` processes; one that dies is replaced. See `make_samples`.
-
-    Ctrl-C lets each worker finish the sample in progress. Workers end by themselves when this process dies.
-
-    Raises:
-        UserError: A file cannot be written, or as `make_samples`.
-    """
-
-    def attempt(draws: list[Draw]) -> Iterator[tuple[int, Failure | Lost | None]]:
-        return map_as_done(_prepare, (job, folder), draws, min(workers, len(draws)))
-
-    make_samples(missing, attempt, advance)
+def _attempt(
+    job: Job, folder: Path, draws: list[Draw], processes: int, address: str | None
+) -> Generator[tuple[int, Failure | Lost | None], None, None]:
+    """Make draws; yield each one's place in the list, and the reason of its failure or None."""
+    if address is not None:
+        for place, made in map_on_cluster(_prepare_remote, job, draws, address, CHUNK):
+            yield place, made if isinstance(made, Lost) else store(folder, made)
+    elif processes > 1:
+        yield from map_as_done(_prepare, (job, folder), draws, min(processes, len(draws)))
+    else:
+        with closing(Maker(job)) as maker:
+            for place, draw in enumerate(draws):
+                yield place, store(folder, maker.make(*draw))
 
 
 def _prepare(shared: tuple[Job, Path]) -> Callable[[Draw], Failure | None]:
@@ -110,24 +105,6 @@ def _prepare(shared: tuple[Job, Path]) -> Callable[[Draw], Failure | None]:
         return None
 
     return work
-
-
-def make_on_ray(
-    job: Job, folder: Path, missing: list[int], address: str, advance: Callable[[int], None]
-) -> None:
-    """Make the samples on the cluster at `address` (`auto`: the one this machine belongs to).
-
-    Its nodes make them, and this process alone writes them.
-
-    Raises:
-        UserError: Ray is not installed, there is no cluster, a file cannot be written, or as `make_samples`.
-    """
-
-    def attempt(draws: list[Draw]) -> Iterator[tuple[int, Failure | Lost | None]]:
-        for place, made in map_on_cluster(_prepare_remote, job, draws, address, CHUNK):
-            yield place, made if isinstance(made, Lost) else store(folder, made)
-
-    make_samples(missing, attempt, advance)
 
 
 def _prepare_remote(job: Job) -> Callable[[Draw], dict[str, bytes] | Failure]:

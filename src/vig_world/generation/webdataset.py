@@ -12,16 +12,11 @@ from vig.io.checks import reading
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
 from vig_world.dataset.format import REMEDY, SCENE, image_paths, read_info
-from vig_world.dataset.read import Dataset, image_bytes, read_dataset
+from vig_world.dataset.read import image_bytes, read_dataset
 from vig_world.generation.files import read_scene, refuse_used
 
-SHARD = 1000
-"""Samples in a shard."""
 
-
-def export_webdataset(
-    root: str | Path, out: str | Path, split: str | None = None, shard: int = SHARD
-) -> Path:
+def export_webdataset(root: str | Path, out: str | Path, split: str | None = None, shard: int = 1000) -> Path:
     """Write `out/<split>-000000.tar` and so on: `000000.rgb.png 000000.mask.png 000000.mask_visib.png
     000000.depth.png 000000.json` of each sample, `shard` samples in a file; 000000.normal.png if any.
 
@@ -43,7 +38,10 @@ def export_webdataset(
         with atomic_write(out / f"{split}-{number:06d}.tar") as temporary:
             with tarfile.open(temporary, "w", format=tarfile.USTAR_FORMAT) as tar:
                 for index in indices:
-                    _add_sample(tar, dataset, index, labels[index])
+                    for kind, path in image_paths(dataset.folder, index, dataset.normals).items():
+                        data = image_bytes(dataset.folder, path, dataset.size)
+                        _add(tar, f"{index:06d}.{kind}.png", data)
+                    _add(tar, f"{index:06d}.json", json.dumps(labels[index]).encode())
     return out
 
 
@@ -56,13 +54,6 @@ def _labels(root: Path, split: str) -> list[dict[str, Any]]:
     with reading(root / split / SCENE, "the labels of a dataset", REMEDY):
         scene = read_scene(root / split, len(rows))
     return [{"dataset": origin, "row": row, **scene[index]} for index, row in enumerate(rows)]
-
-
-def _add_sample(tar: tarfile.TarFile, dataset: Dataset, index: int, label: dict[str, Any]) -> None:
-    folder = dataset.folder
-    for kind, path in image_paths(folder, index, dataset.normals).items():
-        _add(tar, f"{index:06d}.{kind}.png", image_bytes(folder, path, dataset.size))
-    _add(tar, f"{index:06d}.json", json.dumps(label).encode())
 
 
 def _add(tar: tarfile.TarFile, name: str, data: bytes) -> None:

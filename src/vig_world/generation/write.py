@@ -46,14 +46,12 @@ from vig_world.extras import optional_import
 from vig_world.generation import bop
 from vig_world.generation.files import sidecar_path, write_bytes, write_json
 from vig_world.generation.job import TIERS, Job
-from vig_world.generation.pool import make_here, make_in_processes, make_on_ray
+from vig_world.generation.pool import make_samples
 from vig_world.library import OwnAssets
 
 with optional_import("world"):
     import pyarrow as pa
     import pyarrow.parquet as pq
-
-_TEMPORARY = re.compile(r"\.[0-9a-f]{12}(\.\w+)?")
 
 
 def make_dataset(
@@ -126,7 +124,7 @@ def make_dataset(
     job = Job(seed, split, tier, object_class, renderer_options, own, photo, world, size, normals)
     settings = {
         "class": object_class.name,
-        "class_fingerprint": job.fingerprint,
+        "class_fingerprint": object_class.fingerprint,
         "seed": seed,
         "count": count,
         "tier": tier,
@@ -140,7 +138,12 @@ def make_dataset(
     }
     if job.own.sources:
         settings["own_sources"] = [asdict(source) for source in job.own.sources]
-    _require(tier, ray)
+    if ray is not None:  # options that cannot run here are refused before anything is written
+        require_ray()
+    elif tier == "cycles":
+        from vig_world.renderers.cycles.renderer import find_python
+
+        find_python()
     folder = root / split
     with alone(root, split):
         if _claim(root, split, settings):
@@ -150,24 +153,9 @@ def make_dataset(
         missing = [index for index in range(count) if not sidecar_path(folder, index).is_file()]
         with Meter(count, count - len(missing), progress) as meter:
             processes = min(workers or os.cpu_count() or 1, len(missing))
-            if ray is not None:
-                make_on_ray(job, folder, missing, ray, meter.advance)
-            elif processes <= 1:
-                make_here(job, folder, missing, meter.advance)
-            else:
-                make_in_processes(job, folder, missing, processes, meter.advance)
+            make_samples(job, folder, missing, processes, meter.advance, ray)
         _merge(root, split, settings, object_class)
     return root
-
-
-def _require(tier: str, ray: str | None) -> None:
-    """Raise UserError for options that cannot run here, before anything is written."""
-    if ray is not None:
-        require_ray()
-    elif tier == "cycles":
-        from vig_world.renderers.cycles.renderer import find_python
-
-        find_python()
 
 
 @contextmanager
@@ -200,10 +188,6 @@ def alone(root: Path, split: str) -> Iterator[None]:
             path.unlink(missing_ok=True)
 
 
-SHARED = ("class_fingerprint", "size")
-"""Settings that all splits of a dataset have alike, as they share camera.json and models."""
-
-
 def _claim(root: Path, split: str, settings: dict[str, Any]) -> bool:
     """Write the split's settings into info.json, or check that they are the same; True if it is complete."""
     info: dict[str, Any] = {"vig_dataset": FORMAT_VERSION, "splits": {}}
@@ -212,9 +196,9 @@ def _claim(root: Path, split: str, settings: dict[str, Any]) -> bool:
     elif root.exists() and not root.is_dir():
         raise UserError(f"expected a folder for the dataset; '{root}' is a file. Choose another name.")
     for other, held in info["splits"].items():
-        compared = settings if other == split else {key: settings[key] for key in SHARED}
-        for key, value in compared.items():
-            if held.get(key) != value:
+        shared = ("class_fingerprint", "size")  # of camera.json and models
+        for key, value in settings.items():
+            if (other == split or key in shared) and held.get(key) != value:
                 raise UserError(
                     f"'{root}' already holds a {other} split with {key} {held.get(key)}; {value} was asked"
                     " for. Choose another folder or the same settings."
@@ -230,7 +214,7 @@ def _sweep(folder: Path) -> None:
     """Remove the temporary files that a killed run left in and above a split's folder."""
     left = [*folder.rglob(".*"), *folder.parent.glob(".*"), *(folder.parent / "models").glob(".*")]
     for path in left:
-        if _TEMPORARY.fullmatch(path.name):
+        if re.fullmatch(r"\.[0-9a-f]{12}(\.\w+)?", path.name):
             path.unlink(missing_ok=True)
 
 
@@ -255,11 +239,8 @@ def _merge(root: Path, split: str, settings: dict[str, Any], object_class: Objec
         pq.write_table(_table([record["row"] for record in records]), temporary)
     hashes[TABLE] = hashlib.sha256(table_path.read_bytes()).hexdigest()
 
-    model, size = bop.mean_model(object_class), tuple(settings["size"])
-    write_bytes(root / "models" / f"obj_{bop.OBJECT_ID:06d}.ply", bop.ply(model))
-    info = bop.models_info(model, object_class.symmetry)
-    write_json(root / "models" / "models_info.json", info)
-    write_json(root / "camera.json", bop.camera(size))
+    for name, data in bop.shared_files(object_class, tuple(settings["size"])).items():
+        write_bytes(root / name, data)
     if split == "test":
         write_json(root / bop.TARGETS, bop.localisation_targets([record["gt_info"][0] for record in records]))
 

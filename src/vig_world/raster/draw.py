@@ -17,8 +17,6 @@ from vig_world.raster.view import View
 
 SAMPLES: int = engine.SAMPLES
 """Samples of a picture along a pixel's side."""
-SUN_SHARE = 0.2
-"""Share of the light's first degree that shows in highlights."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +67,8 @@ def draw(
     camera, coefficients = view.camera, np.asarray(light, np.float64)
     direction = coefficients[[3, 1, 2]]
     strength = float(np.linalg.norm(direction))
-    sun = *direction / max(strength, 1e-9), SUN_SHARE * strength / Y1 / (2 * np.pi)
+    # a share of the light's first degree shows in highlights
+    sun = *direction / max(strength, 1e-9), 0.2 * strength / Y1 / (2 * np.pi)
     lights = coefficients * COSINE_LOBE * HARMONICS, coefficients * HARMONICS, sun, target.albedo
 
     def colours(points: np.ndarray, across: np.ndarray, *rest: np.ndarray) -> np.ndarray:

@@ -15,11 +15,6 @@ from vig_world.mesh import Mesh, vertex_normals
 from vig_world.raster.pyramid import TextureLevels
 from vig_world.raster.shadows import ambient_occlusion, surface_points
 
-ROOM_SIZE = 1.2
-"""Metres; assets of a larger radius get ambient occlusion, smaller ones cast shadows."""
-POINT_AREA = 1.2e-4
-"""Square metres of surface for each point that stands for it in shadows."""
-
 # Kinds with little specular reflection. At roughness 1 nothing reflects specularly.
 MATT = ("cloth", "earth", "paper", "paint", "wallpaper", "brick")
 
@@ -82,9 +77,10 @@ def pack(parts: Sequence[tuple[Mesh, Material]]) -> dict[str, np.ndarray]:
         materials.append((material.roughness, mirror, metal, material.emission))
     vertices, faces = np.concatenate(positions).astype(np.float32), np.concatenate(corners).astype(np.int32)
     middle = (vertices.min(0).astype(np.float64) + vertices.max(0)) / 2
-    is_room = np.linalg.norm(vertices - middle, axis=1).max() > ROOM_SIZE
+    # Larger assets get ambient occlusion, smaller ones cast shadows
+    is_room = np.linalg.norm(vertices - middle, axis=1).max() > 1.2
     ambient = ambient_occlusion(vertices, faces) if is_room else {}
-    points = np.zeros((0, 4), np.float32) if is_room else surface_points(vertices, faces, POINT_AREA)
+    points = np.zeros((0, 4), np.float32) if is_room else surface_points(vertices, faces, 1.2e-4)
     arrays = {
         "vertices": vertices,
         "attributes": np.concatenate(attributes).astype(np.float32),

@@ -19,17 +19,12 @@ from vig_native import engine
 BOUNCE = 0.25
 """Share of the blocked light that returns by reflection, from the blocker or its surroundings."""
 
-AMBIENT_CELL = 0.12
-"""Metres; more where a room would need more than MOST_CELLS along a side."""
 MOST_CELLS = 72
 REACH = 0.5
 """Metres of height over which a blocker's effect fades to 1 / e: rooms are closed, and yet light."""
 
 LANES = 16
 """Cells that native code sweeps side by side: a grid's width is a multiple of it."""
-
-_RINGS = ((90.0, 1), (60.0, 5), (32.0, 6))
-"""Elevations in degrees, and how many directions are spread evenly over each."""
 
 
 def ambient_occlusion(vertices: np.ndarray, faces: np.ndarray) -> dict[str, np.ndarray]:
@@ -44,7 +39,8 @@ def ambient_occlusion(vertices: np.ndarray, faces: np.ndarray) -> dict[str, np.n
         rasteriser takes them.
     """
     low, high = vertices.min(0), vertices.max(0)
-    cell = max(AMBIENT_CELL, float((high - low).max()) / MOST_CELLS)
+    # 12 cm; more where a room would need more than MOST_CELLS along a side
+    cell = max(0.12, float((high - low).max()) / MOST_CELLS)
     points = surface_points(vertices, faces, cell**2 / 3)
     origin = low.astype(np.float64) - 1.5 * cell
     x, y, z = (np.ceil((high - origin) / cell).astype(int) + 3).tolist()
@@ -95,7 +91,8 @@ def surface_points(vertices: np.ndarray, faces: np.ndarray, area: float) -> np.n
 def directions() -> np.ndarray:
     """Return unit vectors (K, 3) spread over the upper hemisphere."""
     rows = []
-    for ring, (elevation, count) in enumerate(_RINGS):
+    # elevations in degrees, and how many directions are spread evenly over each
+    for ring, (elevation, count) in enumerate(((90.0, 1), (60.0, 5), (32.0, 6))):
         rise = np.radians(elevation)
         turn = 2 * np.pi * (np.arange(count) + 0.5 * (ring % 2)) / count
         rows.append(

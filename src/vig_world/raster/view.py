@@ -20,8 +20,6 @@ NEAR = 0.02
 NEAR_SHARE, EYE_SHARE = 0.2, 0.5
 """Shares of the distance to the object, and of the camera's height, up to which things are clipped where
 that is less: for things of at most 7 cm, and cameras on the ground."""
-LOWEST = 1e-3
-"""Least height of the camera over the ground, metres, in `near`."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +93,7 @@ class View:
     @cached_property
     def near(self) -> float:
         """Return the depth, metres, to which things are clipped: less for a camera near object or ground."""
-        height = max(float(self.eye[2]), LOWEST)
+        height = max(float(self.eye[2]), 1e-3)
         return min(NEAR, NEAR_SHARE * self.camera.distance, EYE_SHARE * height)
 
     @cached_property

@@ -11,9 +11,6 @@ from scipy.ndimage import convolve1d
 
 from vig.scene import srgb8_from_linear
 
-MOTION_SHARE = 0.2
-"""Share of photographs with motion blur."""
-
 
 @dataclass(frozen=True)
 class PhotoSettings:
@@ -55,7 +52,7 @@ class PhotoSettings:
             white_balance=tuple(balance.tolist()),
             vignetting=float(rng.uniform(0, 0.2)),
             blur=float(rng.uniform(0.3, 0.8)),
-            motion=float(rng.uniform(0.5, 2.5)) if rng.uniform() < MOTION_SHARE else 0.0,
+            motion=float(rng.uniform(0.5, 2.5)) if rng.uniform() < 0.2 else 0.0,
             motion_angle=float(rng.uniform(0, np.pi)),
             electrons=float(np.exp(rng.uniform(np.log(1000), np.log(20000)))),
             read_noise=float(np.exp(rng.uniform(np.log(2), np.log(8)))),

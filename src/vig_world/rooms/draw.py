@@ -17,14 +17,8 @@ from vig_world.rooms.plan import HEADROOM, Body, Make, Plan
 from vig_world.rooms.shell import Opening, Wall, shell, walls_of
 
 Array = np.ndarray
-SHOULDERS = 0.5
-"""Width in metres that a person needs to walk."""
-ABOVE_SILL = 0.3
-"""Metres by which furniture before a window may be higher than its sill."""
 RADIATOR = 0.1
 """Metres that a radiator takes up from the wall."""
-LOWEST_LAMP = 1.35
-"""Metres above the floor at which a lamp may end."""
 _ATTEMPTS = 8
 
 
@@ -137,7 +131,7 @@ def _add_window(plan: Plan, opening: Opening, depth: float, paint: Material, cur
     parts, sill = openings.window(rng, opening, depth, paint, curtained and fits)
     plan.parts += [(wall.place_mesh(mesh), stuff) for mesh, stuff in parts]
     plan.supports.append(sill.move((*wall.start, 0.0), wall.angle))
-    plan.kept.append(_zone(wall, opening.left, opening.right, 0.35, opening.low + ABOVE_SILL, opening.high))
+    plan.kept.append(_zone(wall, opening.left, opening.right, 0.35, opening.low + 0.3, opening.high))
     sill_low = opening.low - openings.SILL
     plan.bodies.append(
         _zone(wall, opening.left - 0.03, opening.right + 0.03, openings.NOSE, sill_low, opening.low)
@@ -228,7 +222,7 @@ def _hang_lamp(plan: Plan, family: str, at: tuple[float, float], drop: float | N
     stretch = 1.0 if drop is None else drop / z
     z *= stretch
     body = Body.of((-x / 2, -y / 2, x / 2, y / 2, plan.height - z, plan.height), (*at, 0.0))
-    if plan.height - z > LOWEST_LAMP and plan.free([body]):
+    if plan.height - z > 1.35 and plan.free([body]):
         place = (*at, plan.height - z)
         plan.parts += [
             (move_mesh(scale_mesh(mesh, (1, 1, stretch)), place), stuff)
@@ -240,7 +234,8 @@ def _hang_lamp(plan: Plan, family: str, at: tuple[float, float], drop: float | N
 def walkable(plan: Plan) -> bool:
     """Return whether from the first door a person reaches most of the floor wide enough to stand on."""
     taken, _ = occupied_cells(plan, [b for b in plan.bodies if b.low < HEADROOM and b.high > 0.05])
-    wide = round(SHOULDERS / CELL)
+    # what a person needs to walk
+    wide = round(0.5 / CELL)
     stand = ndimage.binary_opening(np.pad(~taken, wide), np.ones((wide, wide)))
     labels, count = ndimage.label(stand)
     if count == 0:

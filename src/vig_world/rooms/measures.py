@@ -16,8 +16,6 @@ NEAR = 0.6
 """A side is open where the next thing is farther than this, metres: a person fits in."""
 LEAST = 0.5
 """The least width, metres, of a free rectangle of the floor that counts as a support."""
-TRIMS = (0.03, 0.06)
-"""Strips, metres, that a support may lose along its back edge."""
 SKIRTED = 0.05
 """Metres of floor along its edges that are left out: skirting, window sills, door frames."""
 
@@ -35,7 +33,8 @@ def measure_support(plan: Plan, support: Support) -> Support:
     z = support.centre[2]
     above = [b for b in plan.bodies if b.low > z + 0.005]
     hanging = _under(above, support)
-    for trim in TRIMS:
+    # metres along the back edge
+    for trim in (0.03, 0.06):
         shorter = _trim_support(support, trim)
         clear = _under(above, shorter)
         if clear > hanging + 0.2 and shorter.half[1] > 0.06:

@@ -19,8 +19,6 @@ Box = tuple[float, float, float, float, float, float]
 TOUCH = 1e-4
 CROWN = 0.03
 """Metres above a support that still belong to its carrier: rims, edges, a tap's foot."""
-THIN = 0.002
-"""Metres by which a box above a support is wider than its contents, so that sheets have a side, too."""
 HEADROOM = 1.9
 """Metres above the floor that stay free where people walk."""
 
@@ -98,7 +96,8 @@ def boxes_of(piece: Furniture) -> list[Box]:
     result: list[Box] = [(low[0], low[1], high[0], high[1], low[2], level)]
     for chosen in (back, left & ~back, right & ~back, ~(back | left | right)):
         if chosen.any():
-            a, b = above[chosen].min(0).tolist(), (above[chosen].max(0) + THIN).tolist()
+            # a little wider, so that sheets have a side, too
+            a, b = above[chosen].min(0).tolist(), (above[chosen].max(0) + 0.002).tolist()
             result.append((a[0], a[1], b[0], b[1], level, b[2]))
     return result
 

@@ -203,7 +203,7 @@ def test_a_worker_that_cannot_write_ends_the_run_in_one_line(tmp_path: Path, tea
     (tmp_path / "000000").write_text("in the way")
     job = Job(SEED, "train", "raster", teapot)
     with pytest.raises(UserError, match="cannot write .*a part of the path is a file"):
-        pool.make_in_processes(job, tmp_path, list(range(16)), 2, lambda count: None)
+        pool.make_samples(job, tmp_path, list(range(16)), 2, lambda count: None)
     assert not multiprocessing.active_children()
 
 
@@ -245,4 +245,4 @@ def test_a_sample_that_kills_its_workers_every_time_is_named(tmp_path: Path, tea
     expected = "16 failed and 0 were made.*sample [0-7]: its worker process was killed 3 times.*fewer workers"
     with meanwhile(kill_all), pytest.raises(UserError, match=expected):
         job = Job(SEED, "train", "raster", teapot)
-        pool.make_in_processes(job, tmp_path, list(range(8)), 1, lambda count: None)
+        pool.make_samples(job, tmp_path, list(range(8)), 2, lambda count: None)

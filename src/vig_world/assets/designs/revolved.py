@@ -11,17 +11,14 @@ from vig_world.assets.designs.design import TeapotDesign
 from vig_world.assets.designs.topology import Loft
 
 _AROUND = 44
-_KNOB_AROUND = 20
 FOOT_RINGS = 7  # rings of BODY_LOFT that belong to the foot, its underside included
 _WALL_RINGS = 18
 BODY_LOFT = Loft((1, 11, 22, *[_AROUND] * (4 + _WALL_RINGS + 4), 22, 11, 1))
 LID_LOFT = Loft((1, 11, 22, *[_AROUND] * 5, 22, 22, 11, 1))
-KNOB_LOFT = Loft((1, 10, *[_KNOB_AROUND] * 8, 10, 1))
+KNOB_LOFT = Loft((1, 10, *[20] * 8, 10, 1))
 
 _UNDERSIDE_RECESS = 0.002
 _RIM_ROUNDING = 0.0015
-_LID_SEAT = 0.003  # how deep the lid's edge reaches below the rim's top
-_KNOB_SEAT = 0.004
 
 
 @dataclass(frozen=True)
@@ -130,7 +127,8 @@ def lid_vertices(design: TeapotDesign) -> np.ndarray:
     d = design
     rim_radius, rim_height = rim(d)
     radius = rim_radius + d.lid_overhang
-    seat = rim_height - _LID_SEAT
+    # how deep the lid's edge reaches below the rim's top
+    seat = rim_height - 0.003
     edge = rim_height + d.lid_thickness
     top = edge + d.lid_height
     dome_edge = np.array([radius - 0.25 * d.lid_thickness, edge])
@@ -162,7 +160,7 @@ def knob_vertices(design: TeapotDesign) -> np.ndarray:
     waist = np.array([d.knob_radius * d.knob_waist, foot + 0.35 * d.knob_bulge * d.knob_height])
     widest = np.array([d.knob_radius, foot + d.knob_bulge * d.knob_height])
     top = np.array([0.0, foot + d.knob_height])
-    base = np.array([d.knob_radius * d.knob_base, foot - _KNOB_SEAT])
+    base = np.array([d.knob_radius * d.knob_base, foot - 0.004])
     rise, crown = widest[1] - waist[1], top[1] - widest[1]
     dense = join(
         bezier(base, base + [0.0, 0.6 * (foot - base[1])], waist - [0.0, 0.45 * (waist[1] - base[1])], waist),

@@ -24,11 +24,8 @@ _HANDLE_RINGS = 38
 SPOUT_LOFT = Loft((1, 10, *[_SPOUT_AROUND] * _SPOUT_RINGS, 20, 10, 1))
 HANDLE_LOFT = Loft((1, 6, *[_HANDLE_AROUND] * _HANDLE_RINGS, 6, 1))
 
-_HIDDEN = 0.022  # how far the ends of spout and handle stay below the body's surface
 _SPOUT_FLARE = 0.18  # extra radius at the spout's base
 _HANDLE_FLARE = 1.55  # scale of the handle's section at its ends
-_BAIL_HIDDEN = 0.014  # how far the ends of a handle above the lid reach below the shoulder
-_GRIP_GAP = 1.08  # distance of the two halves of a straight handle / their thickness
 _DENSE_FRACTIONS = np.linspace(0.0, 1.0, 400)
 
 
@@ -125,7 +122,8 @@ def _bail(d: TeapotDesign, wall: BodyProfile) -> np.ndarray:
     middle = end + 0.45 * (top[1] - end)
     pieces = []
     for sign in (-1.0, 1.0):
-        foot, out = np.array([sign * span, end - _BAIL_HIDDEN]), np.array([sign * widest, middle])
+        # the ends reach below the shoulder
+        foot, out = np.array([sign * span, end - 0.014]), np.array([sign * widest, middle])
         rise, reach = middle - foot[1], abs(out[0] - top[0])
         leg = bezier(foot, foot + [0.0, 0.4 * rise], out - [0.0, 0.5 * rise], out)
         arc = bezier(
@@ -145,7 +143,8 @@ def _grip(d: TeapotDesign, wall: BodyProfile) -> np.ndarray:
     """
     slope = np.radians(d.handle_rise)
     way, up = np.array([-np.cos(slope), np.sin(slope)]), np.array([np.sin(slope), np.cos(slope)])
-    bend = 0.5 * _GRIP_GAP * d.handle_thickness
+    # distance of the two halves of a straight handle / their thickness
+    bend = 0.5 * 1.08 * d.handle_thickness
     half = (bend + 0.5 * _HANDLE_FLARE * d.handle_thickness) / np.cos(slope)
     base_x = -_inside(d, wall, d.handle_top, half, 0.5 * _HANDLE_FLARE * d.handle_width)
     base = np.array([base_x, d.handle_top])
@@ -162,7 +161,8 @@ def _inside(
     angle = np.linspace(0.0, np.pi, 33)
     radius = wall.radius(height + half_height * np.cos(angle))
     across = np.minimum(half_width * np.sin(angle) / d.belly_aspect, 0.95 * radius)
-    return float(np.min(np.sqrt(radius**2 - across**2))) - _HIDDEN
+    # the ends of spout and handle stay below the body's surface
+    return float(np.min(np.sqrt(radius**2 - across**2))) - 0.022
 
 
 def _centre_line(dense: np.ndarray, fractions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

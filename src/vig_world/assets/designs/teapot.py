@@ -21,13 +21,12 @@ from vig_world.assets.designs.topology import symmetric
 PART_NAMES = ("body", "lid", "knob", "foot", "spout", "handle")
 
 _LOFTS = (BODY_LOFT, LID_LOFT, KNOB_LOFT, SPOUT_LOFT, HANDLE_LOFT)
-_PART_OF_LOFT = (0, 1, 2, 4, 5)
 _COUNTS = [int(loft.starts[-1]) for loft in _LOFTS]
 _OFFSETS = np.concatenate([[0], np.cumsum(_COUNTS)])
 
 
 def _parts() -> np.ndarray:
-    parts = np.repeat(_PART_OF_LOFT, _COUNTS)
+    parts = np.repeat((0, 1, 2, 4, 5), _COUNTS)
     parts[: BODY_LOFT.starts[FOOT_RINGS]] = PART_NAMES.index("foot")
     return parts.astype(np.int32)
 

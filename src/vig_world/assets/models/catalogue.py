@@ -37,8 +37,6 @@ STEPS = 4095
 KINDS = tuple(ROUGHNESS)
 SLOTS = ("", "wood", "top", "fabric")
 """Kinds and slots of parts, by their numbers in the file."""
-GLOW = 1.5
-"""Radiance of a lit lampshade, over white paper's."""
 
 
 @dataclass(frozen=True)
@@ -160,4 +158,5 @@ def _material(arrays: dict[str, np.ndarray], part: int, picture: int, slot: str,
     albedo = linear_from_srgb(srgb.astype(np.float64) / 255).clip(DARKEST, BRIGHTEST).astype(np.float32)
     glows = kind >= len(KINDS)
     name = "paper" if glows else KINDS[kind]
-    return Material(albedo, name, float(np.mean(ROUGHNESS[name])), slot, GLOW if glows else 0.0)
+    # radiance of a lit lampshade, over white paper's
+    return Material(albedo, name, float(np.mean(ROUGHNESS[name])), slot, 1.5 if glows else 0.0)

@@ -8,8 +8,6 @@ from scipy.sparse.csgraph import connected_components
 
 from vig_world.mesh import Mesh, face_normals
 
-CREASE = 0.6
-"""Cosine of the angle, 53 degrees, between faces that are shaded apart; decimated round things have less."""
 LEVEL = 0.95
 """Length of the mean normal of a patch, over that of a plane, above which it counts as plane."""
 
@@ -45,7 +43,8 @@ def smooth_patches(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     one, other = owner[:-1][same], owner[1:][same]
     normal = face_normals(vertices, faces)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
-    smooth = np.einsum("nk,nk->n", normal[one], normal[other]) > CREASE
+    # 53 degrees; decimated round things have less
+    smooth = np.einsum("nk,nk->n", normal[one], normal[other]) > 0.6
     links = coo_matrix((np.ones(smooth.sum()), (one[smooth], other[smooth])), (len(faces), len(faces)))
     labels: np.ndarray = connected_components(links, directed=False)[1]
     return labels.astype(np.int64)

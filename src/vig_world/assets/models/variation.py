@@ -17,8 +17,6 @@ SIZE = 0.15
 OWN_COLOURS, TEXTURED = 0.45, 0.25
 """Shares of props with the model's colours, and with a procedural texture; the others are of one or two
 colours of any household thing."""
-PICTURE_KEPT = 0.75
-"""Share of pictures that stay on a prop that is painted anew."""
 PATTERNS = {
     "wood": ("wood",),
     "cloth": ("cloth", "stripes", "floral", "weave", "checker", "speckle"),
@@ -44,7 +42,7 @@ def vary(parts: Parts, rng: np.random.Generator) -> Parts:
     for (mesh, stuff), area in zip(parts, areas, strict=True):
         has_picture = stuff.texture.size > 3
         main = area >= 0.25 * max(areas)
-        if style < OWN_COLOURS or stuff.emission or (has_picture and rng.random() < PICTURE_KEPT):
+        if style < OWN_COLOURS or stuff.emission or (has_picture and rng.random() < 0.75):
             image = stuff.texture * near(np.full(3, 0.5), rng, 0.15) * 2
         elif style < OWN_COLOURS + TEXTURED and main and not has_picture:
             pattern = PATTERNS.get(stuff.kind, ANY)

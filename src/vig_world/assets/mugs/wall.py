@@ -13,8 +13,6 @@ UNDERSIDE_RECESS = 0.0012
 _CORNER = np.sin(np.linspace(0.0, 0.5 * np.pi, 65))
 _LEAST_CORNER = 0.003
 """Metres, of the corner between wall and floor inside."""
-_THINNING = 0.25
-"""Share of the height over which the wall thins to its lip."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +67,7 @@ def inside(design: MugDesign) -> Profile:
     top = design.height - rim_rounding(design)[1]
     height = max(design.corner_height, _LEAST_CORNER)
     heights = _heights(floor, height, top)
-    thinning = smoothstep((design.height - heights) / (_THINNING * design.height))
+    thinning = smoothstep((design.height - heights) / (0.25 * design.height))
     thickness = design.wall * (design.lip + (1.0 - design.lip) * thinning)
     corner = _corner(heights - floor, height, max(design.corner_inset, _LEAST_CORNER))
     return Profile(np.stack([_radius(design, heights) - thickness - corner, heights], axis=1))

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 
 COPY = "by its name a level of detail or a collision hull of {}, which counts once"
 _LEVEL = re.compile(r"(?:(?<![A-Za-z])(?i:lod)|(?<=[a-z])L(?i:od))[\s._-]?\d+(?!\d)")
-_SEPARATOR = re.compile(r"[\s._-]+")
 _HULL = re.compile(
     r"(u[cbs]x|ucp|usp|mcdcx|collisions?|colliders?|colonly|convcol|convcolonly|vhacd|coacd)\d*"
 )
@@ -62,7 +61,7 @@ def _read_name(name: str, hull: re.Pattern[str]) -> tuple[tuple[str, ...], str]:
     plain, levels = _LEVEL.subn(" ", name)
     key: list[str] = []
     kind = "level" if levels else ""
-    for word in _SEPARATOR.split(plain.replace("/", " ").lower()):
+    for word in re.split(r"[\s._-]+", plain.replace("/", " ").lower()):
         if hull.fullmatch(word):
             kind = "hull"
         elif _DETAIL.fullmatch(word):

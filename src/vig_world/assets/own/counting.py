@@ -12,8 +12,6 @@ from vig_world.assets.own.siblings import MOST_BYTES
 
 MOST_FACES = 1_000_000
 MOST_VALUES = 20 * MOST_FACES
-LEAST_FACET = 80
-"""Bytes of a triangle of an ASCII STL file, at least; files of programs have some 250."""
 _HEADER = 2**16
 
 
@@ -66,7 +64,8 @@ def _obj(path: Path) -> int:
 def _stl(path: Path, size: int) -> int:
     with path.open("rb") as file:
         count = count_stl(file.read(1024), size)
-    return size // LEAST_FACET if count is None else count
+    # at least 80 bytes a triangle of ASCII; files of programs have some 250
+    return size // 80 if count is None else count
 
 
 def _ply(path: Path) -> int:

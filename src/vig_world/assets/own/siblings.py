@@ -17,7 +17,6 @@ MOST_BYTES = 512 * 2**20
 """Bytes of a file that is read, at most."""
 _CODECS = ("gb18030", "shift_jis", "euc_kr", "cp1251", "cp1252", "cp437", "latin-1")
 """Encodings of names that are not UTF-8; unpackers of zip files read others as cp437."""
-_GB2312 = re.compile(rb"([\x00-\x7f]|[\xa1-\xf7][\xa1-\xfe])*")
 
 
 def readings(name: bytes) -> list[str]:
@@ -26,7 +25,8 @@ def readings(name: bytes) -> list[str]:
     Some words in GBK are valid UTF-8, and names may have been decoded wrongly before.
     """
     texts = []
-    for codec in ("utf-8", *(_CODECS if _GB2312.fullmatch(name) else _CODECS[::-1])):
+    is_gb2312 = re.fullmatch(rb"([\x00-\x7f]|[\xa1-\xf7][\xa1-\xfe])*", name)
+    for codec in ("utf-8", *(_CODECS if is_gb2312 else _CODECS[::-1])):
         try:
             texts.append(name.decode(codec))
         except UnicodeDecodeError:

@@ -9,9 +9,6 @@ import numpy as np
 from vig_world.assets.own.load import MeshPiece
 from vig_world.mesh import face_edges, stack_meshes
 
-_UV_CELLS = 16
-"""Vertices of one place stay apart where their texture coordinates fall into different cells of this many."""
-
 
 def simplified(pieces: list[MeshPiece], most: int) -> list[MeshPiece]:
     """Return the pieces with at most `most` faces together: vertices that share a cell of a grid become one.
@@ -50,7 +47,7 @@ def _clustered(piece: MeshPiece, low: np.ndarray, cell: float) -> MeshPiece:
     grid = np.floor((piece.vertices - low) / cell).astype(np.int64)
     place = (grid[:, 0] * 2**40) + (grid[:, 1] * 2**20) + grid[:, 2]
     _, place = np.unique(place, return_inverse=True)
-    chart = np.floor(piece.uv * _UV_CELLS).astype(np.int64) @ [1, 4096]
+    chart = np.floor(piece.uv * 16).astype(np.int64) @ [1, 4096]
     _, group = np.unique(place * 2**26 + chart % 2**26, return_inverse=True)
     count = int(group.max()) + 1
 

@@ -20,11 +20,6 @@ _UPRIGHT = {  # rows: the file's axes that become x, y, z
     "-x": [[0, 0, 1], [0, 1, 0], [-1, 0, 0]],
 }
 _UNITS = {1.0: "metres", 0.001: "millimetres", 0.01: "centimetres"}
-_STEADY = 0.1
-"""Share of the footprint that the base has at least in things that stand."""
-_EVEN = 0.02
-"""Height, of the largest side, that counts as the base."""
-_CLEARLY = 3.0
 
 
 @dataclass(frozen=True)
@@ -83,14 +78,14 @@ def _turned(pieces: list[MeshPiece], rotation: np.ndarray) -> list[MeshPiece]:
 def _guessed_up(pieces: list[MeshPiece], suffix: str, kind: SizedKind) -> tuple[str, bool]:
     """Return which of y and z points up, by the side on which it can stand, and whether that is certain."""
     steady = {up: _base(_turned(pieces, np.array(_UPRIGHT[up], np.float64))) for up in ("z", "y")}
-    standing = [up for up, share in steady.items() if share > _STEADY]
+    standing = [up for up, share in steady.items() if share > 0.1]
     if len(standing) == 1:
         return standing[0], True
     if not kind.furniture:
         return "z", True  # small things may also lie
     tops = {up: _level(_turned(pieces, np.array(_UPRIGHT[up], np.float64))) for up in ("z", "y")}
     for up, other in (("z", "y"), ("y", "z")):
-        if tops[up] > _CLEARLY * tops[other]:
+        if tops[up] > 3.0 * tops[other]:
             return up, True
     return ("y" if suffix == ".obj" else "z"), False  # the convention of most programs
 
@@ -100,7 +95,7 @@ def _base(pieces: list[MeshPiece]) -> float:
     points = np.concatenate([piece.vertices for piece in pieces])
     height = points[:, 2] - points[:, 2].min()
     centre = (points.min(0) + points.max(0))[:2] / 2
-    low = points[height <= _EVEN * np.ptp(points, axis=0).max()][:, :2]
+    low = points[height <= 0.02 * np.ptp(points, axis=0).max()][:, :2]
     try:
         base, whole = ConvexHull(low), ConvexHull(points[:, :2])
     except (QhullError, ValueError):  # fewer than three points, or all in a line

@@ -16,7 +16,6 @@ MOST_SUPPORTS = 12
 _CELL = 0.02
 _LEVEL = 0.01
 """Metres by which heights on one support may differ from its own."""
-_UP = 0.95
 _REACH = 0.3
 
 
@@ -96,7 +95,7 @@ def _hits(vertices: np.ndarray, faces: np.ndarray) -> _Hits:
     z = np.einsum("nk,nk->n", weights[met], corners[face][..., 2])
     order = np.lexsort((z, row * shape[1] + column))
     row, column, z, face = row[order], column[order], z[order], face[order]
-    up = normals[face, 2] > _UP * np.linalg.norm(normals[face], axis=1)
+    up = normals[face, 2] > 0.95 * np.linalg.norm(normals[face], axis=1)
     cell = row * shape[1] + column
     clearance = np.full(len(z), np.inf)
     above = np.full(len(z), np.inf)  # height of the next face that lies more than a hair higher

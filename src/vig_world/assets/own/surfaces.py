@@ -16,9 +16,6 @@ MOST_PIXELS = 50_000_000
 """Most pixels of a picture, before it is reduced."""
 GREY = 0.5
 """Albedo where a file has no readable colour."""
-_PALETTE = 64
-_TINTS = 8
-"""Colours of a mesh's faces at most where these tint a picture, as each needs a copy of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +83,8 @@ def paint(mesh: SurfaceMesh) -> list[Painted]:
         uv = np.nan_to_num(uv.astype(np.float32), posinf=0.0, neginf=0.0)
     if colours is None:
         return [(mesh.vertices, mesh.faces, uv, _albedo(texture))]
-    index, palette = _quantized(colours, _PALETTE if texture.size == 3 else _TINTS)
+    # fewer colours where they tint a picture, as each needs a copy of it
+    index, palette = _quantized(colours, 64 if texture.size == 3 else 8)
     tints = palette if mesh.linear else linear_from_srgb(palette)
     if texture.size == 3:
         vertices, faces, palette_uv = _by_palette(mesh.vertices, mesh.faces, index, len(palette))

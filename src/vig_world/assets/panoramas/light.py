@@ -12,8 +12,6 @@ from scipy import ndimage
 from vig.scene.light import EXPOSURE_L00, Y00, Y1, sh_basis
 
 Array = np.ndarray
-LEAST_BLUR = 0.01
-"""Roughness below which mirrors are all alike."""
 
 
 def light_parts(radiance: Array) -> NDArray[np.float64]:
@@ -111,7 +109,7 @@ def mirror(
 
     def from_directions(directions: np.ndarray, roughness: float) -> np.ndarray:
         # A lobe's width is about twice the roughness squared, in radians.
-        blur = 2 * max(roughness, LEAST_BLUR) ** 2 * height / np.pi
+        blur = 2 * max(roughness, 0.01) ** 2 * height / np.pi
         soft = radiance
         if blur > 0.5:
             soft = ndimage.gaussian_filter(radiance, (blur, blur, 0), mode=("nearest", "wrap", "nearest"))

@@ -11,13 +11,6 @@ from vig_world.assets.panoramas.rooms import FLOOR, OUTWARD, Box, PanoramaRoom, 
 
 Array = np.ndarray
 
-_SHADOWED = 6
-"""Number of a room's strongest light sources that cast shadows."""
-_BOUNCED = 0.55
-"""Share of the light that a surface meets which comes back from the next, in the mean."""
-_ELSEWHERE = 1e-3
-"""Irradiance / pi that comes from other rooms, so that none is black."""
-
 
 def panorama(rng: np.random.Generator, height: int = 64) -> Array:
     """Paint the light of one random room as seen from a table in it.
@@ -64,7 +57,8 @@ def paint(room: PanoramaRoom, height: int) -> Array:
     bright = np.zeros(3)
     for index, source in enumerate(sources):
         arriving = _arriving(source, lifted, normals)
-        if index < _SHADOWED:
+        # only the strongest cast shadows
+        if index < 6:
             lit = np.nonzero(arriving[:, 1])[0]
             arriving[lit] *= visible_points(lifted[lit], source.centre + 0.01 * source.normal, room.boxes)[
                 :, None
@@ -78,7 +72,8 @@ def paint(room: PanoramaRoom, height: int) -> Array:
     weighted = solid_angle[:, None] * reflected
     mean, slope = weighted.sum(0) / (4 * np.pi), way.T @ weighted * (3 / (4 * np.pi))
     around = np.maximum(mean + normals @ slope * (2 / 3), 0.2 * mean)
-    ambient = room.ambient / (1 - _BOUNCED) * around + _ELSEWHERE
+    # .55 of the light comes back from the next surface, in the mean; a little comes from other rooms.
+    ambient = room.ambient / (1 - 0.55) * around + 1e-3
     bright += way.T @ weighted.mean(1)
     bright[2] *= 0.5  # the far side of a room lies in the dark, its floor less so
     side_light = 1 + room.shade * (way @ (bright / max(float(np.linalg.norm(bright)), 1e-9)))

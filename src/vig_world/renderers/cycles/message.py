@@ -24,8 +24,6 @@ from vig_world.renderers.cycles.appearance import (
 from vig_world.renderers.cycles.rounding import round_mesh
 from vig_world.streams import stream
 
-NOISE_STREAM = 2**20 + 2
-"""Number of the random stream of noise and materials."""
 SHELL = ("wall", "ceiling")
 """Instances that the camera sees from inside, and that let the panorama's light through."""
 
@@ -46,7 +44,8 @@ def compose(
     the arrays are `N_vertices` (V, 3), `N_normals` (V, 3), `N_faces` (F, 3) and, where thing N has a texture,
     `N_uv` (F, 3, 2), further `texture_*` (h, w, 3) and `panorama` (H, W, 3).
     """
-    rng = stream(spec.seed, spec.index, spec.split, NOISE_STREAM)
+    # the random stream of noise and materials
+    rng = stream(spec.seed, spec.index, spec.split, 2**20 + 2)
     noise_seed = int(rng.integers(2**31))
     instances = build(library, spec, object_class)
     fine = min(size) >= FINE_FROM

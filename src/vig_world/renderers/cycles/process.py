@@ -19,7 +19,6 @@ from vig_world.renderers.cycles.blender import wire
 
 GRACE = 10.0
 """Seconds that a worker may take longer than its own alarm before it is killed from here."""
-_PYTHON_VARIABLES = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "__PYVENV_LAUNCHER__")
 
 
 class WorkerDiedError(Exception):
@@ -40,7 +39,11 @@ class BlenderProcess:
     def __init__(self, command: Sequence[str], start_timeout: float = 60.0) -> None:
         self._folder = Path(tempfile.mkdtemp(prefix="vig-cycles-"))
         self._log = (self._folder / "log").open("wb+")
-        environment = {key: value for key, value in os.environ.items() if key not in _PYTHON_VARIABLES}
+        environment = {
+            key: value
+            for key, value in os.environ.items()
+            if key not in ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "__PYVENV_LAUNCHER__")
+        }
         self._process = subprocess.Popen(
             [*command, str(self._folder)],
             stdin=subprocess.PIPE,

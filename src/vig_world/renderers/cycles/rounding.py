@@ -6,8 +6,6 @@ import numpy as np
 
 CUTS = 4
 """Parts into which each edge of a curved face is cut."""
-WELD = 1e-6
-"""Metres, below which two vertices are one place."""
 SAME = 0.999
 """Cosine of the angle below which two faces have one normal where they meet."""
 LEAST_BEND, MOST_BEND = 1e-5, 0.6
@@ -61,7 +59,8 @@ def _edge_controls(
     vertices: np.ndarray, faces: np.ndarray, points: np.ndarray, directions: np.ndarray
 ) -> np.ndarray:
     """Return the two inner control points (F, 3, 2, 3) of the edges from each corner to the next."""
-    place = np.unique(np.round(vertices / WELD).astype(np.int64), axis=0, return_inverse=True)[1].ravel()
+    # closer than a micrometre, two vertices are one place
+    place = np.unique(np.round(vertices / 1e-6).astype(np.int64), axis=0, return_inverse=True)[1].ravel()
     start, end = place[faces].ravel(), np.roll(place[faces], -1, 1).ravel()
     own = np.stack([directions.reshape(-1, 3), np.roll(directions, -1, 1).reshape(-1, 3)], 1)
     key = np.minimum(start, end) * (place.max() + 1) + np.maximum(start, end)

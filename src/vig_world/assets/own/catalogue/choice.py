@@ -13,8 +13,6 @@ from vig.io.errors import UserError
 from vig.known_object.packs import SUFFIXES as MESH_SUFFIXES
 from vig_world.assets.own.catalogue.reading import SUFFIX, CatalogueModel, read_catalogue
 
-_SHOWN = 12
-
 
 @dataclass(frozen=True)
 class Choice:
@@ -118,7 +116,7 @@ def _same(word: str, other: str) -> bool:
 
 def _nothing_picked(word: str, listed: list[CatalogueModel]) -> str:
     counts = Counter(model.category for model in listed if model.category)
-    shown = ", ".join(f"{category} ({count})" for category, count in counts.most_common(_SHOWN))
+    shown = ", ".join(f"{category} ({count})" for category, count in counts.most_common(12))
     known = {each for model in listed for text in (model.name, *model.tags) for each in _words(text)}
     close = difflib.get_close_matches(word, sorted(known), 3, cutoff=0.7)
     return (

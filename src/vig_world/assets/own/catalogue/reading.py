@@ -15,11 +15,8 @@ from vig.io.errors import UserError
 
 SUFFIX = ".sh3f"
 PROPERTIES = "PluginFurnitureCatalog.properties"
-MOST_PROPERTIES = 16 << 20
-"""Bytes of the list of models."""
 MOST_SIDE = 10_000.0
 """Centimetres of a model's side."""
-_REMEDY = "Export it anew from Sweet Home 3D's Furniture Library Editor."
 
 
 @dataclass(frozen=True)
@@ -79,9 +76,10 @@ def read_catalogue(path: Path) -> list[CatalogueModel]:
     Raises:
         UserError: The file is missing, is no zip, or has no list of models.
     """
-    with reading(path, "a furniture catalogue (a zip)", _REMEDY), zipfile.ZipFile(path) as archive:
+    remedy = "Export it anew from Sweet Home 3D's Furniture Library Editor."
+    with reading(path, "a furniture catalogue (a zip)", remedy), zipfile.ZipFile(path) as archive:
         try:
-            data = read_entry(archive, PROPERTIES, MOST_PROPERTIES)
+            data = read_entry(archive, PROPERTIES, 16 << 20)
         except KeyError:
             raise ValueError(f"without its list {PROPERTIES}") from None
         properties = parse_properties(data)

@@ -31,9 +31,6 @@ MOST_ENTRY = 256 << 20
 MOST_UNPACKED = 4 << 30
 """Bytes of all files that are unpacked at once."""
 _LONGEST_NAME = 60
-_LONGEST_PART = 200
-"""Characters of a part of a path; systems allow some 255 bytes."""
-_DAY = 86_400.0
 
 
 def mesh_folder(source: str | Path) -> Path:
@@ -199,7 +196,8 @@ def _inside(path: str) -> str:
 
 def _is_plain(path: str) -> bool:
     """Return whether a path with `/` between leads nowhere but down, on any system."""
-    climbs = any(part in ("", ".", "..") or len(part) > _LONGEST_PART for part in path.split("/"))
+    # systems allow some 255 bytes
+    climbs = any(part in ("", ".", "..") or len(part) > 200 for part in path.split("/"))
     return not climbs and not re.search(r"[:\\\0]", path)
 
 
@@ -251,7 +249,7 @@ def _remove_abandoned(folder: Path) -> None:
     """Remove temporary folders of processes that were killed more than a day ago."""
     for path in folder.glob(".*"):
         try:
-            if time.time() - path.stat().st_mtime > _DAY:
+            if time.time() - path.stat().st_mtime > 24 * 3600:
                 shutil.rmtree(path, ignore_errors=True)
         except OSError:  # another process has removed it
             continue

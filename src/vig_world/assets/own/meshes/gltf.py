@@ -24,7 +24,6 @@ COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5
 SIZES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 MOST_NESTED = 500
 """Nodes, one within the other."""
-POINTS_AND_LINES = (0, 1, 2, 3)
 TRIANGLES, STRIP, FAN = 4, 5, 6
 DRACO, TRANSFORM = "KHR_draco_mesh_compression", "KHR_texture_transform"
 GLOSSINESS, WEBP = "KHR_materials_pbrSpecularGlossiness", "EXT_texture_webp"
@@ -143,7 +142,7 @@ class _Reader:
                 primitives[key] = [
                     self._primitive(primitive, weights)
                     for primitive in mesh["primitives"]
-                    if primitive.get("mode", TRIANGLES) not in POINTS_AND_LINES
+                    if primitive.get("mode", TRIANGLES) not in (0, 1, 2, 3)
                 ]
             meshes += [_place(part, frame, names) for part in primitives[key]]
         return sorted(meshes, key=lambda mesh: mesh.names[-1])

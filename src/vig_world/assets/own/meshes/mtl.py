@@ -14,7 +14,6 @@ from vig_world.assets.own.surfaces import GREY, Surface, linear_picture
 Statements = dict[bytes, list[bytes]]
 """Statements of a library on a material: the words after each keyword, the last one first."""
 _MARKS = ((b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"), (b"\xef\xbb\xbf", "utf-8-sig"))
-_CONTINUED = re.compile(rb"\\[ \t]*(?:\r\n|\n|\r)")
 _OPTIONS = {
     b"-s": 3, b"-o": 3, b"-t": 3, b"-mm": 2, b"-blendu": 1, b"-blendv": 1, b"-cc": 1, b"-clamp": 1, b"-bm": 1,
     b"-boost": 1, b"-texres": 1, b"-imfchan": 1, b"-type": 1,
@@ -33,7 +32,7 @@ def plain_lines(data: bytes) -> list[bytes]:
         data = data[3:]
     elif encoding is not None:
         data = data.decode(encoding, "replace").encode("utf-8", "replace")
-    return _CONTINUED.sub(b" ", data).splitlines()
+    return re.sub(rb"\\[ \t]*(?:\r\n|\n|\r)", b" ", data).splitlines()
 
 
 def read_materials(names: list[bytes], libraries: list[bytes], siblings: Siblings) -> list[Surface | None]:

@@ -12,11 +12,6 @@ import bpy
 import materials
 import numpy as np
 
-CLAMP = 10.0
-"""Largest contribution of one indirect path, where 1 is white paper in the exposed picture."""
-SUN_MAP = 512
-"""Columns of the map by which Cycles aims at the bright parts of the panorama."""
-
 
 def version() -> str:
     """Return Blender's version."""
@@ -86,7 +81,8 @@ def settle(scene: bpy.types.Scene, header: dict[str, Any], threads: int) -> None
     cycles.use_light_tree = False
     cycles.max_bounces, cycles.diffuse_bounces, cycles.glossy_bounces = 4, 4, 2
     cycles.caustics_reflective = cycles.caustics_refractive = False
-    cycles.sample_clamp_direct, cycles.sample_clamp_indirect = 0.0, CLAMP
+    # at most 10 times the radiance of white paper in the exposed picture by one indirect path
+    cycles.sample_clamp_direct, cycles.sample_clamp_indirect = 0.0, 10.0
     cycles.use_denoising, cycles.denoiser = True, "OPENIMAGEDENOISE"
     cycles.denoising_input_passes, cycles.denoising_prefilter = "RGB_ALBEDO_NORMAL", "NONE"
     cycles.denoising_quality, cycles.denoising_use_gpu = "HIGH", False
@@ -98,7 +94,7 @@ def surround(scene: bpy.types.Scene, panorama: np.ndarray) -> None:
     scene.world = world
     world.use_nodes = True
     width = panorama.shape[1]
-    world.cycles.sampling_method, world.cycles.sample_map_resolution = "MANUAL", max(SUN_MAP, width)
+    world.cycles.sampling_method, world.cycles.sample_map_resolution = "MANUAL", max(512, width)
     nodes, links = world.node_tree.nodes, world.node_tree.links
     environment = nodes.new("ShaderNodeTexEnvironment")
     environment.image = materials.float_image("panorama", mirror_columns(panorama))
