@@ -20,9 +20,6 @@ from vig.scene import IMAGE_SIZE, ObjectClass
 from vig.scene.camera import view_of as view_of
 from vig.scene.functions import numpy_of_tensor
 
-BEYOND = 1.5
-"""Photo's sides from its middle within which a named point must be: the object may reach beyond the photo."""
-
 
 @dataclass(frozen=True)
 class Stroke:
@@ -139,6 +136,9 @@ class Hints(PlainHints):
                 "expected a mask with the object; got an empty one. Mark where the object is seen."
             )
         points: dict[str, tuple[float, float]] = {}
+        # Photo's sides from its middle within which a named point must be: the object may reach beyond the
+        # photo.
+        beyond = 1.5
         for name, place in self.points.items():
             if name not in object_class.points:
                 named = ", ".join(object_class.points) or "none"
@@ -147,7 +147,7 @@ class Hints(PlainHints):
                     " Use these."
                 )
             x, y = points[name] = _finite(f"the point '{name}'", place, 2)
-            if abs(x - width / 2) > BEYOND * width or abs(y - height / 2) > BEYOND * height:
+            if abs(x - width / 2) > beyond * width or abs(y - height / 2) > beyond * height:
                 raise UserError(
                     f"expected the point '{name}' on the photo or near it, 0 to {width}, 0 to {height}; got"
                     f" {x:g}, {y:g}. Choose another place."

@@ -31,7 +31,6 @@ HIDDEN = np.array([235, 40, 120], np.float32)
 HIDDEN_SHARE = 0.5
 PANEL = 300
 """Pixels a side of the pictures in `draw_panels`."""
-PANEL_NAMES = ("photo", "re-rendering", "residual", "normals", "mask")
 LABEL = 22
 """Pixels of the line above each with its name."""
 LEAST_PIXELS = 30
@@ -227,9 +226,10 @@ def draw_panels(shown: CloseUp) -> np.ndarray:
 @functools.cache
 def _labels(size: int) -> np.ndarray:
     """Return names of `draw_panels` of a size beside each other, (LABEL, 5 size, 3) uint8."""
-    image = Image.new("RGB", (len(PANEL_NAMES) * size, LABEL), "white")
+    panel_names = ("photo", "re-rendering", "residual", "normals", "mask")
+    image = Image.new("RGB", (len(panel_names) * size, LABEL), "white")
     pen, font = ImageDraw.Draw(image), ImageFont.load_default(14)
-    for number, name in enumerate(PANEL_NAMES):
+    for number, name in enumerate(panel_names):
         pen.text((number * size + 6, 3), name, fill=(0, 0, 0), font=font)
     return np.asarray(image)
 

@@ -33,8 +33,6 @@ from vig_world.dataset import Dataset
 from vig_world.threads import one_thread
 
 DEFAULT = "default"
-MIN_P = 1e-4
-"""Smaller p values are printed as "p < MIN_P"."""
 
 
 @dataclass(frozen=True)
@@ -235,5 +233,6 @@ def ablation_blocks(table: Mapping[str, Any]) -> list[TableBlock]:
 
 def _difference(test: Mapping[str, Any]) -> str:
     low, high = test["ci95"]
-    p = f"p < {MIN_P:g}" if test["p"] < MIN_P else f"p = {test['p']:.2g}"
+    min_p = 1e-4  # smaller p values are printed as "p < MIN_P"
+    p = f"p < {min_p:g}" if test["p"] < min_p else f"p = {test['p']:.2g}"
     return f"{test['median_difference']:+.3g}, {p}\n[{low:+.3g}, {high:+.3g}]"

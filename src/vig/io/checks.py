@@ -132,10 +132,7 @@ def _finite_float(text: str) -> float:
 
 
 def read_tensors(
-    path: str | Path,
-    framework: Literal["np", "pt"] = "np",
-    most: int = MOST_TENSORS,
-    finite: bool = True,
+    path: str | Path, framework: Literal["np", "pt"] = "np", most: int = MOST_TENSORS, finite: bool = True
 ) -> tuple[dict[str, Any], dict[str, str]]:
     """Read the tensors and the metadata of a safetensors file.
 

@@ -29,8 +29,6 @@ from vig_renderer.harmonics import COSINE_LOBE, L_COUNT, Y00, Y1
 
 MARGIN = 1.3
 """Side of the window that is searched over the longer side of the object's box."""
-KEYPOINT_PIXELS, MOST_STARTS = 300, 8
-"""Longer side of the object's box in which keypoints are sought, and poses of these that begin the search."""
 STEPS = np.array([0.05, 0.05, 0.05, 0.01, 0.01, 0.02])
 """Differences by which a score's curvature is measured: radians about x, y, z; shares of the distance."""
 
@@ -76,11 +74,7 @@ class KnownObject:
         return ViewKeypoints.of(self.views, self.object_class.folder)
 
     def explain(
-        self,
-        pyramid: ImagePyramid,
-        place: Place,
-        lens: Intrinsics | None,
-        told: Hints,
+        self, pyramid: ImagePyramid, place: Place, lens: Intrinsics | None, told: Hints
     ) -> tuple[Window, Fit, float]:
         """Return a window of the photo, the fit in it, and the ratio of its camera, see `ExplainSettings`.
 
@@ -180,8 +174,11 @@ class KnownObject:
         poses = self.views.candidates(picture_of(VIEW_PIXELS), agrees)
         if self.surface.one_colour or not Keypoints.available():
             return locate(self.surface, poses, picture_of), None
-        matches = self._matches(picture_of(KEYPOINT_PIXELS))
-        starts = np.array([each.pose for each in matches.poses()[:MOST_STARTS]]).reshape(-1, 4, 4)
+        # Longer side of the object's box in which keypoints are sought, and poses of these that begin the
+        # search.
+        keypoint_pixels, most_starts = 300, 8
+        matches = self._matches(picture_of(keypoint_pixels))
+        starts = np.array([each.pose for each in matches.poses()[:most_starts]]).reshape(-1, 4, 4)
         starts = starts[agrees(starts[:, :3, :3])]
         poses = locate(self.surface, poses.beside(starts), picture_of)
         poses = poses.add_keypoint_scores([len(matches.agreeing(pose)) for pose in poses.matrices])

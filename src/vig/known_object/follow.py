@@ -13,10 +13,7 @@ from vig.known_object.search import Stage
 from vig.known_object.verdict import explained_share
 from vig.photo import ImagePyramid, Intrinsics, Window
 
-STEPS = (
-    Stage(1, 32, 60, (0.05, 0.008, 0.02), 0.0),
-    Stage(1, 48, 80, (-0.03, -0.003, -0.01), 0.0),
-)
+STEPS = (Stage(1, 32, 60, (0.05, 0.008, 0.02), 0.0), Stage(1, 48, 80, (-0.03, -0.003, -0.01), 0.0))
 """From frame to frame; the last pose and the foretold one begin it."""
 SEEKING = (
     Stage(8, 24, 60, (0.1, 0.015, 0.03), np.inf),

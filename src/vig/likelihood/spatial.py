@@ -40,9 +40,6 @@ RESIDUAL_SCALES = (0.01, 0.03, 0.1, 0.3)
 CAPACITY_PER_NAT = 1000
 """Units of capacity a nat: rounding costs a thousandth of a nat."""
 
-MOST_CAPACITY = 1 << 29
-"""Capacity that decides a pixel."""
-
 
 @dataclass(frozen=True)
 class SpatialMask:
@@ -155,7 +152,8 @@ def graph_cut(log_odds: np.ndarray, covered: np.ndarray, weights: np.ndarray) ->
 
 def _capacity(nats: np.ndarray) -> np.ndarray:
     """Return whole numbers of capacity, int32."""
-    rounded = np.round(CAPACITY_PER_NAT * nats.astype(np.float64)).clip(-MOST_CAPACITY, MOST_CAPACITY)
+    most_capacity = 1 << 29  # capacity that decides a pixel
+    rounded = np.round(CAPACITY_PER_NAT * nats.astype(np.float64)).clip(-most_capacity, most_capacity)
     return np.ascontiguousarray(rounded, np.int32)
 
 

@@ -16,9 +16,6 @@ from vig.parallel.processes import Lost
 Given = TypeVar("Given")
 Result = TypeVar("Result")
 
-RETRIES = 5
-"""Times that Ray retries a task whose worker or node has died, and this process a task that Ray gave up."""
-
 
 def map_on_cluster(
     prepare: Callable[[Any], Callable[[Given], Result]],
@@ -87,8 +84,10 @@ def _no_cluster(address: str, error: Exception) -> UserError:
 def _run(
     ray: Any, prepare: Any, shared: Any, items: Iterator[tuple[int, Any]], size: int
 ) -> Iterator[tuple[int, Any]]:
+    # Times that Ray retries a task whose worker or node has died, and this process a task that Ray gave up.
+    retries = 5
     # 500: tasks after which a worker process is replaced
-    do = ray.remote(num_cpus=1, max_retries=RETRIES, max_calls=500)(_do)
+    do = ray.remote(num_cpus=1, max_retries=retries, max_calls=500)(_do)
     token, again = uuid.uuid4().hex, deque[list[tuple[int, Any]]]()
     running: dict[Any, list[tuple[int, Any]]] = {}
     losses: Counter[int] = Counter()
@@ -107,10 +106,10 @@ def _run(
                 raise _worker_error(error) from error
             except ray.exceptions.RayError:  # worker, node or result lost
                 losses[chunk[0][0]] += 1
-                if losses[chunk[0][0]] <= RETRIES:
+                if losses[chunk[0][0]] <= retries:
                     again.append(chunk)
                 else:
-                    yield from ((number, Lost(RETRIES)) for number, _ in chunk)
+                    yield from ((number, Lost(retries)) for number, _ in chunk)
                 continue
             yield from zip((number for number, _ in chunk), results, strict=True)
 

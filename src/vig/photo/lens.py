@@ -21,10 +21,6 @@ from vig.photo.decoding import open_picture
 
 WIDEST = 0.15
 """Focal length, in longer sides of the photo, below which K is not in this photo's pixels."""
-MOST_OFF_CENTRE = 3.0
-"""Sides of the photo from its middle within which a principal point may lie: crops have it outside."""
-SURELY_NEARER = 0.5
-"""Ratio of distances to two middles from which a principal point is that of the nearer."""
 LEAST_COSINE = 0.2
 """Cosine of the angle between the lens's optical axis and the rays of a window that it may show, at least."""
 DISTORTION = re.compile(
@@ -90,9 +86,11 @@ class Intrinsics:
             _refuse(f"focal lengths that suit a photo of {width} x {height}", words)
         if not 0.2 < lens.fx / lens.fy < 5:
             _refuse("fx and fy that are nearly equal", words)
+        # Sides of the photo from its middle within which a principal point may lie: crops have it outside.
+        most_off_centre = 3.0
         if (
-            abs(lens.cx - width / 2) > MOST_OFF_CENTRE * width
-            or abs(lens.cy - height / 2) > MOST_OFF_CENTRE * height
+            abs(lens.cx - width / 2) > most_off_centre * width
+            or abs(lens.cy - height / 2) > most_off_centre * height
         ):
             _refuse(f"a principal point of a photo of {width} x {height}", words)
         return lens
@@ -146,11 +144,13 @@ def camera_as_shown(photo: object, camera: Any) -> Any:
     to_shown, to_other = (math.dist((2 * lens.cx, 2 * lens.cy), each) for each in (shown, other))
     if sized:
         to_shown, to_other = float(size != shown), float(size != other)
+    # Ratio of distances to two middles from which a principal point is that of the nearer.
+    surely_nearer = 0.5
     # 0.1: ratio of distances below which a principal point is that of a photo with exchanged sides
-    if to_shown <= to_other * SURELY_NEARER or (not is_turned and (sized or to_other > to_shown * 0.1)):
+    if to_shown <= to_other * surely_nearer or (not is_turned and (sized or to_other > to_shown * 0.1)):
         return camera
     name = photo if isinstance(photo, str | Path) else "the photo"
-    if not is_turned or to_other > to_shown * SURELY_NEARER:
+    if not is_turned or to_other > to_shown * surely_nearer:
         if sized:  # for neither, which is refused where it meets the photo
             return camera
         raise UserError(

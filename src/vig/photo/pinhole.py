@@ -15,8 +15,6 @@ from vig.scene import Camera
 
 STEPS = 10
 """Gauss-Newton steps, at most; three are enough for most poses."""
-DIFFERENCE = 1e-4
-"""Step of differences in radians, widths and logs."""
 
 
 def project(K: np.ndarray, pose: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -76,10 +74,11 @@ def pose_covariance(
         at: (N,) in radians, logs, or widths.
         deviation: (N,) of these.
     """
-    here, there = moved(at), np.stack([moved(at + step) for step in DIFFERENCE * np.eye(len(at))])
+    difference = 1e-4  # step of differences in radians, widths and logs
+    here, there = moved(at), np.stack([moved(at + step) for step in difference * np.eye(len(at))])
     turned = there[:, :3, :3] @ here[:3, :3].T
     turns = (turned - turned.transpose(0, 2, 1))[:, [2, 0, 1], [1, 2, 0]] / 2  # to first order in the steps
-    columns = np.concatenate([there[:, :3, 3] - here[:3, 3], turns], axis=1) / DIFFERENCE
+    columns = np.concatenate([there[:, :3, 3] - here[:3, 3], turns], axis=1) / difference
     spread = columns.T * deviation
     return np.asarray(spread @ spread.T)
 

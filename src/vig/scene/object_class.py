@@ -26,7 +26,6 @@ BUILD_COMMAND = Path("build", "unfinished.txt")
 """File with the command of `vig class build`, in its pack until that is whole."""
 PACKAGED = Path(__file__).parents[1] / "classes"
 FORMAT = 1
-_DAMAGED = "Build or copy it again."
 
 
 @dataclass(frozen=True)
@@ -258,11 +257,12 @@ class ObjectClass:
                 f"expected a class, one of {', '.join(packaged) or 'none packaged'},"
                 f" or a folder with class.json; got '{name_or_folder}'. Check the name."
             )
-        with reading(folder / "class.json", "the description of a class", _DAMAGED):
+        damaged = "Build or copy it again."
+        with reading(folder / "class.json", "the description of a class", damaged):
             described: _Description = decode(_Description, read_json(folder / "class.json"))
             if described.format != FORMAT:
                 raise ValueError(f"it is of format {described.format}, where this vig reads {FORMAT}")
-        with reading(folder / "shape.safetensors", "a class's shapes", _DAMAGED):
+        with reading(folder / "shape.safetensors", "a class's shapes", damaged):
             arrays, _ = read_tensors(folder / "shape.safetensors")
             check_arrays(arrays, {name: (kinds.split()[0], shape) for name, (kinds, shape) in ARRAYS.items()})
             model = ShapeModel(part_names=described.part_names, **{name: arrays[name] for name in ARRAYS})
@@ -273,11 +273,11 @@ class ObjectClass:
                 " whole pack again: without it fits are shaded differently."
             )
         if (folder / TRANSFER_FILE).exists():
-            with reading(folder / TRANSFER_FILE, "a class's transfer of light", _DAMAGED):
+            with reading(folder / TRANSFER_FILE, "a class's transfer of light", damaged):
                 held, _ = read_tensors(folder / TRANSFER_FILE)
                 check_arrays(held, {"transfer": ("float16 float32", (model.modes + 1, len(model.mean), 9))})
                 transfer = held["transfer"].astype(np.float32)
-        with reading(folder, "a class pack", _DAMAGED):
+        with reading(folder, "a class pack", damaged):
             prior = described.light_prior
             mean, covariance = np.array(prior.mean, np.float64), np.array(prior.covariance, np.float64)
             shared, moved = {name: getattr(described, name) for name in _SHARED}, described.object_from_mesh

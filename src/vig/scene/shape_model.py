@@ -11,10 +11,7 @@ from vig_renderer.arrays import Array, floating, like
 
 MOST_MODES = 64
 """Components of a shape model, so that a damaged file cannot ask for any memory; the next two also."""
-MOST_VERTICES = 200_000
 MOST_FACES = 400_000
-LARGEST = 100.0
-"""Greatest distance of a vertex from the origin, and its greatest move along one component, metres."""
 ARRAYS = {
     "mean": ("float32 float64", ("V", 3)),
     "basis": ("float32 float64", ("K", "V", 3)),
@@ -43,15 +40,18 @@ class ShapeModel:
     def __post_init__(self) -> None:
         arrays = {name: getattr(self, name) for name in ARRAYS}
         sizes = check_arrays(arrays, ARRAYS)
-        most = {"V": MOST_VERTICES, "F": MOST_FACES, "K": MOST_MODES}
+        most_vertices = 200_000
+        most = {"V": most_vertices, "F": MOST_FACES, "K": MOST_MODES}
         if sizes["V"] < 3 or any(sizes[letter] > bound for letter, bound in most.items()):
             raise ValueError(
-                f"a shape model must have 3 to {MOST_VERTICES} vertices, at most {MOST_FACES} faces and"
+                f"a shape model must have 3 to {most_vertices} vertices, at most {MOST_FACES} faces and"
                 f" {MOST_MODES} components; it has {sizes['V']}, {sizes['F']} and {sizes['K']}"
             )
+        # Greatest distance of a vertex from the origin, and its greatest move along one component, metres.
+        largest = 100.0
         for name in ("mean", "basis"):
-            if not (np.abs(arrays[name]) <= LARGEST).all():
-                raise ValueError(f"{name} must be finite and within {LARGEST:g} metres")
+            if not (np.abs(arrays[name]) <= largest).all():
+                raise ValueError(f"{name} must be finite and within {largest:g} metres")
         if not ((self.explained_variance_ratio >= 0) & (self.explained_variance_ratio <= 1.001)).all():
             raise ValueError("explained_variance_ratio must be from 0 to 1")
         check_indices("faces", self.faces, sizes["V"])

@@ -64,11 +64,7 @@ def explain_together(
 
 @with_default_settings
 def explain_found(
-    photo: Photo,
-    explainers: Sequence[Explainer],
-    most: int,
-    focal: float | None = None,
-    K: Any = None,
+    photo: Photo, explainers: Sequence[Explainer], most: int, focal: float | None = None, K: Any = None
 ) -> SceneExplanation:
     """Find objects of one or more classes in a photo, and explain them together.
 

@@ -35,8 +35,6 @@ from vig.several.scene import SceneExplanation, heading_light
 
 GROUND_ORDER_WEIGHT = 50.0
 """Nats for the object that ends lower in the photo, per difference over the less tall one's height."""
-TOUCHING = 0.3
-"""Coverage from which two objects may hide one another."""
 
 
 def fit_jointly(alone: Sequence[Explanation], explainers: Sequence[Explainer]) -> SceneExplanation:
@@ -71,11 +69,12 @@ def order(alone: Sequence[Explanation], predictions: Sequence[Prediction]) -> np
         # 0.02: floor of the probabilities whose odds give the order
         logs = np.log(np.maximum(prediction.mask[0], 0.02))
         odds.append(logs[..., 0] - logs[..., 1])
+    touching = 0.3  # coverage from which two objects may hide one another
     for i in range(count):
         for j in range(i + 1, count):
             here, there = alone[i].window, alone[j].window
             mine, other = alone[i].fit.coverage, there.warp_to(alone[j].fit.coverage, here)
-            if not ((mine > TOUCHING) & (other > TOUCHING)).any():
+            if not ((mine > touching) & (other > touching)).any():
                 continue
             both = (mine > 0.5) & (other > 0.5)
             gain = float((odds[i] - there.warp_to(odds[j], here))[both].sum()) / math.sqrt(max(1, both.sum()))

@@ -25,10 +25,6 @@ MOST_HIDDEN = 0.85
 """Share hidden from which a frame does not locate the object."""
 SLOWING = 0.9
 """Factor of the speed for each frame without the object."""
-NUMBERS_GAIN = 0.3
-"""Share of the way from the numbers predicted so far to those of a frame."""
-SEEK_EVERY = 3
-"""Frames without the object of which a tracker seeks it in one, which takes longer than a step."""
 
 
 @dataclass(frozen=True)
@@ -117,8 +113,9 @@ class RunningPrediction:
         """Predict for the next frame's window (1, S, S, 3)."""
         self.mirrored = not self.mirrored
         seen: Prediction = self.recognizer(photos, sides=(self.mirrored,))
+        numbers_gain = 0.3  # share of the way from the numbers predicted so far to those of a frame
         if self.numbers is not None:
-            seen = replace(seen, numbers=(1 - NUMBERS_GAIN) * self.numbers + NUMBERS_GAIN * seen.numbers)
+            seen = replace(seen, numbers=(1 - numbers_gain) * self.numbers + numbers_gain * seen.numbers)
         self.latest = seen
         return seen
 
@@ -184,7 +181,9 @@ class Follower:
             return explanation, sighting
         self.place = self.place + [*self.speed, 0.0]
         explanation, sighting = self._at(frame, window_at(self.place, self.roll))
-        seek = self.view is None or self.missed % SEEK_EVERY == SEEK_EVERY - 1
+        # Frames without the object of which a tracker seeks it in one, which takes longer than a step.
+        seek_every = 3
+        seek = self.view is None or self.missed % seek_every == seek_every - 1
         found = self._found_again(frame, self.place) if seek and not self._is_object(sighting) else None
         if found is not None:
             again = self._at(frame, found)

@@ -21,8 +21,6 @@ NUMBERS = re.compile(r"(\d{9,}\.\d+|\d+)")
 """In names: whole ones, and Unix times, whose fractions have any number of digits."""
 Parts = tuple[str, ...]
 """The parts of a path."""
-LISTED = 3
-"""Names that a line lists at most."""
 
 
 def in_order(paths: Iterable[Path]) -> list[Path]:
@@ -107,4 +105,5 @@ def _parts(path: str) -> Parts:
 def list_names(names: Iterable[str]) -> str:
     """Return a few names in one line."""
     all_names = list(names)
-    return ", ".join(all_names[:LISTED]) + (", ..." if len(all_names) > LISTED else "")
+    listed = 3  # names that a line lists at most
+    return ", ".join(all_names[:listed]) + (", ..." if len(all_names) > listed else "")

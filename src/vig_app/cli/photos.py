@@ -30,8 +30,6 @@ FRAMES = "frames"
 EXPORTS = (Path(file).parts[0] for files in run_formats().values() for file in files)
 TAKEN = {"report.html", sheet_name(0), LEDGER, FRAMES, *TABLES, *EXPORTS}
 """Names within a run's folder that no photo's folder may have."""
-MOST_NAME_BYTES = 200
-"""Bytes of the name of a photo's folder, at most: file systems take 255, with a number and a suffix."""
 SYSTEM_FILES = {"Thumbs.db", "desktop.ini", "__MACOSX"}
 """Files that systems put into folders of photos."""
 
@@ -107,9 +105,11 @@ def result_folders(images: Sequence[Path], out: Path) -> list[Path]:
     """
     used, numbers = set(map(compose_name, TAKEN)), defaultdict[str, Iterator[int]](lambda: count(2))
     folders = []
+    # Bytes of the name of a photo's folder, at most: file systems take 255, with a number and a suffix.
+    most_name_bytes = 200
     for image in images:
-        stem = image.stem[:MOST_NAME_BYTES]
-        while len(os.fsencode(stem)) > MOST_NAME_BYTES:
+        stem = image.stem[:most_name_bytes]
+        while len(os.fsencode(stem)) > most_name_bytes:
             stem = stem[:-1]
         name = stem
         while compose_name(name) in used:

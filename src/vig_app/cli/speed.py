@@ -11,8 +11,6 @@ from typing import Any
 
 from vig.io.files import cache_folder
 
-WORKER_MEMORY = 480 << 20
-"""Bytes of a process of `vig fit` on photos of up to 12 million pixels; docs/boards.md."""
 LARGE_CACHE = 500_000_000
 """Bytes of the cache folder from which its removal is named."""
 CGROUPS = (
@@ -94,12 +92,14 @@ def memory(cpus: int) -> Finding:
     if there is None:
         return Finding("memory", "unknown on this system")
     total, free = there
-    workers = free // WORKER_MEMORY
+    # Bytes of a process of `vig fit` on photos of up to 12 million pixels; docs/boards.md.
+    worker_memory = 480 << 20
+    workers = free // worker_memory
     state = f"{free / 1e9:.1f} of {total / 1e9:.1f} GB free, for {workers} processes of vig fit"
     if workers >= cpus:
         return Finding("memory", state)
-    need = f"{WORKER_MEMORY / 1e9:.1f} GB each"
-    if total < WORKER_MEMORY:
+    need = f"{worker_memory / 1e9:.1f} GB each"
+    if total < worker_memory:
         return Finding("memory", state, f"too small for a fit, which may be killed: {need}; add swap")
     if not workers:
         return Finding("memory", state, f"free some, or fits may be killed: {need}")

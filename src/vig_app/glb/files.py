@@ -270,10 +270,6 @@ def _camera(camera: Camera) -> dict[str, Any]:
     half_width = max(camera.cx, camera.width - camera.cx)
     half_height = max(camera.cy, camera.height - camera.cy)
     half_y, half_x = half_height / (camera.focal_y or camera.focal), half_width / camera.focal
-    perspective = {
-        "yfov": 2 * math.atan(half_y),
-        "aspectRatio": half_x / half_y,
-        "znear": 0.01,
-    }
+    perspective = {"yfov": 2 * math.atan(half_y), "aspectRatio": half_x / half_y, "znear": 0.01}
     extras = {"width": camera.width, "height": camera.height, "K": camera.K.tolist()}
     return {"type": "perspective", "perspective": perspective, "extras": extras}

@@ -37,8 +37,6 @@ VERDICT_COLOURS = {
 }
 BACKGROUND = (255, 255, 255)
 TEXT = (27, 31, 36)
-LETTERS = 26
-"""Letters of a tile's line, at most."""
 
 
 def sheet_name(number: int) -> str:
@@ -91,17 +89,18 @@ def _tile(row: Mapping[str, Any], path: Path, pixels: int) -> Image.Image:
     pen, font = ImageDraw.Draw(tile), ImageFont.load_default(11)
     pen.rectangle((0, 0, side - 1, side - 1), fill=VERDICT_COLOURS[verdict])
     pen.rectangle((BORDER, BORDER, side - BORDER - 1, side - BORDER - 1), fill=(138, 144, 153))
+    letters = 26  # letters of a tile's line, at most
     try:
         with Image.open(path) as picture:
             picture.thumbnail((pixels, pixels))
             tile.paste(picture, ((side - picture.width) // 2, (side - picture.height) // 2))
     except Exception:  # none was made, it is gone, or damaged, of which a decoder may raise anything
         reason = _printable(row["error"] or "without a picture").removeprefix(f"{_printable(row['photo'])}: ")
-        lines = textwrap.wrap(reason, LETTERS)[: pixels // 14]
+        lines = textwrap.wrap(reason, letters)[: pixels // 14]
         pen.multiline_text((BORDER + 4, BORDER + 4), "\n".join(lines), fill=BACKGROUND, font=font, spacing=2)
     name = _printable(name_of(row))
-    if len(name) > LETTERS:
-        name = f"{name[: LETTERS // 2 - 1]}...{name[2 - LETTERS // 2 :]}"
+    if len(name) > letters:
+        name = f"{name[: letters // 2 - 1]}...{name[2 - letters // 2 :]}"
     confidence = row["confidence"]
     pen.text((2, side + 2), name, fill=TEXT, font=font)
     sure = confidence is not None and verdict != "absent"

@@ -198,7 +198,12 @@ class Viewer:
     def _do_all(self, actions: tuple[Action, ...]) -> None:
         for are_commands, group in groupby(actions, lambda action: action.do in COMMANDS):
             if not are_commands:
-                self._correct(list(map(self._change, group)))
+                # Where some of several cannot be made, these alone are reported and left out.
+                changes = list(map(self._change, group))
+                try:
+                    self.walk.session.correct(*changes)
+                except UserError as error:
+                    self._say(str(error) if len(changes) == 1 else self._one_by_one(changes), refused=True)
                 continue
             for action in group:
                 try:
@@ -256,13 +261,6 @@ class Viewer:
             case "clear":
                 return clear_corrections
         return None
-
-    def _correct(self, changes: list[Change | None]) -> None:
-        """Make corrections; where some of several cannot be made, these alone are reported and left out."""
-        try:
-            self.walk.session.correct(*changes)
-        except UserError as error:
-            self._say(str(error) if len(changes) == 1 else self._one_by_one(changes), refused=True)
 
     def _one_by_one(self, changes: list[Change | None]) -> str:
         """Make each correction by itself; return messages of refused ones. Taking these back does nothing."""

@@ -68,10 +68,7 @@ class _TrainingData:
 
 
 def train_paper(
-    dataset: Dataset,
-    out: Path,
-    settings: PaperTrainingSettings,
-    say: Callable[[str], None] = print,
+    dataset: Dataset, out: Path, settings: PaperTrainingSettings, say: Callable[[str], None] = print
 ) -> Path:
     """Train the networks on all but the last tenth of the images.
 

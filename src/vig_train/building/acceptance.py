@@ -12,8 +12,6 @@ from scipy.spatial import cKDTree
 
 from vig_train.building.surface import SurfaceSample, sample_points
 
-UNMATCHED_DISTANCE = 0.03
-"""Distance, in sizes, from which a point has no counterpart."""
 MAX_UNMATCHED_SHARE = 0.03
 """Share of points without counterpart that is accepted."""
 
@@ -65,10 +63,11 @@ def quality_of(
     template_distance = cKDTree(target.points).query(points)[0] / size
     spacing = float(np.median(cKDTree(target.points).query(target.points, 2)[0][:, 1])) / size / 2
     mean = max(0.0, float(mesh_distance.mean() + template_distance.mean()) / 2 - spacing)
+    unmatched_distance = 0.03  # distance, in sizes, from which a point has no counterpart
     return Quality(
         mean,
-        float((mesh_distance > UNMATCHED_DISTANCE).mean()),
-        float((template_distance > UNMATCHED_DISTANCE).mean()),
+        float((mesh_distance > unmatched_distance).mean()),
+        float((template_distance > unmatched_distance).mean()),
         max(0.0, folded_share(registered, faces) - folded_share(template, faces)),
     )
 

@@ -58,10 +58,11 @@ def build_class(
 
     say(f"reading meshes of {meshes} ...")
     scans, unreadable = read_scans(meshes, settings.materials, progress)
+    most_named = 8  # files that are named in one line
     for reason in dict.fromkeys(unreadable.values()):
         names = [name for name, other in unreadable.items() if other == reason]
-        more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
-        say(f"left out {', '.join(names[:MOST_NAMED])}{more}: {reason}")
+        more = f" and {len(names) - most_named} more" if len(names) > most_named else ""
+        say(f"left out {', '.join(names[:most_named])}{more}: {reason}")
     for scan in scans:
         for note in scan.notes:
             say(f"{scan.name}: {note}")
@@ -146,7 +147,6 @@ def build_class(
     return result
 
 
-MOST_NAMED = 8
 """Files that are named in one line."""
 STEPS = 9
 """Steps of `build_class` that take a while, and begin with a line of their own."""

@@ -15,12 +15,8 @@ SAMPLES = 60_000
 """Points on a mesh at which its material is looked up."""
 NEAREST = 5
 """Number of nearest points that decide on a vertex of the template."""
-DARK_RATIO = 0.4
-"""A place is dark from this share of the luminance at `BODY_SHARE` down."""
 GLASS_RATIO = 0.15
 """The share for glass, through which something dark is seen."""
-AREA_BOUNDS = 0.03, 0.6
-"""Shares of the surface between which a dark part is one."""
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """Weights of linear RGB (BT.709)."""
 BODY_SHARE = 0.6
@@ -45,15 +41,17 @@ def dark_part(
         return None
     areas = vertex_areas(vertices, faces)
     ratios = np.stack([_ratios(mesh, areas) for mesh in meshes])
+    dark_ratio = 0.4  # A place is dark from this share of the luminance at `BODY_SHARE` down
     # Averaged with its neighbours', so that a part has no holes.
-    dark_share = neighbour_mean(faces, len(vertices)) @ (ratios < DARK_RATIO).mean(0)
+    dark_share = neighbour_mean(faces, len(vertices)) @ (ratios < dark_ratio).mean(0)
     # A vertex belongs to the dark part that is dark on .6 of the meshes.
     dark = dark_share >= 0.6
     share = areas[dark].sum() / areas.sum()
-    if not AREA_BOUNDS[0] <= share <= AREA_BOUNDS[1]:
+    area_bounds = 0.03, 0.6  # shares of the surface between which a dark part is one
+    if not area_bounds[0] <= share <= area_bounds[1]:
         return None
     of_dark = ratios[:, dark]
-    return dark, float(np.clip(np.median(of_dark[of_dark < DARK_RATIO]), 0.03, 1.0))
+    return dark, float(np.clip(np.median(of_dark[of_dark < dark_ratio]), 0.03, 1.0))
 
 
 def _ratios(mesh: SourceMesh, areas: np.ndarray) -> np.ndarray:

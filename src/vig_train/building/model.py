@@ -11,10 +11,6 @@ from vig.scene import Family, ShapeModel
 from vig_world.assets.target import nearest_coefficients
 
 SymmetryProjection = Callable[[np.ndarray], np.ndarray]
-MAX_COMPONENTS = 16
-"""Most shape components of a class: enough for some dozens of meshes."""
-AMPLITUDES = (0.0, 0.01, 0.02, 0.04)
-"""Standard deviations of smooth deformations that are tried, in sizes of the object."""
 
 
 @dataclass(frozen=True)
@@ -54,10 +50,13 @@ def fit_components(
     deformations = smooth_deformations(mean, size)
     deformations = size * (deformations if symmetrise is None else symmetrise(deformations))
     span = _Span.of(shapes - mean, deformations, np.sqrt(areas)[:, None])
+    max_components = 16  # most shape components of a class: enough for some dozens of meshes
+    # Standard deviations of smooth deformations that are tried, in sizes of the object.
+    amplitudes = (0.0, 0.01, 0.02, 0.04)
     if len(shapes) < 3:
-        chosen, count, curve = AMPLITUDES[2], MAX_COMPONENTS, np.zeros(0)
+        chosen, count, curve = amplitudes[2], max_components, np.zeros(0)
     else:
-        curves = {amplitude: span.leave_one_out(amplitude, MAX_COMPONENTS) / size for amplitude in AMPLITUDES}
+        curves = {amplitude: span.leave_one_out(amplitude, max_components) / size for amplitude in amplitudes}
         chosen = min(curves, key=lambda amplitude: float(curves[amplitude].min()))
         curve = curves[chosen]
         # The fewest components are kept whose leave-one-out error is within 5 % of the least.

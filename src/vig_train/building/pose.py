@@ -22,8 +22,6 @@ LIKELY_POSE_FACTOR = 0.92
 """Factor on the distance of a pose that is likely beforehand."""
 UP_FACTORS = np.array([1.0, 1.0, 0.5])
 """Factors on the breadths of the stances with Y, Z and X up, as files hardly have X up."""
-SYMMETRY_TOLERANCE = 0.022
-"""Root mean square radii; a shape that a turn changes by less in the mean has that turn as its symmetry."""
 DETAIL_SHARE, DETAIL_TOLERANCE = 0.02, 0.22
 """Exception: where the share of the surface, a spout or a handle, moves by more than the tolerance."""
 
@@ -102,15 +100,6 @@ def cube_turns() -> list[np.ndarray]:
     return sorted(turns, key=lambda matrix: -np.trace(matrix))
 
 
-def spread_rotations(count: int) -> list[np.ndarray]:
-    """Return rotations spread evenly (super-Fibonacci spirals, Alexa 2022)."""
-    s = np.arange(count) + 0.5
-    r, big = np.sqrt(s / count), np.sqrt(1 - s / count)
-    a, b = 2 * math.pi * s / math.sqrt(2), 2 * math.pi * s / 1.533751168755204288118041
-    x, y, z, w = r * np.sin(a), r * np.cos(a), big * np.sin(b), big * np.cos(b)
-    return list(Rotation.from_quat(np.stack([x, y, z, w], axis=1)).as_matrix())
-
-
 def alignment_steps(count: int) -> int:
     """Return how many steps `align_clouds` takes of so many clouds, of about the same time each."""
     return (min(MAX_ANCHORS, count) + 2) * count
@@ -136,7 +125,12 @@ def align_clouds(
             advance(1)
     medoid = int(anchors[np.median(costs, axis=1).argmin()])
     # The turns of a cube, and 400 starts evenly spread over all rotations.
-    starts = turns + spread_rotations(400)
+    # super-Fibonacci spirals, Alexa 2022
+    s = np.arange(400) + 0.5
+    r, big = np.sqrt(s / 400), np.sqrt(1 - s / 400)
+    a, b = 2 * math.pi * s / math.sqrt(2), 2 * math.pi * s / 1.533751168755204288118041
+    x, y, z, w = r * np.sin(a), r * np.cos(a), big * np.sin(b), big * np.cos(b)
+    starts = turns + list(Rotation.from_quat(np.stack([x, y, z, w], axis=1)).as_matrix())
     candidates: list[list[np.ndarray]] = []
     rotations, medoid_costs = [], np.zeros(len(clouds))
     for number, cloud in enumerate(clouds):
@@ -296,14 +290,16 @@ def class_symmetry(clouds: list[PointCloud]) -> ClassSymmetry:
     spacing = float(np.median([cloud.spacing for cloud in clouds]))
     changes = changes - spacing
     details = np.median([[_detail_change(cloud, turn) for turn in turns] for cloud in clouds], axis=0)
-    same = (changes < SYMMETRY_TOLERANCE) & (details < DETAIL_TOLERANCE)
+    # Root mean square radii; a shape that a turn changes by less in the mean has that turn as its symmetry.
+    symmetry_tolerance = 0.022
+    same = (changes < symmetry_tolerance) & (details < DETAIL_TOLERANCE)
     angles = np.radians(np.arange(0, 180, 5))
     mirrors = (
         np.median([[_mirror_change(cloud, angle) for angle in angles] for cloud in clouds], axis=0) - spacing
     )
     plane = float(angles[mirrors.argmin()])
     symmetry = "any-turn" if same.all() else "half-turn" if same[-1] else "none"
-    return ClassSymmetry(symmetry, bool(mirrors.min() < 1.5 * SYMMETRY_TOLERANCE), plane)
+    return ClassSymmetry(symmetry, bool(mirrors.min() < 1.5 * symmetry_tolerance), plane)
 
 
 def _detail_change(cloud: PointCloud, turn: float) -> float:

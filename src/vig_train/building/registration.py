@@ -56,8 +56,6 @@ TANGENTIAL_WEIGHT = 0.03
 """s, the weight of distances along the surface over that of distances to it."""
 NORMAL_WEIGHT = 0.05
 """Sizes of the object for which a difference of normals of length one counts in nearest-point search."""
-SPATIAL_NEIGHBOURS = 4
-"""Vertices near in space to which a vertex is joined, so that parts that only touch move together."""
 
 
 @dataclass(frozen=True)
@@ -97,8 +95,10 @@ class DeformationGraph:
 
 def edge_graph(vertices: np.ndarray, faces: np.ndarray) -> sp.csr_matrix:
     """Return lengths (V, V) of a mesh's edges, and of joints to neighbours in space, for parts that touch."""
-    _, near = cKDTree(vertices).query(vertices, SPATIAL_NEIGHBOURS + 1)
-    beside = np.stack([np.repeat(np.arange(len(vertices)), SPATIAL_NEIGHBOURS), near[:, 1:].ravel()], axis=1)
+    # Vertices near in space to which a vertex is joined, so that parts that only touch move together.
+    spatial_neighbours = 4
+    _, near = cKDTree(vertices).query(vertices, spatial_neighbours + 1)
+    beside = np.stack([np.repeat(np.arange(len(vertices)), spatial_neighbours), near[:, 1:].ravel()], axis=1)
     edges = face_edges(faces)
     pairs = np.sort(np.concatenate([edges, beside]), axis=1)
     # A joint counts three times its length in space, an edge of the mesh its own length.

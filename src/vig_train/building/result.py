@@ -115,7 +115,7 @@ def card(result: BuildResult) -> str:
     if components.errors:
         lines += [
             f"A mesh left out is met within {components.errors[len(components.basis)]:.2%} of its size in the"
-            f" mean ({components.errors[0]:.2%} by the mean shape).",
+            f" mean ({components.errors[0]:.2%} by the mean shape)."
         ]
     elif not object_class.shape_model.rigid:
         lines.append(

@@ -15,8 +15,6 @@ from vig_world.assets.things import ZONE_NAMES
 
 USUAL_LENGTH, LENGTHS = 0.2, (0.001, 1000.0)
 """Longest side of a class's mean shape where none is stated, and the bounds of a stated one, metres."""
-MIN_VERTICES = 200
-MAX_VERTICES = 20_000
 AXES = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1), "-x": (-1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1)}
 
 
@@ -55,9 +53,11 @@ class BuildSettings:
         """Raise UserError when a setting is out of its range."""
         if self.length is not None and not LENGTHS[0] <= self.length <= LENGTHS[1]:
             raise UserError(f"expected a length from 0.001 to 1000 metres; got {self.length:g}. Give metres.")
-        if not MIN_VERTICES <= self.vertices <= MAX_VERTICES:
+        min_vertices = 200
+        max_vertices = 20_000
+        if not min_vertices <= self.vertices <= max_vertices:
             raise UserError(
-                f"expected {MIN_VERTICES} to {MAX_VERTICES} vertices; got {self.vertices}."
+                f"expected {min_vertices} to {max_vertices} vertices; got {self.vertices}."
                 f" Take about {TEMPLATE_VERTICES}."
             )
         for text in (self.name, self.shows or "-"):

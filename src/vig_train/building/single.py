@@ -87,11 +87,7 @@ def pack_of_mesh(
 
 
 def _made_pack(
-    mesh: Path,
-    pieces: list[MeshPiece],
-    settings: BuildSettings,
-    pack: Path,
-    say: Callable[[str], None],
+    mesh: Path, pieces: list[MeshPiece], settings: BuildSettings, pack: Path, say: Callable[[str], None]
 ) -> Path:
     """Return the pack's folder, which is filled where it is not there."""
     if (pack / "class.json").is_file():

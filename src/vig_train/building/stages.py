@@ -98,9 +98,7 @@ class StandingMesh:
     def hole_count(self, cache: StageCache) -> int:
         """Return the number of holes through it."""
         arrays = cache.result(
-            "holes",
-            [self.scan.content_hash],
-            lambda: {"holes": np.array([genus(*self.triangles)])},
+            "holes", [self.scan.content_hash], lambda: {"holes": np.array([genus(*self.triangles)])}
         )
         return int(arrays["holes"][0])
 

@@ -13,9 +13,6 @@ from vig_train.packs.transfer import neighbours_of
 from vig_world.mesh import face_normals
 from vig_world.raster.rasterize import rasterize
 
-EYE_DISTANCE = 50.0
-"""Distance of the camera from a mesh that is drawn alone, in its radii: nearly parallel."""
-
 
 @dataclass(frozen=True)
 class SurfaceSample:
@@ -51,14 +48,6 @@ class SurfaceSample:
         return SurfaceSample(self.points[chosen], self.normals[chosen])
 
 
-def sphere_directions(count: int) -> np.ndarray:
-    """Return unit vectors (count, 3) spread evenly over the sphere (a Fibonacci spiral)."""
-    z = 1 - (2 * np.arange(count) + 1) / count
-    turn = np.arange(count) * math.pi * (3 - math.sqrt(5))
-    around = np.sqrt(1 - z**2)
-    return np.stack([around * np.cos(turn), around * np.sin(turn), z], axis=1)
-
-
 def camera_rotation(direction: np.ndarray, up: np.ndarray | None = None) -> np.ndarray:
     """Return the rotation (3, 3) of a camera (x right, y down, z forward) that looks along -direction (3,).
 
@@ -92,8 +81,10 @@ def draw_alone(
         Covered pixels (side, side) bool; the face of each of them (N,), and its barycentric weights (N, 3).
     """
     unit = (vertices - sphere[0]) / sphere[1]  # the rasteriser's near plane is in metres
-    camera = Camera(side, side, 0.5 * side * EYE_DISTANCE / margin, side / 2, side / 2)
-    raster = rasterize(unit, faces, rotation, np.array([0.0, 0.0, EYE_DISTANCE]), camera)
+    # Distance of the camera from a mesh that is drawn alone, in its radii: nearly parallel.
+    eye_distance = 50.0
+    camera = Camera(side, side, 0.5 * side * eye_distance / margin, side / 2, side / 2)
+    raster = rasterize(unit, faces, rotation, np.array([0.0, 0.0, eye_distance]), camera)
     covered = raster.face >= 0
     return covered, raster.face[covered], raster.barycentric[covered]
 
@@ -115,7 +106,11 @@ def visible_surface(vertices: np.ndarray, faces: np.ndarray, count: int = 24_000
     face_normal /= np.maximum(np.linalg.norm(face_normal, axis=1, keepdims=True), 1e-300)
     unit = (vertices - middle) / radius
     points, normals = [], []
-    for direction in sphere_directions(60):
+    # Unit vectors spread evenly over the sphere (a Fibonacci spiral)
+    z = 1 - (2 * np.arange(60) + 1) / 60
+    turn = np.arange(60) * math.pi * (3 - math.sqrt(5))
+    around = np.sqrt(1 - z**2)
+    for direction in np.stack([around * np.cos(turn), around * np.sin(turn), z], axis=1):
         _, face, weights = draw_alone(vertices, faces, camera_rotation(direction), sphere, 220)
         facing = face_normal[face] @ direction
         steep = np.abs(facing) > math.cos(math.radians(75))  # others are seen from elsewhere

@@ -65,17 +65,10 @@ MASK_FEATURES = (
 """Features by which a mask is judged to be right."""
 FOLDS = 20
 """Folds of the cross-validation. With five a threshold hangs on which photos are in which fold."""
-REPORTED_LEVELS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1.01)
-"""Limits of the ranges of confidence in the report."""
 RELIABILITY_FILE = Path(__file__).with_name("reliability.safetensors")
 """Confidences of other classes, and whether these views were right: `python -m benchmarks.reliability`."""
-OWN_WEIGHT = 0.3
-"""Weight of a class's own fits in its threshold; those of other classes have the rest. Chosen on rendered
-photos: threshold from half of the meshes of a class, precision on the other half (docs/own_class.md)."""
 LEAST_THRESHOLD = 0.7
 """Confidence below which nothing is trusted, however often the rest is right: set, not fitted."""
-COVERAGE, MOST_COVERAGE = 0.9, 0.98
-"""Share of errors that intervals of 1.645 deviations are to hold, and the most that they are widened to."""
 MIN_GROUP = 40
 """Number of fits below which a group takes the deviations of others."""
 
@@ -215,7 +208,9 @@ def describe(calibration: FitCalibration, samples: CalibrationSamples) -> list[s
             f"{len(rolled_confidence)} fits of photos rolled or without the object, of which"
             f" {trusted_share:.1%} are trusted"
         )
-    for low, high in zip(REPORTED_LEVELS[:-1], REPORTED_LEVELS[1:], strict=True):
+    # Limits of the ranges of confidence in the report.
+    reported_levels = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1.01)
+    for low, high in zip(reported_levels[:-1], reported_levels[1:], strict=True):
         in_range = (confidence >= low) & (confidence < high)
         if in_range.any():
             lines.append(
@@ -257,10 +252,13 @@ def pooled_threshold(
     """
     with reading(RELIABILITY_FILE, "confidences of other classes", "Install vig again."):
         others, _ = read_tensors(RELIABILITY_FILE)
+    # Weight of a class's own fits in its threshold; those of other classes have the rest. Chosen on rendered
+    # photos: threshold from half of the meshes of a class, precision on the other half (docs/own_class.md).
+    own_weight = 0.3
     return lowest_threshold(
         np.concatenate([confidence, others["confidence"]]),
         np.concatenate([right, others["right"] > 0]),
-        np.concatenate([OWN_WEIGHT * weight / weight.sum(), (1 - OWN_WEIGHT) * others["weight"]]),
+        np.concatenate([own_weight * weight / weight.sum(), (1 - own_weight) * others["weight"]]),
         np.concatenate([model, others["model"] + model.max(initial=0) + 1]),
     )
 
@@ -303,12 +301,14 @@ def deviation_scale_and_floor(
     They hold more, by that share's standard error, robust to correlation among fits of one `model` (N,):
     other photos show other meshes.
     """
-    scale, floor = _narrowest(error, deviation, weight, COVERAGE)
+    # Share of errors that intervals of 1.645 deviations are to hold, and the most that they are widened to.
+    coverage, most_coverage = 0.9, 0.98
+    scale, floor = _narrowest(error, deviation, weight, coverage)
     within = np.abs(error) <= WITHIN_90 * np.sqrt((scale * deviation) ** 2 + floor**2)
     groups = np.arange(len(error)) if model is None else np.unique(model, return_inverse=True)[1]
     off = np.bincount(groups, weight * (within - np.average(within, weights=weight)))
     margin = math.sqrt(float(off @ off) * len(off) / max(len(off) - 1, 1)) / float(weight.sum())
-    return _narrowest(error, deviation, weight, min(COVERAGE + margin, MOST_COVERAGE))
+    return _narrowest(error, deviation, weight, min(coverage + margin, most_coverage))
 
 
 def _narrowest(

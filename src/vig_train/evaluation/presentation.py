@@ -46,12 +46,7 @@ class TableBlock:
 
 def blocks(table: Mapping[str, Any]) -> list[TableBlock]:
     """Return the blocks of a table from `summarise`, in reading order; empty ones are left out."""
-    candidates = [
-        _medians(table),
-        _kinds(table),
-        _fits(table),
-        _coverage(table),
-    ]
+    candidates = [_medians(table), _kinds(table), _fits(table), _coverage(table)]
     return [block for block in candidates if block.rows]
 
 

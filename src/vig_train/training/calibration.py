@@ -23,8 +23,6 @@ from vig_world.dataset import Dataset
 
 MIN_IMAGES = 50
 """Fewest images on which a network is calibrated: 90 % quantiles of fewer are too uncertain."""
-CELL_STRIDE = 29
-"""One in so many cells of the mask is used: neighbours are nearly the same."""
 
 
 @dataclass(frozen=True)
@@ -84,8 +82,9 @@ def learn_calibration(parts: Sequence[tuple[Recognizer, Examples]]) -> Calibrati
     true_azimuth = examples.azimuth if fold == 1 else torch.remainder(fold * examples.azimuth, 2 * math.pi)
     labels = functional.one_hot(azimuth_bins(true_azimuth, azimuth.shape[1]), azimuth.shape[1]).float()
     error = mean - examples.numbers
-    cell_logits = mask.movedim(1, -1).reshape(-1, mask.shape[1])[::CELL_STRIDE]
-    cell_labels = examples.mask().movedim(1, -1).reshape(-1, mask.shape[1])[::CELL_STRIDE]
+    cell_stride = 29  # one in so many cells of the mask is used: neighbours are nearly the same
+    cell_logits = mask.movedim(1, -1).reshape(-1, mask.shape[1])[::cell_stride]
+    cell_labels = examples.mask().movedim(1, -1).reshape(-1, mask.shape[1])[::cell_stride]
     calibration = NetworkCalibration(
         (fit_temperature(azimuth, labels) if fold else torch.ones(())).numpy(),
         fit_temperature(cell_logits, cell_labels).numpy(),

@@ -22,8 +22,6 @@ SIDE = 304
 """Side of a picture, pixels."""
 TILES, TILES_SHARES = (1, 2, 3), (0.4, 0.4, 0.2)
 """Images along the side of a quarter of a mosaic, and how often."""
-PASTED = (48.0, 220.0)
-"""Sides of images that are pasted, pixels."""
 PICTURES = 16
 """Number of pictures made of them."""
 
@@ -119,10 +117,11 @@ def _paste_tiles(
 ) -> tuple[torch.Tensor, list[Box]]:
     """Return objects, and pieces of images, on an image without an object."""
     picture, boxes = _resize(ground.image, SIDE), list[Box]()
+    pasted = (48.0, 220.0)  # sides of images that are pasted, pixels
     # One to five images on a picture.
     for _ in range(int(rng.integers(1, 5 + 1))):
         tile = next(tiles)
-        side = int(math.exp(rng.uniform(math.log(PASTED[0]), math.log(PASTED[1]))))
+        side = int(math.exp(rng.uniform(math.log(pasted[0]), math.log(pasted[1]))))
         left, top = (int(each) for each in rng.integers(-side // 4, SIDE - side + side // 4 + 1, 2))
         placed, square = tile.boxes_at(left, top, side), (left, top, left + side, top + side, 1.0)
         # Three in ten images with an object are pasted whole, with soft edges.

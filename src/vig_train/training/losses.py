@@ -14,8 +14,6 @@ from vig_train.training.targets import Targets, azimuth_labels
 
 LOSS_WEIGHTS = {"azimuth": 1.0, "numbers": 2.0, "mask": 2.0, "roll": 1.0, "presence": 0.3}
 """Weights of the parts of the loss."""
-MASK_MARGIN_CELLS = 9
-"""Side, in cells of the mask head, of the square about each object's cell that counts as near the object."""
 
 
 def losses(heads: Heads, batch: Batch, symmetry: Symmetry = Symmetry.NONE) -> dict[str, torch.Tensor]:
@@ -65,8 +63,10 @@ def mask_loss(logits: torch.Tensor, shares: torch.Tensor) -> torch.Tensor:
 
     Cells on and about the object count more than others, for its parts may be thin.
     """
+    # Side, in cells of the mask head, of the square about each object's cell that counts as near the object.
+    mask_margin_cells = 9
     near_object = functional.max_pool2d(
-        1 - shares[:, 2], MASK_MARGIN_CELLS, stride=1, padding=MASK_MARGIN_CELLS // 2
+        1 - shares[:, 2], mask_margin_cells, stride=1, padding=mask_margin_cells // 2
     )
     # Cells on and near the object weigh three times as much as others.
     weight = 1 + 2.0 * near_object

@@ -28,10 +28,6 @@ from vig_train.training.targets import TensorRows
 
 CELLS = SIDE // MAP_STRIDE
 """A side of a picture's map."""
-MAP_CHANNELS = 96
-"""Channels of a map, which has 50,000 weights."""
-CENTRE_FOCUS, MISS_FOCUS = 2, 4
-"""Exponents of the focal loss, of how wrong a cell is and how far from a centre (Law and Deng 2018)."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +123,8 @@ def add_object_map(start: Path, path: Path, training: MapTraining) -> None:
     network = read_network(start)
     settings = network.settings
     torch.manual_seed(training.seed)
-    network.object_map = ObjectMap(sum(settings.channels[-2:]), MAP_CHANNELS)
+    map_channels = 96  # channels of a map, which has 50,000 weights
+    network.object_map = ObjectMap(sum(settings.channels[-2:]), map_channels)
     training.run(network)
     fit_presence(network, training.examples, training.seed)
     with reading(start, "recognition weights", "Take a file of `vig train`."):
@@ -139,7 +136,7 @@ def add_object_map(start: Path, path: Path, training: MapTraining) -> None:
     }
     tensors = {name: value for name, value in tensors.items() if not name.startswith("network.object_map.")}
     tensors |= {name: value.half() if value.is_floating_point() else value for name, value in own.items()}
-    settings = replace(settings, object_map=MAP_CHANNELS)
+    settings = replace(settings, object_map=map_channels)
     save_tensors(path, tensors, metadata | {"settings": json.dumps(asdict(settings))})
 
 
@@ -151,8 +148,10 @@ def map_loss(numbers: torch.Tensor, targets: MapTargets) -> torch.Tensor:
     logit = numbers[:, 0]
     at_centre = targets.centre == 1
     probability = logit.sigmoid()
-    hit = (1 - probability) ** CENTRE_FOCUS * functional.logsigmoid(logit)
-    miss = (1 - targets.centre) ** MISS_FOCUS * probability**CENTRE_FOCUS * functional.logsigmoid(-logit)
+    # Exponents of the focal loss, of how wrong a cell is and how far from a centre (Law and Deng 2018).
+    centre_focus, miss_focus = 2, 4
+    hit = (1 - probability) ** centre_focus * functional.logsigmoid(logit)
+    miss = (1 - targets.centre) ** miss_focus * probability**centre_focus * functional.logsigmoid(-logit)
     centres = -torch.where(at_centre, hit, miss)[targets.counts].sum() / at_centre.sum().clamp_min(1)
     # From .2 on, in cells or in logarithms, errors of boxes count linearly.
     errors = functional.smooth_l1_loss(numbers[:, 1:], targets.box, reduction="none", beta=0.2).sum(1)

@@ -11,8 +11,6 @@ from vig_train.network.network import RecognitionNetwork, bfloat16
 from vig_train.training.augmentation import Augmentation
 from vig_train.training.examples import Examples
 
-RIDGE = 1e-3
-"""Strength of the ridge penalty that draws the standardised weights to the earlier ones."""
 PRIOR_LOG_ODDS = 2.0
 """Added to the fit's: photos that users ask about show the object more often than these do. Set on real
 photos of mugs, teapots and cars: a higher one misses fewer mugs and takes more of other things for one."""
@@ -60,12 +58,14 @@ def refit_logistic(
     spread = np.maximum(features.std(0), 1e-3)
     standard, before = features / spread, np.append(weight * spread, bias)
 
+    ridge = 1e-3  # strength of the ridge penalty that draws the standardised weights to the earlier ones
+
     def loss(now: np.ndarray) -> tuple[float, np.ndarray]:
         log_odds = standard @ now[:-1] + now[-1]
         wrong = expit(log_odds) - present
-        slope = np.append(standard.T @ wrong, wrong.sum()) / len(present) + RIDGE * (now - before)
+        slope = np.append(standard.T @ wrong, wrong.sum()) / len(present) + ridge * (now - before)
         value = np.mean(np.logaddexp(0, log_odds) - present * log_odds)
-        return float(value + 0.5 * RIDGE * np.square(now - before).sum()), slope
+        return float(value + 0.5 * ridge * np.square(now - before).sum()), slope
 
     found = minimize(loss, before, jac=True, method="L-BFGS-B").x
     return (found[:-1] / spread).astype(np.float32), float(found[-1]) + PRIOR_LOG_ODDS

@@ -46,8 +46,6 @@ Kind = Callable[[StagedRoom, np.random.Generator, float], OccluderCandidate | No
 DRAWS = 12
 PROPS, TURNS = 3, 5
 """Number of props, and of orientations of each, considered at a time to stand before the object."""
-GRASPS = 6
-"""Number of draws for a held prop to have room before the object with the hand in the frame."""
 
 
 def draw_kind(
@@ -129,18 +127,15 @@ def in_hand(stage: StagedRoom, rng: np.random.Generator, level: float) -> Occlud
     scale, least_area = stage.actor.scale, area_to_hide(stage, level, 0.75)
     # Little larger than what it is to hide, for a teapot .008 square metres: it stays near the object
     name = draw_large(stage, rng, (least_area, least_area + 0.008 * scale**2), False)
-    numbers = rng.integers(stage.library.members("arm"), size=GRASPS).tolist()
+    grasps = 6  # number of draws for a held prop to have room before the object with the hand in the frame
+    numbers = rng.integers(stage.library.members("arm"), size=grasps).tolist()
     arms = [stage.member("arm", number) for number in numbers]
-    draws = rng.random((GRASPS, 7)), rng.standard_normal((GRASPS, 3))
+    draws = rng.random((grasps, 7)), rng.standard_normal((grasps, 3))
     return _draw_candidate(stage, "in hand", level, [name], *draws, ends=(0.0, 0.4 * scale), arms=arms)
 
 
 def _draw_fixture(
-    stage: StagedRoom,
-    rng: np.random.Generator,
-    level: float,
-    kind: str,
-    ends: tuple[float, float],
+    stage: StagedRoom, rng: np.random.Generator, level: float, kind: str, ends: tuple[float, float]
 ) -> OccluderCandidate | None:
     """Return a fixture that reaches into the frame; `ends` of its offset are over the object's scale."""
     name = stage.member(kind, int(rng.integers(stage.library.members("arm"))))

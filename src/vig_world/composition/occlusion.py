@@ -11,8 +11,6 @@ from vig_world.composition.occluders import Kind, OccluderCandidate, draw_kind
 from vig_world.composition.stage import StagedRoom
 
 FIT_TOLERANCE = 0.008
-KINDS_TRIED, TRIALS_PER_KIND = 6, 8
-"""Number of draws of the last occluder before the room is given up."""
 
 
 def hide(
@@ -32,11 +30,12 @@ def hide(
         make = draw_kind(stage, rng, level, last_resort)
         _count(rejected, _place(stage, make and make(stage, rng, level), level))
     hopeless: set[Kind] = set()
-    for _ in range(KINDS_TRIED):
+    kinds_tried, trials_per_kind = 6, 8  # number of draws of the last occluder before the room is given up
+    for _ in range(kinds_tried):
         make = draw_kind(stage, rng, target, last_resort, hopeless)
         if make is None:
             break
-        for _ in range(TRIALS_PER_KIND):
+        for _ in range(trials_per_kind):
             candidate = make(stage, rng, target)
             reason = _place(stage, candidate, target)
             if not reason:

@@ -42,8 +42,6 @@ NEAR_RAY = 0.05
 """Metres from a piece of furniture within which the line of sight counts as meeting it."""
 BEYOND = unfurnished.RADIUS * math.cos(math.pi / unfurnished.SEGMENTS) - math.sqrt(2) * unfurnished.STANDS
 """Metres from the object, wherever it stands on a seamless ground, within which there is no wall."""
-SURELY = 0.01
-"""Metres, and share of the frame, by which a view on a seamless ground must fail."""
 
 
 @lru_cache(maxsize=8)
@@ -216,11 +214,12 @@ def fits_seamless_ground(actor: Actor) -> bool:
     columns, rows = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
     x, y = (columns - camera.cx) / camera.focal, (rows - camera.cy) / camera.focal
     rays = np.stack([x, y, np.ones_like(x)], axis=-1).reshape(-1, 3) @ view.rotation  # (N, 3) of depth 1
-    if (-rays[:, 2] * actor.nearest > height).mean() > MOST_NEAR + SURELY:
+    surely = 0.01  # metres, and share of the frame, by which a view on a seamless ground must fail
+    if (-rays[:, 2] * actor.nearest > height).mean() > MOST_NEAR + surely:
         return False
     level, towards = np.linalg.norm(rays[:, :2], axis=1), -view.eye[:2]
     along = rays[:, :2] @ towards / level
     beside = (towards @ towards - along**2).clip(0)
     way = along + np.sqrt((BEYOND**2 - beside).clip(0))  # at least, to the wall
     rises = (beside < BEYOND**2) & (rays[:, 2] >= 0)
-    return not (rises & (height + way * rays[:, 2] / level > unfurnished.WALL + SURELY)).any()
+    return not (rises & (height + way * rays[:, 2] / level > unfurnished.WALL + surely)).any()

@@ -33,9 +33,6 @@ TARGET_STREAM, MANNER_STREAM = 2**20 + 1, 2**20 + 4
 """Numbers of the random streams of a seed's first target, and of the manner of a photograph."""
 BOARDS_FROM = 8
 """First attempt from which shelf boards may reach into the picture."""
-SUPPORT_SHARE, SUPPORT_BELOW, SUPPORT_ATTEMPTS = 0.4, 1.1, 4
-"""Share of scenes seen from below an elevation (radians) in which room and furniture hide most of the
-hidden part, if one of so many rooms allows it."""
 
 
 class CompositionError(SampleError):
@@ -102,7 +99,10 @@ def sample(
         azimuth,
     )
     rejected: Counter[str] = Counter({"scene": draw} if draw else {})
-    by_support = rng.uniform() < SUPPORT_SHARE and elevation < SUPPORT_BELOW
+    # Share of scenes seen from below an elevation (radians) in which room and furniture hide most of the
+    # hidden part, if one of so many rooms allows it.
+    support_share, support_below, support_attempts = 0.4, 1.1, 4
+    by_support = rng.uniform() < support_share and elevation < support_below
     wanted, furnished = target, ATTEMPTS if world == "paper" else 2 * ATTEMPTS
     for attempt in range(furnished + HALL_ATTEMPTS):
         if attempt == ATTEMPTS:
@@ -115,7 +115,7 @@ def sample(
             rejected["room"] += 1
             continue
         rng = stream(seed, index, split, 1 + attempt, draw)
-        least = 0.6 * target if by_support and attempt < SUPPORT_ATTEMPTS else 0.0
+        least = 0.6 * target if by_support and attempt < support_attempts else 0.0
         stage = find_place(library, layouts, actor, finishes, (least, target), rng, rejected)
         if stage is not None:
             stage.halvings, stage.closer = _halvings(actor, attempt, furnished), attempt >= furnished

@@ -202,11 +202,7 @@ def merged_samples(root: Path, split: str, count: int) -> list[dict[str, Any]]:
 
 
 def _sample_problems(
-    folder: Path,
-    hashes: dict[str, str],
-    item: dict[str, Any],
-    size: Size,
-    normals: bool,
+    folder: Path, hashes: dict[str, str], item: dict[str, Any], size: Size, normals: bool
 ) -> Iterator[str]:
     """Yield the problems of one sample."""
     index = item["row"]["index"]

@@ -15,8 +15,6 @@ from vig_world.dataset.read import Dataset, image_bytes, read_dataset
 from vig_world.generation.files import refuse_used, write_bytes
 from vig_world.generation.keypoints import EDGES, OUTSIDE, class_of, keypoints, names_of
 
-READ_AT_ONCE = 256
-
 
 def export_coco(root: str | Path, out: str | Path, split: str | None = None) -> Path:
     """Write `out/images/<split>/*.png` and, under `out/annotations`, two files of the split.
@@ -35,8 +33,9 @@ def export_coco(root: str | Path, out: str | Path, split: str | None = None) -> 
     refuse_used(root, out, [out / "images" / split, out / "annotations" / f"instances_{split}.json"])
     visible: list[dict[str, Any]] = []
     amodal: list[dict[str, Any]] = []
-    for start in range(0, len(dataset), READ_AT_ONCE):
-        indices = range(start, min(start + READ_AT_ONCE, len(dataset)))
+    read_at_once = 256
+    for start in range(0, len(dataset), read_at_once):
+        indices = range(start, min(start + read_at_once, len(dataset)))
         alone, visible_masks = dataset.read("mask", indices), dataset.read("mask_visib", indices)
         for index, whole, part in zip(indices, alone, visible_masks, strict=True):
             if part.any():

@@ -68,11 +68,7 @@ class Target:
 
     @staticmethod
     def of(
-        object_class: ObjectClass,
-        vertices: np.ndarray,
-        shape: ArrayLike,
-        albedo: ArrayLike,
-        light: ArrayLike,
+        object_class: ObjectClass, vertices: np.ndarray, shape: ArrayLike, albedo: ArrayLike, light: ArrayLike
     ) -> Target:
         """Return the object (V, 3) near the model's shape (K,), of albedo (3,) linear RGB, in SH light (9,).
 

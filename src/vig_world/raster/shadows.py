@@ -23,9 +23,6 @@ MOST_CELLS = 72
 REACH = 0.5
 """Metres of height over which a blocker's effect fades to 1 / e: rooms are closed, and yet light."""
 
-LANES = 16
-"""Cells that native code sweeps side by side: a grid's width is a multiple of it."""
-
 
 def ambient_occlusion(vertices: np.ndarray, faces: np.ndarray) -> dict[str, np.ndarray]:
     """Compute how much irradiance a room's own surfaces block, under uniform light of radiance 1.
@@ -44,7 +41,8 @@ def ambient_occlusion(vertices: np.ndarray, faces: np.ndarray) -> dict[str, np.n
     points = surface_points(vertices, faces, cell**2 / 3)
     origin = low.astype(np.float64) - 1.5 * cell
     x, y, z = (np.ceil((high - origin) / cell).astype(int) + 3).tolist()
-    x = -(-x // LANES) * LANES
+    lanes = 16  # cells that native code sweeps side by side: a grid's width is a multiple of it
+    x = -(-x // lanes) * lanes
     # Places along x and y are of cells' centres, and cells lie between planes along z.
     cells = np.floor((points[:, :3] - origin) / cell + [0.5, 0.5, 0.0]).astype(np.int64)
     flat = (cells[:, 2] * y + cells[:, 1]) * x + cells[:, 0]

@@ -17,9 +17,6 @@ from vig_world.rotations import about_z
 
 NEAR = 0.02
 """Metres; anything nearer to the camera's plane is clipped."""
-NEAR_SHARE, EYE_SHARE = 0.2, 0.5
-"""Shares of the distance to the object, and of the camera's height, up to which things are clipped where
-that is less: for things of at most 7 cm, and cameras on the ground."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +91,10 @@ class View:
     def near(self) -> float:
         """Return the depth, metres, to which things are clipped: less for a camera near object or ground."""
         height = max(float(self.eye[2]), 1e-3)
-        return min(NEAR, NEAR_SHARE * self.camera.distance, EYE_SHARE * height)
+        # Shares of the distance to the object, and of the camera's height, up to which things are clipped
+        # where that is less: for things of at most 7 cm, and cameras on the ground.
+        near_share, eye_share = 0.2, 0.5
+        return min(NEAR, near_share * self.camera.distance, eye_share * height)
 
     @cached_property
     def native(self) -> Any:

@@ -85,7 +85,12 @@ def photograph(
     settings = PhotoSettings.draw(rng) if settings is None else settings
     light = _through_lens(linear.astype(np.float64), settings)
     signal = _count_photons(light, settings, rng) * np.array(settings.white_balance)
-    return _jpeg(srgb8_from_linear(signal), settings), settings
+    file = io.BytesIO()
+    subsampling = "4:2:0" if settings.chroma else "4:4:4"
+    Image.fromarray(srgb8_from_linear(signal)).save(
+        file, "JPEG", quality=settings.quality, subsampling=subsampling
+    )
+    return np.asarray(Image.open(file)), settings
 
 
 def _through_lens(linear: np.ndarray, settings: PhotoSettings) -> np.ndarray:
@@ -123,10 +128,3 @@ def _shift(image: np.ndarray, dy: float, dx: float) -> np.ndarray:
     columns = np.clip(np.arange(image.shape[1]) + x, 0, image.shape[1] - 1)
     right = np.clip(columns + 1, 0, image.shape[1] - 1)
     return (1 - fx) * image[:, columns] + fx * image[:, right]
-
-
-def _jpeg(image: np.ndarray, settings: PhotoSettings) -> np.ndarray:
-    file = io.BytesIO()
-    subsampling = "4:2:0" if settings.chroma else "4:4:4"
-    Image.fromarray(image).save(file, "JPEG", quality=settings.quality, subsampling=subsampling)
-    return np.asarray(Image.open(file))

@@ -17,9 +17,6 @@ from vig_world.rooms.plan import HEADROOM, Body, Make, Plan
 from vig_world.rooms.shell import Opening, Wall, shell, walls_of
 
 Array = np.ndarray
-RADIATOR = 0.1
-"""Metres that a radiator takes up from the wall."""
-_ATTEMPTS = 8
 
 
 def draw_layout(rng: np.random.Generator, furniture: Make) -> Layout:
@@ -34,8 +31,9 @@ def draw_layout(rng: np.random.Generator, furniture: Make) -> Layout:
         return fittings.wall_shelf(own) if family == "wall_shelf" else furniture(family, own)
 
     name = str(rng.choice(list(KINDS), p=[0.2, 0.16, 0.18, 0.1, 0.1, 0.06, 0.08, 0.12]))
-    for attempt in range(_ATTEMPTS):
-        layout = _attempt(name, np.random.default_rng(rng.integers(2**63)), make, attempt == _ATTEMPTS - 1)
+    attempts = 8
+    for attempt in range(attempts):
+        layout = _attempt(name, np.random.default_rng(rng.integers(2**63)), make, attempt == attempts - 1)
         if layout is not None:
             return layout
     raise AssertionError("the last attempt always gives a layout")
@@ -142,15 +140,16 @@ def _add_window(plan: Plan, opening: Opening, depth: float, paint: Material, cur
         for a, b in ((left, opening.left + 0.1), (opening.right - 0.1, right)):
             box = (a, openings.NOSE, b, openings.CURTAIN, 0.02, rod)
             plan.bodies.append(Body.of(box, (*wall.start, 0.0), wall.angle))
+    radiator = 0.1  # metres that a radiator takes up from the wall
     if opening.low < 1.0 and rng.uniform() < 0.4:
         wide = min(opening.right - opening.left, float(rng.uniform(0.6, 1.2)))
         high = min(0.7, opening.low - 0.1)
         a = (opening.left + opening.right - wide) / 2
-        body = _zone(wall, a, a + wide, RADIATOR, 0.0, high)
+        body = _zone(wall, a, a + wide, radiator, 0.0, high)
         if high > 0.35 and plan.free([body]):
             piece = plan.draw("radiator")
-            size = np.array([wide, RADIATOR - 0.005, high]) / (piece.high - piece.low)
-            middle = (a + wide / 2, RADIATOR / 2, 0.0)
+            size = np.array([wide, radiator - 0.005, high]) / (piece.high - piece.low)
+            middle = (a + wide / 2, radiator / 2, 0.0)
             for mesh, stuff in piece.furniture.parts:
                 plan.parts.append((wall.place_mesh(move_mesh(scale_mesh(mesh, size), middle, np.pi)), stuff))
             plan.bodies.append(body)

@@ -16,8 +16,6 @@ NEAR = 0.6
 """A side is open where the next thing is farther than this, metres: a person fits in."""
 LEAST = 0.5
 """The least width, metres, of a free rectangle of the floor that counts as a support."""
-SKIRTED = 0.05
-"""Metres of floor along its edges that are left out: skirting, window sills, door frames."""
 
 
 def _rectangle(support: Support) -> Body:
@@ -110,14 +108,15 @@ def floor_supports(plan: Plan, avoid: list[Body], most: int = 4) -> list[Support
     taken, low = occupied_cells(plan, [b for b in plan.bodies if b.low < 1.0] + avoid)
     result: list[Support] = []
     free = ~taken
+    skirted = 0.05  # metres of floor along its edges that are left out: skirting, window sills, door frames
     while len(result) < most:
         row, row_end, column, column_end = largest_rectangle(free)
         size = CELL * np.array([column_end - column, row_end - row])
-        if min(size) - 2 * SKIRTED < LEAST - 1e-6:
+        if min(size) - 2 * skirted < LEAST - 1e-6:
             break
         free[row:row_end, column:column_end] = False
         start = low + CELL * np.array([column, row])
-        result.append(_facing_support(plan, start + size / 2, size / 2 - SKIRTED))
+        result.append(_facing_support(plan, start + size / 2, size / 2 - skirted))
     return result
 
 

@@ -17,8 +17,6 @@ Box = tuple[float, float, float, float, float, float]
 """x0, y0, x1, y1, z0, z1."""
 
 TOUCH = 1e-4
-CROWN = 0.03
-"""Metres above a support that still belong to its carrier: rims, edges, a tap's foot."""
 HEADROOM = 1.9
 """Metres above the floor that stay free where people walk."""
 
@@ -84,10 +82,11 @@ def boxes_of(piece: Furniture) -> list[Box]:
     whole: list[Box] = [(low[0], low[1], high[0], high[1], low[2], high[2])]
     if not open_:
         return whole
-    level = max(open_, key=lambda s: s.half[0] * s.half[1]).centre[2] + CROWN
+    crown = 0.03  # metres above a support that still belong to its carrier: rims, edges, a tap's foot
+    level = max(open_, key=lambda s: s.half[0] * s.half[1]).centre[2] + crown
     if high[2] <= level:
         return whole
-    tops = [s for s in open_ if abs(s.centre[2] + CROWN - level) < CROWN]
+    tops = [s for s in open_ if abs(s.centre[2] + crown - level) < crown]
     x0 = min(s.centre[0] - s.half[0] for s in tops) + 0.01
     x1 = max(s.centre[0] + s.half[0] for s in tops) - 0.01
     y1 = max(s.centre[1] + s.half[1] for s in tops) - 0.01

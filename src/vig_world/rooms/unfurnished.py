@@ -27,8 +27,6 @@ EMPTY = "empty"
 HALF, SHORTER, CEILING = 4.0, 0.8, 0.8
 """Half the longer side, metres, of the smallest hall; over that, the least half of the other side and the
 height of the ceiling."""
-MIDDLE = 0.6
-"""Share of each side of a hall on which things stand."""
 SPACE = 2.2
 """Metres from the middle of the smallest hall within which the camera and the object have space."""
 
@@ -81,5 +79,6 @@ def draw_hall(rng: np.random.Generator, size: float = 1.0) -> Layout:
     height = CEILING * HALF * size
     paint = plain(np.array([0.8, 0.79, 0.75]) * rng.uniform(0.85, 1.0), "wood", 0.5)
     parts = tuple(shell(rng, outline, height, [], 0.2, paint))
-    support = Support("display", (0.0, 0.0, 0.0), (MIDDLE * x, MIDDLE * y))
+    middle = 0.6  # share of each side of a hall on which things stand
+    support = Support("display", (0.0, 0.0, 0.0), (middle * x, middle * y))
     return Layout(EMPTY, parts, (support,), outline, height, np.zeros((0, 5, 2)))

@@ -17,9 +17,6 @@ BODY_LOFT = Loft((1, 11, 22, *[_AROUND] * (4 + _WALL_RINGS + 4), 22, 11, 1))
 LID_LOFT = Loft((1, 11, 22, *[_AROUND] * 5, 22, 22, 11, 1))
 KNOB_LOFT = Loft((1, 10, *[20] * 8, 10, 1))
 
-_UNDERSIDE_RECESS = 0.002
-_RIM_ROUNDING = 0.0015
-
 
 @dataclass(frozen=True)
 class BodyProfile:
@@ -72,19 +69,21 @@ def body_vertices(design: TeapotDesign) -> np.ndarray:
     rim_radius, rim_height = rim(d)
     dense = wall(d).points
     side = resample(dense, np.linspace(0.0, 1.0, _WALL_RINGS))
+    underside_recess = 0.002
     bottom = [
-        (0.0, _UNDERSIDE_RECESS),
-        (0.35 * foot, _UNDERSIDE_RECESS),
-        (0.70 * foot, _UNDERSIDE_RECESS),
+        (0.0, underside_recess),
+        (0.35 * foot, underside_recess),
+        (0.70 * foot, underside_recess),
         (0.90 * foot, 0.0),
         (foot - 0.001, 0.0),
         (foot, 0.3 * d.foot_height),
         (0.5 * (foot + d.base_radius) - 0.05 * (foot - d.base_radius), 0.7 * d.foot_height),
     ]
+    rim_rounding = 0.0015
     top = [
         (d.neck_radius + 0.3 * d.rim_flare, d.shoulder_height + 0.5 * d.neck_height),
-        (rim_radius, rim_height - 0.3 * _RIM_ROUNDING),
-        (rim_radius - _RIM_ROUNDING, rim_height),
+        (rim_radius, rim_height - 0.3 * rim_rounding),
+        (rim_radius - rim_rounding, rim_height),
         (rim_radius - 0.007, rim_height - 0.0003),
         (0.6 * rim_radius, rim_height - 0.0005),
         (0.3 * rim_radius, rim_height - 0.0005),
@@ -166,10 +165,7 @@ def knob_vertices(design: TeapotDesign) -> np.ndarray:
         bezier(base, base + [0.0, 0.6 * (foot - base[1])], waist - [0.0, 0.45 * (waist[1] - base[1])], waist),
         bezier(waist, waist + [0.0, 0.4 * rise], widest - [0.0, 0.55 * rise], widest),
         bezier(
-            widest,
-            widest + [0.0, d.knob_flatness * crown],
-            top + [d.knob_flatness * d.knob_radius, 0.0],
-            top,
+            widest, widest + [0.0, d.knob_flatness * crown], top + [d.knob_flatness * d.knob_radius, 0.0], top
         ),
     )
     side = resample(dense, np.linspace(0.0, 1.0, 10))

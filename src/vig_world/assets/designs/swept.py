@@ -24,7 +24,6 @@ _HANDLE_RINGS = 38
 SPOUT_LOFT = Loft((1, 10, *[_SPOUT_AROUND] * _SPOUT_RINGS, 20, 10, 1))
 HANDLE_LOFT = Loft((1, 6, *[_HANDLE_AROUND] * _HANDLE_RINGS, 6, 1))
 
-_SPOUT_FLARE = 0.18  # extra radius at the spout's base
 _HANDLE_FLARE = 1.55  # scale of the handle's section at its ends
 _DENSE_FRACTIONS = np.linspace(0.0, 1.0, 400)
 
@@ -33,7 +32,8 @@ def spout_vertices(design: TeapotDesign, wall: BodyProfile) -> np.ndarray:
     """Return the spout, a closed surface over SPOUT_LOFT, from in the body to the mouth's dimple, (V, 3)."""
     d = design
     base_slope, tip_slope = np.radians(d.spout_base_angle), np.radians(d.spout_tip_angle)
-    base_radius = (1.0 + _SPOUT_FLARE) * d.spout_base_radius
+    spout_flare = 0.18  # extra radius at the spout's base
+    base_radius = (1.0 + spout_flare) * d.spout_base_radius
     half_height = base_radius * d.spout_ellipticity / np.cos(base_slope)
     start = np.array([_inside(d, wall, d.spout_base_height, half_height, base_radius), d.spout_base_height])
     tip = np.array([d.belly_radius + d.spout_reach, d.spout_tip_height])
@@ -47,7 +47,7 @@ def spout_vertices(design: TeapotDesign, wall: BodyProfile) -> np.ndarray:
     u = np.linspace(0.0, 1.0, _SPOUT_RINGS)
     centre, tangent = _centre_line(dense, u)
     radius = d.spout_tip_radius + (d.spout_base_radius - d.spout_tip_radius) * (1.0 - u) ** d.spout_taper
-    radius = radius + _SPOUT_FLARE * d.spout_base_radius * (1.0 - smoothstep(u / 0.4))
+    radius = radius + spout_flare * d.spout_base_radius * (1.0 - smoothstep(u / 0.4))
     height = radius * (1.0 + (d.spout_ellipticity - 1.0) * (1.0 - u))
     # Sections lean from upright at the body (the base hides well) over square to the mouth's cut.
     cut = np.tan(np.radians(d.mouth_tilt))

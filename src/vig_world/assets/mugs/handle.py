@@ -23,8 +23,6 @@ _ANGLE = 2.0 * np.pi * np.arange(AROUND) / AROUND
 _FINE = np.linspace(0.0, 1.0, 400)
 _ENDS, _BENDS = 0.3, 0.45
 """Degrees to which rings gather at the ends and where the line bends; 0: evenly."""
-_BLEND = 0.2
-"""Share of the line over which sections turn from the wall's slope, and follow its roundness."""
 
 
 def section(squareness: float) -> np.ndarray:
@@ -92,7 +90,9 @@ def handle_rings(design: MugDesign, wall: Profile, loops: tuple[np.ndarray, np.n
         np.clip((slope @ t) / (slope @ np.array([-t[1], t[0]])), -1.0, 1.0)
         for slope, t in zip(slopes, direction[[0, -1]], strict=True)
     ]
-    lower, upper = 1.0 - smoothstep(u / _BLEND), smoothstep((u - 1.0 + _BLEND) / _BLEND)
+    # Share of the line over which sections turn from the wall's slope, and follow its roundness.
+    blend = 0.2
+    lower, upper = 1.0 - smoothstep(u / blend), smoothstep((u - 1.0 + blend) / blend)
     lean = leans[0] * lower + leans[1] * upper
     unit = section(d.handle_squareness) * [0.5 * d.handle_width, 0.5 * d.handle_thickness]
     up = np.stack([-direction[:, 1], direction[:, 0]], axis=1) + lean[:, None] * direction

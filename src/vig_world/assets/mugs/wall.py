@@ -9,10 +9,7 @@ import numpy as np
 from vig_world.assets.designs.curves import arc_fraction, smoothstep
 from vig_world.assets.mugs.design import MugDesign
 
-UNDERSIDE_RECESS = 0.0012
 _CORNER = np.sin(np.linspace(0.0, 0.5 * np.pi, 65))
-_LEAST_CORNER = 0.003
-"""Metres, of the corner between wall and floor inside."""
 
 
 @dataclass(frozen=True)
@@ -65,11 +62,12 @@ def inside(design: MugDesign) -> Profile:
     """Return the inner wall from the floor's edge to where the rim begins."""
     floor = design.foot_height + design.floor
     top = design.height - rim_rounding(design)[1]
-    height = max(design.corner_height, _LEAST_CORNER)
+    least_corner = 0.003  # metres, of the corner between wall and floor inside
+    height = max(design.corner_height, least_corner)
     heights = _heights(floor, height, top)
     thinning = smoothstep((design.height - heights) / (0.25 * design.height))
     thickness = design.wall * (design.lip + (1.0 - design.lip) * thinning)
-    corner = _corner(heights - floor, height, max(design.corner_inset, _LEAST_CORNER))
+    corner = _corner(heights - floor, height, max(design.corner_inset, least_corner))
     return Profile(np.stack([_radius(design, heights) - thickness - corner, heights], axis=1))
 
 
@@ -77,12 +75,13 @@ def underside(design: MugDesign) -> np.ndarray:
     """Return points (7, 2) from the middle of the underside round the foot's ring to the wall."""
     start = outside(design).points[0, 0]
     foot = start - design.foot_inset
+    underside_recess = 0.0012
     return np.array(
         [
-            (0.0, UNDERSIDE_RECESS),
-            (0.4 * foot, UNDERSIDE_RECESS),
-            (0.7 * foot, UNDERSIDE_RECESS),
-            (0.86 * foot, UNDERSIDE_RECESS),
+            (0.0, underside_recess),
+            (0.4 * foot, underside_recess),
+            (0.7 * foot, underside_recess),
+            (0.86 * foot, underside_recess),
             (0.9 * foot, 0.0),
             (foot - 0.0008, 0.0),
             (0.7 * foot + 0.3 * start, 0.5 * design.foot_height),

@@ -15,8 +15,6 @@ from vig_world.assets.own.surfaces import TooManyPixelsError, open_picture
 
 MOST_BYTES = 512 * 2**20
 """Bytes of a file that is read, at most."""
-_CODECS = ("gb18030", "shift_jis", "euc_kr", "cp1251", "cp1252", "cp437", "latin-1")
-"""Encodings of names that are not UTF-8; unpackers of zip files read others as cp437."""
 
 
 def readings(name: bytes) -> list[str]:
@@ -26,7 +24,9 @@ def readings(name: bytes) -> list[str]:
     """
     texts = []
     is_gb2312 = re.fullmatch(rb"([\x00-\x7f]|[\xa1-\xf7][\xa1-\xfe])*", name)
-    for codec in ("utf-8", *(_CODECS if is_gb2312 else _CODECS[::-1])):
+    # Encodings of names that are not UTF-8; unpackers of zip files read others as cp437.
+    codecs = ("gb18030", "shift_jis", "euc_kr", "cp1251", "cp1252", "cp437", "latin-1")
+    for codec in ("utf-8", *(codecs if is_gb2312 else codecs[::-1])):
         try:
             texts.append(name.decode(codec))
         except UnicodeDecodeError:

@@ -12,7 +12,6 @@ from vig_world.mesh import face_normals
 LEAST_SIDE = 0.15
 LEAST_CLEARANCE = 0.2
 """Least side and free height of a support, metres."""
-MOST_SUPPORTS = 12
 _CELL = 0.02
 _LEVEL = 0.01
 """Metres by which heights on one support may differ from its own."""
@@ -41,7 +40,8 @@ def level_areas(vertices: np.ndarray, faces: np.ndarray) -> list[Support]:
     hits = _hits(vertices, faces)
     usable = hits.up & (hits.clearance >= LEAST_CLEARANCE)
     areas: list[tuple[int, Support]] = []
-    while usable.any() and len(areas) < 4 * MOST_SUPPORTS:
+    most_supports = 12
+    while usable.any() and len(areas) < 4 * most_supports:
         bins = np.round(hits.z[usable] / (_LEVEL / 2)).astype(int)
         counts = np.bincount(bins - bins.min())
         width = np.convolve(counts, np.ones(3, int), mode="same")
@@ -65,7 +65,7 @@ def level_areas(vertices: np.ndarray, faces: np.ndarray) -> list[Support]:
         if area is not None:
             areas.append(((bottom - top) * (right - left), area))
     areas.sort(key=lambda item: -item[0])
-    return [area for _, area in areas[:MOST_SUPPORTS]]
+    return [area for _, area in areas[:most_supports]]
 
 
 def _hits(vertices: np.ndarray, faces: np.ndarray) -> _Hits:

@@ -87,11 +87,7 @@ class _SceneMessage:
         self._textures: dict[int, str] = {}
 
     def add(
-        self,
-        instance: Instance,
-        material: dict[str, Any],
-        shell: bool = False,
-        uv: np.ndarray | None = None,
+        self, instance: Instance, material: dict[str, Any], shell: bool = False, uv: np.ndarray | None = None
     ) -> None:
         """Add an instance, with texture coordinates `uv` (F, 3, 2) in place of its own."""
         number, mesh = len(self.things), instance.mesh

@@ -28,7 +28,6 @@ WORKER = Path(__file__).parent / "blender" / "worker.py"
 PYTHON_VARIABLE = "VIG_BLENDER_PYTHON"
 """The environment variable that names an interpreter which can import bpy."""
 INSTALL = "python3.11 -m venv blender && blender/bin/pip install bpy 'numpy<2'"
-PROBE_HEIGHT, PROBE_SAMPLES = 64, 16
 TIMEOUT, TIMEOUT_PER_SAMPLE = 120.0, 3.0
 """Time limit of one scene in seconds, and its increase per path per pixel, in proportion to the pixels of
 larger images; a scene is tried twice."""
@@ -104,7 +103,8 @@ class CyclesRenderer:
         """
         header, arrays = compose(self._library, spec, self._object_class, self._size)
         header["samples"] = self._samples
-        header["probe"] |= {"height": PROBE_HEIGHT, "samples": PROBE_SAMPLES}
+        probe_height, probe_samples = 64, 16
+        header["probe"] |= {"height": probe_height, "samples": probe_samples}
         name = f"sample {spec.index} of seed {spec.seed}"
         answer, traced = self._ask(header, arrays, name)
         self.timing = answer

@@ -31,10 +31,7 @@ _WORDS = {
     ("display", "reading"): "candle vase flower plant frame decoration toy doll game puzzle rubik",
     ("display", "storage"): "radio music speaker stereo dvd tv electronics",
     ("bedside", "storage"): "clothes shoes slippers sneakers hat cap towel handbag jewelry clock alarm",
-    (
-        "storage",
-        "floor",
-    ): "box basket crate tape gift suitcase backpack helmet locker drill hammer",
+    ("storage", "floor"): "box basket crate tape gift suitcase backpack helmet locker drill hammer",
     ("floor",): "animal trash dustbin doormat ball basketball broom shovel pallet barrel",
 }
 """Zones by a word of the name (the last counts first), or else of the tags."""

@@ -22,22 +22,12 @@ from vig_world.assets.own.surfaces import GREY, Surface, SurfaceMesh, linear_pic
 
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 SIZES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-MOST_NESTED = 500
-"""Nodes, one within the other."""
 TRIANGLES, STRIP, FAN = 4, 5, 6
 DRACO, TRANSFORM = "KHR_draco_mesh_compression", "KHR_texture_transform"
 GLOSSINESS, WEBP = "KHR_materials_pbrSpecularGlossiness", "EXT_texture_webp"
 INSTANCING = "EXT_mesh_gpu_instancing"
 LEVELS = "MSFT_lod"
-HONOURED = {
-    LEVELS,
-    DRACO,
-    TRANSFORM,
-    "KHR_mesh_quantization",
-    "KHR_materials_unlit",
-    GLOSSINESS,
-    WEBP,
-}
+HONOURED = {LEVELS, DRACO, TRANSFORM, "KHR_mesh_quantization", "KHR_materials_unlit", GLOSSINESS, WEBP}
 """Extensions that may be required: they are decoded, or do not affect shape and colour."""
 REMEDIES = {
     "EXT_meshopt_compression": "decompress it, for example by gltf-transform copy or gltfpack without -c",
@@ -121,12 +111,13 @@ class _Reader:
         meshes: list[SurfaceMesh] = []
         pending = [(root, np.eye(4), tuple[str, ...]()) for root in roots]
         seen: set[int] = set(coarser)
+        most_nested = 500  # nodes, one within the other
         while pending:
             number, frame, names = pending.pop()
             if number in seen:  # a node has one parent, and is not its own ancestor
                 continue
-            if len(names) > MOST_NESTED:
-                raise ValueError(f"nodes nested more than {MOST_NESTED} deep")
+            if len(names) > most_nested:
+                raise ValueError(f"nodes nested more than {most_nested} deep")
             seen.add(number)
             node = nodes[number]
             frame, names = frame @ _matrix(node), (*names, str(node.get("name", number)))

@@ -19,8 +19,6 @@ _OPTIONS = {
     b"-boost": 1, b"-texres": 1, b"-imfchan": 1, b"-type": 1,
 }  # fmt: skip
 """Most values that follow each option before a picture's name."""
-_CUT_OUT = 0.05
-"""Opacity below which a texel of map_d is a hole, not glass."""
 
 
 def plain_lines(data: bytes) -> list[bytes]:
@@ -195,7 +193,8 @@ def _map_opacity(
     band = image.convert("RGBA").getchannel("A") if image.has_transparency_data else image.convert("L")
     band.thumbnail((64, 64))
     opacity = np.asarray(band, np.float64) / 255
-    return float(np.median(opacity[opacity > _CUT_OUT])) if opacity.max() > _CUT_OUT else 0.0
+    cut_out = 0.05  # opacity below which a texel of map_d is a hole, not glass
+    return float(np.median(opacity[opacity > cut_out])) if opacity.max() > cut_out else 0.0
 
 
 def _numbers(text: bytes) -> list[float]:
