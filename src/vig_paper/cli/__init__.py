@@ -3,5 +3,3 @@
 from vig_paper.settings import Reproduce
 
 VERBS = (("reproduce", Reproduce, "vig_paper.cli.reproduce:reproduce_paper"),)
-
-__all__ = ["VERBS"]

@@ -1,5 +1,3 @@
 """Figures of an evaluation: the paper's Figures 3 to 5, and reliability."""
 
-from vig_paper.figures.drawing import draw_figures
-
-__all__ = ["draw_figures"]
+from vig_paper.figures.drawing import draw_figures as draw_figures

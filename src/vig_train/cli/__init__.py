@@ -10,5 +10,3 @@ VERBS = (
     ("calibrate", Calibrate, "vig_train.cli.calibrate:calibrate"),
     ("evaluate", Evaluate, "vig_train.cli.evaluate:evaluate"),
 )
-
-__all__ = ["VERBS"]

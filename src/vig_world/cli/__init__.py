@@ -8,5 +8,3 @@ VERBS = (
     ("dataset show", Show, "vig_world.cli.dataset:show"),
     ("dataset export", ExportDataset, "vig_world.cli.dataset:export"),
 )
-
-__all__ = ["VERBS"]

@@ -1,5 +1,4 @@
 """Samples on disk in the BOP layout: their format, and how they are read."""
 
-from vig_world.dataset.read import Dataset, read_dataset
-
-__all__ = ["Dataset", "read_dataset"]
+from vig_world.dataset.read import Dataset as Dataset
+from vig_world.dataset.read import read_dataset as read_dataset

@@ -8,19 +8,17 @@ import pkgutil
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vig_world.assets.textures.colours import (
-    BRIGHTEST,
-    DARKEST,
-    accent,
-    colour,
-    near,
-    neutral,
-    partner,
-    shade,
-)
-from vig_world.assets.textures.decoration import decoration
-from vig_world.assets.textures.fields import Array, noise
-from vig_world.assets.textures.kinds import KINDS
+from vig_world.assets.textures.colours import BRIGHTEST, DARKEST
+from vig_world.assets.textures.colours import accent as accent
+from vig_world.assets.textures.colours import colour as colour
+from vig_world.assets.textures.colours import near as near
+from vig_world.assets.textures.colours import neutral as neutral
+from vig_world.assets.textures.colours import partner as partner
+from vig_world.assets.textures.colours import shade as shade
+from vig_world.assets.textures.decoration import decoration as decoration
+from vig_world.assets.textures.fields import Array as Array
+from vig_world.assets.textures.fields import noise as noise
+from vig_world.assets.textures.kinds import KINDS as KINDS
 
 for module in pkgutil.iter_modules(__path__):  # each maker registers itself in KINDS
     importlib.import_module(f"{__name__}.{module.name}")
@@ -68,19 +66,3 @@ def texture(kind: str, rng: np.random.Generator, size: int = 128, base: ArrayLik
         base = colour(rng)
     image = KINDS[kind].make(rng, size, base)
     return np.clip(image, DARKEST, BRIGHTEST).astype(np.float32)
-
-
-__all__ = [
-    "FINISHES",
-    "KINDS",
-    "Array",
-    "accent",
-    "colour",
-    "decoration",
-    "near",
-    "neutral",
-    "noise",
-    "partner",
-    "shade",
-    "texture",
-]

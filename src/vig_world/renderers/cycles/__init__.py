@@ -1,5 +1,4 @@
 """The path-traced renderer: scenes by Blender's Cycles, in separate processes."""
 
-from vig_world.renderers.cycles.renderer import CyclesRenderer, TracedPicture
-
-__all__ = ["CyclesRenderer", "TracedPicture"]
+from vig_world.renderers.cycles.renderer import CyclesRenderer as CyclesRenderer
+from vig_world.renderers.cycles.renderer import TracedPicture as TracedPicture
