@@ -1,7 +1,5 @@
 """Pictures, pages and files of explanations: made by the application, which this core does not import."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from importlib.metadata import entry_points

@@ -1,7 +1,5 @@
 """explanation.json: its fields as types, from which the file, its JSON schema and tables of runs are made."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

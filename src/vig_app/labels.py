@@ -4,8 +4,6 @@ A mask or polygon is what is seen of an object, a box is round the whole of it. 
 holds why, so that its photo alone has an error.
 """
 
-from __future__ import annotations
-
 import base64
 import io
 import math

@@ -1,7 +1,5 @@
 """Pictures of explanations: outlines on the photo, and the fit beside it."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The table of a run, and that of a track: written and read."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """Ablations: the default fit with one part of the method switched off at a time, on the same photos."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace

@@ -3,8 +3,6 @@
 `python -m tools.classes.paper_teapot [FOLDER]` built the pack `vig_paper/teapot`.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Arrays of numpy or, of a caller who has torch, tensors: which they are, and constants of the same kind."""
 
-from __future__ import annotations
-
 import sys
 from typing import Any, TypeAlias
 

@@ -1,7 +1,5 @@
 """Edges and normals of triangle meshes in arrays."""
 
-from __future__ import annotations
-
 import numpy as np
 
 

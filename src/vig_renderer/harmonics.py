@@ -4,8 +4,6 @@ A Lambertian surface reflects albedo x max(0, sum A_l L_lm Y_lm(n)) with A = (1,
 cosine's coefficients (pi, 2 pi / 3, pi / 4) over pi (Ramamoorthi and Hanrahan, 2001).
 """
 
-from __future__ import annotations
-
 import math
 
 from vig_renderer.arrays import Array, floating, namespace

@@ -1,7 +1,5 @@
 """Private interfaces of torch: each function documents its result when one is missing."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterable
 

@@ -1,7 +1,5 @@
 """Vertex attributes at pixels, and the blending of pixels at occlusion edges, in plain torch."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import torch

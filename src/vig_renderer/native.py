@@ -4,8 +4,6 @@ It draws each layer on one thread, on as many as torch has where there are sever
 operation. The functions are described in `general.py`, which also has their second derivatives.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 

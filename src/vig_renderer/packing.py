@@ -1,7 +1,5 @@
 """Scenes laid side by side for the library: the objects of a whole batch, numbered through."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import accumulate, chain

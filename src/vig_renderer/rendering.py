@@ -1,7 +1,5 @@
 """The renderer for users: scenes in, images out, differentiable in every continuous input."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import Literal

@@ -1,7 +1,5 @@
 """Shading in plain torch: light reflected by a white Lambertian surface of a given normal."""
 
-from __future__ import annotations
-
 import torch
 
 from vig_renderer.harmonics import COSINE_LOBE, sh_basis

@@ -1,7 +1,5 @@
 """Texture look-up: bilinear in two levels of a mip pyramid, linear between them (trilinear)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The recognition network's training and calibration with their records: log.csv, plots, a summary."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Assets that were made before on this machine, as arrays in the user's cache folder."""
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import json

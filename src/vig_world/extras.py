@@ -1,7 +1,5 @@
 """Packages of extras: imported where they are used, named in one line where they are missing."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 

@@ -1,7 +1,5 @@
 """Triangle meshes and their normals."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Rotations as matrices (3, 3) float64 and as vectors, axis times radians."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Random numbers of the world: each generator is a pure function of its purpose."""
 
-from __future__ import annotations
-
 import zlib
 
 import numpy as np

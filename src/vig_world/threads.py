@@ -1,7 +1,5 @@
 """Temporary limits on the cores that linear algebra uses."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 

@@ -4,8 +4,6 @@ The functions raise ValueError or OSError with a few plain words; `reading` turn
 into the one line (UserError) that a user sees.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -1,7 +1,5 @@
 """The machine that vig runs on, as reports and records of runs state it."""
 
-from __future__ import annotations
-
 import os
 import platform
 from importlib import metadata

@@ -1,7 +1,5 @@
 """A pose moved until the surface's texture lies on that of a photo."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vig.known_object.picture import LEAST_COLOUR, Picture

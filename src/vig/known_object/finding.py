@@ -1,7 +1,5 @@
 """A known object found in a whole photo: by keypoints, of whose poses the surface's likelihood chooses."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """A known object from frame to frame: each pose by a search near where the frames before foretell it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

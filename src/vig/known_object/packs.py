@@ -1,7 +1,5 @@
 """Class packs of single meshes, made by a package that reads meshes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from importlib.metadata import entry_points
 from importlib.util import find_spec

@@ -1,7 +1,5 @@
 """How far a pose of a known object can be trusted, and how far its print explains a photo."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Eq. 4 of a batch of guesses: value, exact gradient and Gauss-Newton matrix from one pass."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

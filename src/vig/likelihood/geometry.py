@@ -1,7 +1,5 @@
 """A shape model made ready for evaluation: components, faces, edges, rings."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 

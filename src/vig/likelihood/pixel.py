@@ -6,8 +6,6 @@ prior weights are (alpha, 1 - alpha, 1) in the paper's robust model, (1, 0, 1) i
 recognition model's class probabilities of each pixel, they may differ from pixel to pixel.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

@@ -15,8 +15,6 @@ an occluder continues beside the object. Mean field approximates the posterior b
     logit q_i = u_i + sum_j w_ij (2 q_j - 1).
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The work of `processes` on a Ray cluster (the extra `cluster`): nodes compute, this process hands out."""
 
-from __future__ import annotations
-
 import logging
 import socket
 import uuid

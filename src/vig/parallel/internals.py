@@ -1,7 +1,5 @@
 """Private interfaces of libraries: each function documents its result when one is missing."""
 
-from __future__ import annotations
-
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing.process import BaseProcess
 

@@ -3,8 +3,6 @@
 Processes that die are replaced, and their items are done by others.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

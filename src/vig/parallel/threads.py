@@ -7,8 +7,6 @@ product waits for threads far longer than it computes. While something is explai
 therefore held to one thread, in the whole process.
 """
 
-from __future__ import annotations
-
 import functools
 import os
 import sys

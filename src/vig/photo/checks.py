@@ -1,7 +1,5 @@
 """Refusals of files and sizes that are no photo's, in one line each."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import NoReturn

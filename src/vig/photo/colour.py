@@ -3,8 +3,6 @@
 Codes of primaries and transfer are those of ITU-T H.273, which PNG, AVIF, HEIC and videos share.
 """
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Callable, Sequence

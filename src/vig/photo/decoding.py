@@ -1,7 +1,5 @@
 """Opened pictures decoded: largest page, orientation, depth, colour, transparency."""
 
-from __future__ import annotations
-
 import math
 import re
 import sys

@@ -1,7 +1,5 @@
 """Filters of pictures and masks in numpy; scipy's take a third of a second to load."""
 
-from __future__ import annotations
-
 import numpy as np
 
 

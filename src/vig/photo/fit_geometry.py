@@ -1,7 +1,5 @@
 """The object's pose before the camera that took a photo, from a fit in a window of it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

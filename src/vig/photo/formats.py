@@ -1,7 +1,5 @@
 """A file's format by its content, and its container's statements on colour and pages."""
 
-from __future__ import annotations
-
 import re
 import warnings
 from importlib.util import find_spec

@@ -1,7 +1,5 @@
 """Masks as files have them: which pixels are meant, whose photo a file is of, the box round them."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections import defaultdict

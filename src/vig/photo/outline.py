@@ -1,7 +1,5 @@
 """The outline of a window's object: distances to it, which can be drawn at any size."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -4,8 +4,6 @@ A fit's camera looks straight at the object, as if the photo had been cut from a
 camera that took the photo does not.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

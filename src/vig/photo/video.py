@@ -1,7 +1,5 @@
 """Videos taken apart into frames, PNG files in a folder."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator

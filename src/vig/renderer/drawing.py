@@ -1,7 +1,5 @@
 """Explanations drawn in arrays, by the native library alone; `vig.renderer.explained` is differentiable."""
 
-from __future__ import annotations
-
 import functools
 from dataclasses import dataclass
 from typing import Any

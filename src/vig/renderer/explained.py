@@ -1,7 +1,5 @@
 """Explanations drawn: latents of a class before a camera as scenes of the renderer."""
 
-from __future__ import annotations
-
 import functools
 from dataclasses import fields
 

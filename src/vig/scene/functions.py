@@ -1,7 +1,5 @@
 """Functions that numpy does not have, and arrays of a caller's tensors."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

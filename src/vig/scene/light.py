@@ -5,8 +5,6 @@ Coefficients are of incident radiance in the orthonormal real basis, in the orde
 basis and the light that a surface reflects.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A linear (PCA) model of a class's shapes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

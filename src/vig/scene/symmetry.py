@@ -1,7 +1,5 @@
 """Symmetry of a class about its vertical axis: which of its views look the same."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from enum import StrEnum

@@ -4,8 +4,6 @@ The inlier posteriors weigh the normal matrix (iteratively reweighted least squa
 drives it, bounds are met by an active set in the step itself. Damping follows Nielsen (1999).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The arguments and results of every optimiser."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Protocol
 

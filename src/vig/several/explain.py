@@ -1,7 +1,5 @@
 """Explanation of several objects in a photo: by their boxes, or found."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial

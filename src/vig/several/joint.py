@@ -12,8 +12,6 @@ the others:
     Gaussians beside the network's.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

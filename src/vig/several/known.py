@@ -1,7 +1,5 @@
 """Several known objects in one photo: found, or at boxes; nearer ones hide those behind."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The answer for several objects of one photo, and its files."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Angles and places of one object over the frames of a video: the likeliest views, and their smoothing."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 

@@ -1,7 +1,5 @@
 """The frames of a video explained together: one object that moves and turns smoothly."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields, replace

@@ -1,7 +1,5 @@
 """A causal tracker: each frame's pose from that frame and those before it."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections import deque

@@ -1,7 +1,5 @@
 """`vig bop`: poses of known objects in a data set in BOP's format, as bop_toolkit scores them."""
 
-from __future__ import annotations
-
 import json
 import math
 import sys

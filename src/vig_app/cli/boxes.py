@@ -1,7 +1,5 @@
 """`--box`, `--boxes`, `--labels`, `--objects` and `--class`: places and classes of objects."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Verbs of the command line: their settings, where packages put theirs, and what several of them need."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields, is_dataclass
 from enum import IntEnum
 from functools import cache

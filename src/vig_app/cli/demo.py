@@ -1,7 +1,5 @@
 """`vig demo`: the packaged photos explained, truth beside estimate."""
 
-from __future__ import annotations
-
 import json
 import math
 import shlex

@@ -1,7 +1,5 @@
 """`vig doctor`: data of a bug report, a check of the native code, and causes of slowness."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import time

@@ -1,7 +1,5 @@
 """`vig fit`: photos explained, a folder each."""
 
-from __future__ import annotations
-
 import json
 import shlex
 import sys

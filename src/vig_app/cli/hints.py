@@ -1,7 +1,5 @@
 """Hints of the user of `vig fit` on the objects in the photos; `--K` and `--cameras`: their intrinsics."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The command line: `vig VERB`."""
 
-from __future__ import annotations
-
 import difflib
 import gc
 import io

@@ -1,7 +1,5 @@
 """Entries of files by the names of photos."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections import defaultdict

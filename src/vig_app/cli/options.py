@@ -1,7 +1,5 @@
 """The options of `vig fit`, in groups."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal

@@ -1,7 +1,5 @@
 """The photos that a command names, and a folder for the results of each."""
 
-from __future__ import annotations
-
 import glob
 import os
 from collections import defaultdict

@@ -1,7 +1,5 @@
 """`vig export`, `vig gallery` and `vig schema`: results in other forms, and the form of their files."""
 
-from __future__ import annotations
-
 import json
 import os
 import sys

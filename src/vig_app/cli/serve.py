@@ -1,7 +1,5 @@
 """`vig serve`: photos explained over HTTP."""
 
-from __future__ import annotations
-
 import json
 import os
 import socket

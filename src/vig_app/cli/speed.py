@@ -1,7 +1,5 @@
 """Causes of vig's slowness on this machine, and gains by the optional packages: lines of `vig doctor`."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The options of `vig fit` resolved, once: a task for each photo, and the settings of all."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """`vig fit --track`: one object through the frames of a folder or video, or before a camera."""
 
-from __future__ import annotations
-
 import json
 import signal
 from collections.abc import Callable

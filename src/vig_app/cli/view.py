@@ -1,7 +1,5 @@
 """`vig view`: photos on a page on which their explanations are put right by hand."""
 
-from __future__ import annotations
-
 import json
 import signal
 import threading

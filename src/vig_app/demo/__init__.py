@@ -1,7 +1,5 @@
 """The photos that `vig demo` explains, path traced, and their truth (README.md describes their making)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Photos of partly hidden teapots, path-traced with Cycles, and their truth (README.md describes both)."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import dataclass

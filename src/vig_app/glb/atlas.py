@@ -4,8 +4,6 @@ Made once for a class. A chart is a connected piece whose faces look along the s
 the axes; it is seen from there, so that lengths are shortened by 1.7 at most.
 """
 
-from __future__ import annotations
-
 import functools
 from dataclasses import dataclass
 

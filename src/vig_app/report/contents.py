@@ -1,7 +1,5 @@
 """report.html: one file that shows an explanation in a browser, without a server or the network."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -3,8 +3,6 @@
 Numbers are quantised to far less than a pixel and travel as base64; templates/page.html reads them.
 """
 
-from __future__ import annotations
-
 import base64
 import math
 from collections.abc import Iterable, Sequence

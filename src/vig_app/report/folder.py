@@ -1,7 +1,5 @@
 """The folder of files of an explanation, or of several objects of one photo; docs/explanation.md."""
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Callable, Sequence

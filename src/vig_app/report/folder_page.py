@@ -1,7 +1,5 @@
 """report.html of several photos, or objects of one: pictures and a table with links to their pages."""
 
-from __future__ import annotations
-
 import heapq
 import os
 from collections import Counter

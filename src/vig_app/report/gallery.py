@@ -1,7 +1,5 @@
 """A gallery: each photo with its explanation, to slide over it, and the object to turn; one page, offline."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """Pages of HTML from the templates beside this file, and the pictures that are part of them."""
 
-from __future__ import annotations
-
 import base64
 import io
 from pathlib import Path

@@ -1,7 +1,5 @@
 """sheet.jpg: the photos of a run on one picture, in review order, the least sure first."""
 
-from __future__ import annotations
-
 import heapq
 import math
 import textwrap

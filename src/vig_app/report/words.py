@@ -1,7 +1,5 @@
 """The words of an explanation's page."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

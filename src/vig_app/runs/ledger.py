@@ -1,7 +1,5 @@
 """The ledger of a run: its finished photos, with their keys and rows."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import shutil

@@ -1,7 +1,5 @@
 """A run over the frames of a camera or stream, tracked as they come."""
 
-from __future__ import annotations
-
 import csv
 import math
 import sys

@@ -4,8 +4,6 @@ Finished photos stay, whatever ends the run: a photo's folder appears when it is
 `results.jsonl` after that. A photo whose row is there is not refitted while photo, settings and class stay.
 """
 
-from __future__ import annotations
-
 import json
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator

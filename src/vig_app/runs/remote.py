@@ -1,7 +1,5 @@
 """A run's photos on a Ray cluster: they go as bytes, and files come back as bytes and are written here."""
 
-from __future__ import annotations
-
 import json
 import os
 import tempfile

@@ -1,7 +1,5 @@
 """A run over the frames of a video, which are explained together."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Iterable

@@ -1,7 +1,5 @@
 """A run's work on one photo: its folder, complete or not there, and its rows."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import time

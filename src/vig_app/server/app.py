@@ -1,7 +1,5 @@
 """The application of `vig serve`: photos posted, explanations returned; Label Studio's backend beside it."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor

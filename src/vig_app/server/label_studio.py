@@ -1,7 +1,5 @@
 """Label Studio's protocol of machine learning backends: photos of its tasks, and results as it draws them."""
 
-from __future__ import annotations
-
 import base64
 import math
 import re

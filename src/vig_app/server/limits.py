@@ -1,7 +1,5 @@
 """Limits of requests, before much of them is read: their origin, key, rate, size and time."""
 
-from __future__ import annotations
-
 import asyncio
 import base64
 import secrets

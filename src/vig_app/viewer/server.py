@@ -3,8 +3,6 @@
 The page asks for `state` and `photo`, and posts actions to `act`, which answers with the state after them.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 import threading

@@ -1,7 +1,5 @@
 """A user's corrections of one photo: each is a state, fitted anew, and can be taken back."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """`vig reproduce`: the paper's section 5 in one command."""
 
-from __future__ import annotations
-
 import json
 import sys
 from dataclasses import asdict, fields

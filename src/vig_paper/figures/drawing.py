@@ -1,7 +1,5 @@
 """Every figure of an evaluation in one folder, and the rules by which its images are chosen."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Figure 4: photos, their explanations and visible masks. Figure 5: true and fitted light."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 

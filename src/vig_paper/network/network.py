@@ -4,8 +4,6 @@ Pose and shape are read from a grey image, appearance and light from a colour on
 uncertainty: their errors on held-out images stand for it. They have no mask.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

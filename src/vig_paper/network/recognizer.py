@@ -1,7 +1,5 @@
 """The paper's networks in the place of vig's recognition network."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Training of the paper's recognition networks one after the other, resumable from the last epoch."""
 
-from __future__ import annotations
-
 import json
 import time
 import zlib

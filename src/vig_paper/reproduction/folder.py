@@ -1,7 +1,5 @@
 """The datasets of a run, and the paths in its folder."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

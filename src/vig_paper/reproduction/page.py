@@ -3,8 +3,6 @@
 A section is a list of parts, each a kind and its content: `page.html` says how each kind is shown.
 """
 
-from __future__ import annotations
-
 import base64
 import csv
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """A whole reproduction: its steps in order, each done once."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """The steps of a run. Each can be killed and begun again."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Acceptance of registered meshes into the class: judged by distances both ways and by folds."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

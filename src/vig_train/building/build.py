@@ -1,7 +1,5 @@
 """A class pack from a folder of meshes, stage by stage; each stage's result is cached for the next run."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Callable
 from dataclasses import replace

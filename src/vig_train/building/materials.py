@@ -1,7 +1,5 @@
 """A class's dark part: one that the materials of most of its meshes make dark."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

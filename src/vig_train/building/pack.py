@@ -1,7 +1,5 @@
 """Writes a class pack's folder: the pack, meshes with materials for training, pictures."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from pathlib import Path

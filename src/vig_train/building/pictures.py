@@ -1,7 +1,5 @@
 """Contact sheets of meshes, and curves, for each stage of building a class."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Meshes of one kind of thing from a folder, as people have them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A built class, its sources, and its card."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

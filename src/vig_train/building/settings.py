@@ -1,7 +1,5 @@
 """Statements of the user about a class that is to be built."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """A class of exact shape from one mesh file, as `vig fit --mesh` needs it."""
 
-from __future__ import annotations
-
 import shutil
 import tempfile
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Projections of shapes in correspondence onto those with a mirror plane, or the same under any turn."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

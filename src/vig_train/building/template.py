@@ -1,7 +1,5 @@
 """The template of a class: one mesh, closed, of the fit's size, denser where the surface curves."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The upright pose of each mesh, as the user states it or as it is estimated from all meshes together."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

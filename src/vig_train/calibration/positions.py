@@ -1,7 +1,5 @@
 """Deviations of positions learned on photos whose true poses are known."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The section of a class's card on its network, and the history of trainings that it shows."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path

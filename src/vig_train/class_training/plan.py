@@ -1,7 +1,5 @@
 """Plan of a training within its minutes."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 from pathlib import Path

@@ -4,8 +4,6 @@ PACK/training keeps the results of each step, so that a run that was stopped goe
 with the images of a shorter one.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """`vig calibrate`: uncertainties of a network and of fits, calibrated on validation photos."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from math import inf

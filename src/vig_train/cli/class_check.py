@@ -1,7 +1,5 @@
 """`vig class check`: a class on the user's own labelled photos."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import sys

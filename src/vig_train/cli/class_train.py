@@ -1,7 +1,5 @@
 """`vig class train`: recognition weights for a class pack within a budget of minutes."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import sys

@@ -1,7 +1,5 @@
 """`vig class VERB`: the work of each verb."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import re

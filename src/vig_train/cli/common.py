@@ -1,7 +1,5 @@
 """Functions that several verbs share."""
 
-from __future__ import annotations
-
 import math
 import shlex
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """`vig evaluate`: methods measured on a dataset, their errors and tables as files."""
 
-from __future__ import annotations
-
 import json
 import sys
 from math import inf

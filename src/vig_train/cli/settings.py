@@ -1,7 +1,5 @@
 """Settings of the verbs of classes and networks: a dataclass each, from which the command line is derived."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal

@@ -1,7 +1,5 @@
 """`vig train`: a recognition network trained on datasets."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Sequence

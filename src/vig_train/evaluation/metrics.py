@@ -4,8 +4,6 @@ Every function takes batches as numpy arrays or torch tensors, predictions first
 Arguments of different shapes raise ValueError: nothing broadcasts by accident.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -5,8 +5,6 @@ Inverse Graphics, ECCV 2016 Workshops. Its OpenGL images correspond to our raste
 ones to our path-traced ones.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

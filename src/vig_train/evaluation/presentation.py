@@ -1,7 +1,5 @@
 """Summaries as short tables, for a terminal of 100 columns and in Markdown."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

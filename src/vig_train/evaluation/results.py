@@ -1,7 +1,5 @@
 """Results of a method on a dataset's images, and the same as one row per image."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Statistics of per-image errors: medians with intervals, failures, tests, coverage of uncertainties."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any

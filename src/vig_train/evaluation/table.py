@@ -1,7 +1,5 @@
 """Everything reported of methods on a dataset, from per-image errors, as one table ready for JSON."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Parts that read a trunk's maps: a decoder of masks that sees the whole image, the map of objects."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import torch

@@ -1,7 +1,5 @@
 """The recognition network in torch: it is trained here, and its graph is written from here."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import torch

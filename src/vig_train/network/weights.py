@@ -1,7 +1,5 @@
 """Weights of networks in torch from their files, and matrices packed into these."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

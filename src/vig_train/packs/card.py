@@ -1,7 +1,5 @@
 """A class pack's card.md, whose sections come from the verbs that measure a class."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path

@@ -3,8 +3,6 @@
 Flips, framing, roll, things pasted in front, uneven light, and a camera: exposure, colour, blur, noise.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Calibration of a network's stated uncertainties on scenes and designs that training never saw."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Weights and checkpoints as safetensors."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from collections.abc import Mapping, Sequence

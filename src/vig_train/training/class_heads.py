@@ -1,7 +1,5 @@
 """The dense heads of a class's network: an ensemble, each member trained on features by itself."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

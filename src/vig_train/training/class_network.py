@@ -5,8 +5,6 @@ these features, in memory; then the mask's decoder on the images. Each step resu
 its seed and its plan.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace

@@ -4,8 +4,6 @@ Every other one is a mosaic of images (Bochkovskiy et al. 2020); the others have
 pasted onto an image without one.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Images of the studio beside those of datasets: drawn by worker processes, for each step or once."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """The parts of the loss of the recognition network, and their weighted sum."""
 
-from __future__ import annotations
-
 import math
 
 import torch

@@ -1,7 +1,5 @@
 """The user's own meshes as the studio draws them: their materials, some in other colours, lit."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The presence head, fitted to images of a class and of other things; all else stays as it is."""
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 from scipy.optimize import minimize

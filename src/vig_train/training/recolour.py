@@ -1,7 +1,5 @@
 """Images of datasets with the object in other colours: so that hue does not identify the object."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vig.scene import linear_from_srgb, srgb_from_linear

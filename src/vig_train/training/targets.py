@@ -1,7 +1,5 @@
 """Targets of the recognition network, from latents and masks."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Self

@@ -1,7 +1,5 @@
 """Coats of objects: any colour, paint that follows the shape, glaze and metal."""
 
-from __future__ import annotations
-
 import colorsys
 import functools
 

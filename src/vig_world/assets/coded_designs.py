@@ -1,7 +1,5 @@
 """Designs whose vertices code makes: a class pack holds their parameters, at most 0.1 MB in place of 5 MB."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass

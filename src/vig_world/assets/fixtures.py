@@ -3,8 +3,6 @@
 All start at their own origin and go along +X, out of the frame.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

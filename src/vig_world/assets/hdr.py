@@ -1,7 +1,5 @@
 """HDR panorama files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Designs of a class, each for one split's scenes; the shape model knows those of training only."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache

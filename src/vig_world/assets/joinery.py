@@ -3,8 +3,6 @@
 Wood's grain runs along v, so v follows the longest side of a board. Meshes are closed and face outward.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """Materials with procedural textures: fixed ones, and finishes that each sample draws anew."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

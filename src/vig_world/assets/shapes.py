@@ -5,8 +5,6 @@ coordinates: u to the right and v up as seen from outside, (0, 0) at the texture
 should look sharp have vertices of their own on each side, so that averaged vertex normals shade well.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any

@@ -1,7 +1,5 @@
 """The object of a scene: a shape near one of the split's designs, or of the model where it has none."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

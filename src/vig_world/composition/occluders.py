@@ -1,7 +1,5 @@
 """Ways to occlude an object: something in front of it, a hand, a branch, as a last resort a board."""
 
-from __future__ import annotations
-
 from bisect import bisect
 from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass

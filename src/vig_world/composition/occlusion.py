@@ -1,7 +1,5 @@
 """Places props between the camera and the object so that a chosen share of it is hidden."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How things are photographed: their surface, the camera's height, its lens."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

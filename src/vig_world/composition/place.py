@@ -1,7 +1,5 @@
 """Places the object: a furnished room, one of its supports, a spot there, and the camera."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Draws a scene from (seed, index): latents, light, a furnished room, and props that hide a chosen share."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from dataclasses import replace

@@ -7,8 +7,6 @@ A dataset is `D/info.json`, `D/camera.json`, `D/models/` and, for each split, `D
 describes every field.
 """
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from typing import Any

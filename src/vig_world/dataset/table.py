@@ -1,7 +1,5 @@
 """Reads latents.parquet, the table of a split."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from vig.io.checks import read_bytes, reading

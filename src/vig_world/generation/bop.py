@@ -4,8 +4,6 @@ Format: https://github.com/thodan/bop_toolkit/blob/master/docs/bop_datasets_form
 script `calc_gt_info.py` defines the numbers of `scene_gt_info.json`. Lengths are in millimetres.
 """
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Verifies a dataset: every file, and renderings with their labels against files."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor

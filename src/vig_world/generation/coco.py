@@ -1,7 +1,5 @@
 """Datasets as COCO annotations: visible instances, amodal ones as the amodal tools read them, keypoints."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The records of one sample in the merged files of a dataset."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Files of a dataset that only its maker, its checks and its exports touch."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

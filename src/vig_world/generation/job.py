@@ -1,7 +1,5 @@
 """The recipe of a split, and the maker that turns it into the files of any sample."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import traceback

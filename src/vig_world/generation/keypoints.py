@@ -1,7 +1,5 @@
 """Keypoints of a dataset's objects: points that the class names, corners and centre of the object's box."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path

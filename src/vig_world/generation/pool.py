@@ -1,7 +1,5 @@
 """Samples made in this process, in several, or on a Ray cluster (the extra `cluster`)."""
 
-from __future__ import annotations
-
 import multiprocessing
 import multiprocessing.util
 import sys

@@ -1,7 +1,5 @@
 """Pictures of a dataset: a contact sheet, and histograms of its requested and actual distributions."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

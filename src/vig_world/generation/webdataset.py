@@ -1,7 +1,5 @@
 """Datasets as WebDataset shards: tar files that are read from front to back."""
 
-from __future__ import annotations
-
 import io
 import json
 import tarfile

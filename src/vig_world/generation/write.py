@@ -1,7 +1,5 @@
 """Makes a dataset on disk: parallel, resumable, with bytes that do not depend on the number of workers."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re

@@ -1,7 +1,5 @@
 """Datasets as Ultralytics' networks read them: boxes and keypoints in text files, one beside each image."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

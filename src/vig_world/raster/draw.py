@@ -1,7 +1,5 @@
 """Draws items on one thread: the whole picture, or depth alone for the search of a layout."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The output of a renderer of synthetic scenes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import cached_property
 

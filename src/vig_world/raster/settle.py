@@ -1,7 +1,5 @@
 """Moves items before an object until they hide a share of it, in one native call."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

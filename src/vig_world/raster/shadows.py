@@ -7,8 +7,6 @@ light lost from a direction is kept as the irradiance that a normal loses, in ha
 lost(n) = v0 + v . n.
 """
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

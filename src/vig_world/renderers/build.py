@@ -1,7 +1,5 @@
 """Turns a SceneSpec into geometry: textured meshes in the world, for path tracers."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

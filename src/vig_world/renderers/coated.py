@@ -1,7 +1,5 @@
 """Appearance of an object with a coat, point by point: its albedo in the model's light, and reflections."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Renders a scene with the rasteriser."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Draws a furnished room."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import ndimage
 

@@ -1,7 +1,5 @@
 """Fittings without a model: wall shelves, pictures and rugs, each in its own frame."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vig_world.assets.joinery import Joinery

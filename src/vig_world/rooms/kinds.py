@@ -1,7 +1,5 @@
 """The kinds of rooms, and how each is furnished."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

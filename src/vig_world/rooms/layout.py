@@ -1,7 +1,5 @@
 """A furnished room, and the material of its supports."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Measures a finished plan: the space above and behind its supports, and where its floor is free."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

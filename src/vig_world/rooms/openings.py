@@ -1,7 +1,5 @@
 """Doors and windows with their fittings, in their wall's frame (x along, y into the room, z up)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vig_world.assets.joinery import Joinery, rod, stick

@@ -1,7 +1,5 @@
 """Floor, walls, ceiling, skirting: a room's shell, seen from inside only. Texture coordinates are metres."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -2,8 +2,6 @@
 without an edge; and empty halls of any size, for views that no furnished room has space for.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from vig_world.assets.coats import any_colour

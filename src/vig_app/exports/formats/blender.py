@@ -1,7 +1,5 @@
 """Blender: a script that makes a scene of the object, the photo's camera and background, and the light."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -6,8 +6,6 @@ files' names that are numbers; else the scene is 0 and the image the photo's pla
 those before the camera that took the photo (see `Explanation.pinhole_pose`).
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Masks are run lengths. A run is one file, in which images are numbered by files'
 COCO's are; else by their place. Photos that could not be read are left out.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """COCO for annotation tools: visible and whole masks as two files of polygons, boxes and keypoints."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path

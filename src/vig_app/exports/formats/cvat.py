@@ -3,8 +3,6 @@
 A cuboid's front is the upright side of the 3-D box that is nearest to the camera.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from xml.etree import ElementTree

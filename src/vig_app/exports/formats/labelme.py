@@ -3,8 +3,6 @@
 The shapes of an object have one group_id. A file that was edited in labelme is neither replaced nor removed.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress

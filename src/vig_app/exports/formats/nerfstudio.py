@@ -3,8 +3,6 @@
 Where the mask is 0 nerfstudio does not train: on occluders and surroundings.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

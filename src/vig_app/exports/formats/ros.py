@@ -3,8 +3,6 @@
 The frame is the optical one of the camera that took the photo, `Explanation.pinhole_pose`.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """USD: Z up, metres; a mesh a part with its material, and the photo's camera."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -3,8 +3,6 @@
 Photos are linked, every fifth is for validation. A single explanation has one photo, which is for training.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress

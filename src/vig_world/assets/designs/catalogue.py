@@ -1,7 +1,5 @@
 """Named designs, in `designs.json` beside a package's code."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from importlib import resources

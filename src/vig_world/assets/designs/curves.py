@@ -1,7 +1,5 @@
 """Plane curves: cubic Bezier pieces joined into polylines and resampled by arc length."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.ndimage import gaussian_filter1d

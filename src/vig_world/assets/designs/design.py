@@ -1,7 +1,5 @@
 """The interpretable parameters of a teapot, and the named designs in `designs.json`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal, get_args
 

@@ -1,7 +1,5 @@
 """The revolved parts: body with foot, lid and knob, as profiles (radius, height) and rings of vertices."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

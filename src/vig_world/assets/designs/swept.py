@@ -1,7 +1,5 @@
 """The swept parts: spout and handle, as sections moved along a centre line in the plane y = 0."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vig_world.assets.designs.curves import (

@@ -1,7 +1,5 @@
 """Teapot meshes in dense correspondence: vertex i means the same place on every design."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vig_world.assets.designs.design import TeapotDesign

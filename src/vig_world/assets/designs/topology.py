@@ -1,7 +1,5 @@
 """Faces and mirror permutation of closed surfaces lofted over rings of vertices."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 

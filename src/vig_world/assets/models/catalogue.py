@@ -3,8 +3,6 @@
 `tools/make_models.py` writes the two files; a row of `models.csv` is a model, in the order of the arrays.
 """
 
-from __future__ import annotations
-
 import csv
 import functools
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Splits the vertices of a welded mesh at creases, and lays its smooth patches flat for textures."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components

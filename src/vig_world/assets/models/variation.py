@@ -1,7 +1,5 @@
 """Variation without end of the packaged models: other proportions, colours and textures."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vig_world.assets.materials import ROUGHNESS, slot_material

@@ -1,7 +1,5 @@
 """The interpretable parameters of a mug, and the named designs in `designs.json`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from vig_world.assets.designs.catalogue import load_catalogue

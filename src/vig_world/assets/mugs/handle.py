@@ -1,7 +1,5 @@
 """The handle: sections moved along a centre line in the plane y = 0, from the wall to the wall."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vig_world.assets.designs.curves import (

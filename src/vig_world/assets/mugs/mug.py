@@ -4,8 +4,6 @@ One closed surface of genus 1: the underside, up the wall outside, over the rim,
 with two loops of the wall joined by the handle.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from vig_world.assets.designs.curves import squared_circle

@@ -1,7 +1,5 @@
 """The wall of a mug, outside and inside, as profiles of (radius, height)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

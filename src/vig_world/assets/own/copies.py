@@ -1,7 +1,5 @@
 """Levels of detail and collision hulls, which repeat a shape, recognised by names of files or nodes."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 

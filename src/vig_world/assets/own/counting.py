@@ -1,7 +1,5 @@
 """Counts the triangles of a mesh file, from its header or by a pass over its bytes, before it is loaded."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 

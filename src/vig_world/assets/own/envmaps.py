@@ -1,7 +1,5 @@
 """Custom panoramas: `.hdr` and `.exr` files."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The files of a user's folder, and the fingerprints by which a dataset identifies them."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 from collections import Counter

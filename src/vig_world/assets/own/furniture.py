@@ -1,7 +1,5 @@
 """Custom furniture from mesh files, with the supports found on it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

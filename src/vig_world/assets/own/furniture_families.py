@@ -1,7 +1,5 @@
 """Families of furniture, recognised by words in a piece's name."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 FAMILIES = {  # by keywords in a name; earlier ones take precedence

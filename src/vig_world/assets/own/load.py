@@ -3,8 +3,6 @@
 Each format is read by a file of `meshes`, as libraries silently drop unknown content.
 """
 
-from __future__ import annotations
-
 import os
 import warnings
 from collections.abc import Sequence

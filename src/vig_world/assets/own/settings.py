@@ -10,8 +10,6 @@
 Settings of deeper folders override those above.
 """
 
-from __future__ import annotations
-
 import tomllib
 from contextlib import suppress
 from dataclasses import dataclass, field

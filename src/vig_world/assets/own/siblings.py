@@ -1,7 +1,5 @@
 """The files that a mesh file refers to, by the names that programs of any system write."""
 
-from __future__ import annotations
-
 import os
 import re
 import unicodedata

@@ -1,7 +1,5 @@
 """Fewer triangles by clustering vertices; closed or open; seen from both sides."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

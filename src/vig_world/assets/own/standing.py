@@ -1,7 +1,5 @@
 """Conversion from a file's axes and units to Z up and metres, standing on z = 0 and centred."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

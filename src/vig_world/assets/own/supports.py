@@ -1,7 +1,5 @@
 """Finds supports on furniture: level areas with free space above, from its triangles."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Colours of imported meshes as textures: linear albedo, at most 256 x 256 texels."""
 
-from __future__ import annotations
-
 import io
 from dataclasses import dataclass
 

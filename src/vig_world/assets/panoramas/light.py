@@ -1,7 +1,5 @@
 """A panorama's light at a place on a support: nine grey SH coefficients, and what a mirror shows there."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

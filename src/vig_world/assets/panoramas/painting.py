@@ -1,7 +1,5 @@
 """Paints a room in HDR: the surface that each ray from the viewpoint meets, and its light."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

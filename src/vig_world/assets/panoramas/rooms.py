@@ -3,8 +3,6 @@
 By day and by lamplight. Metres; the viewpoint is the origin, Z up; all boxes lie along the axes.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

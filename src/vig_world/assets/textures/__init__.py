@@ -1,7 +1,5 @@
 """Procedural albedo textures: linear RGB, periodic in both directions, all but printed matter."""
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 

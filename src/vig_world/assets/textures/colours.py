@@ -1,7 +1,5 @@
 """Albedos of household things: mostly white, wood, grey, earth and dark, some muted colours, few accents."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -1,7 +1,5 @@
 """Painted decoration for ceramics, with its coverage."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

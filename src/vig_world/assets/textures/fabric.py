@@ -1,7 +1,5 @@
 """Woven, plaited and patterned coverings: cloth, stripes, wickerwork, leather, wallpaper."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vig_world.assets.textures.colours import colour, near, partner

@@ -1,7 +1,5 @@
 """Building blocks of textures: periodic noise, coordinates, cells, soft shapes."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

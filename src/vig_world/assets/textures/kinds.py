@@ -1,7 +1,5 @@
 """The kinds of textures: each maker registers itself, with the facts about its kind."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar

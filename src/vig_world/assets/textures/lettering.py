@@ -1,7 +1,5 @@
 """Writing: two alphabets of strokes, words that can be spoken, lines and columns of text as coverage."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

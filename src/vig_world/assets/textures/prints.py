@@ -1,7 +1,5 @@
 """Printed matter: labels, covers, pages of text, newspapers, pictures. None of it tiles."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vig_world.assets.textures.colours import accent, colour, near, neutral, partner, shade

@@ -1,7 +1,5 @@
 """Paint, plaster, tiles, brick, stone, concrete and other fillings of plain colour."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vig_world.assets.textures.colours import colour, near, neutral, partner

@@ -1,7 +1,5 @@
 """Wood: boards, parquet squares, herringbone."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vig_world.assets.textures.colours import shade as shaded

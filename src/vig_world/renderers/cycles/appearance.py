@@ -1,7 +1,5 @@
 """Appearance of materials in the path tracer: by kind and roughness, and the object's."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

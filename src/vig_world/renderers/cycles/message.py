@@ -1,7 +1,5 @@
 """Encodes a scene as a message to `blender/worker.py`."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The client of the process that Blender runs in."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import shutil

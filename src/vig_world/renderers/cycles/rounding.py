@@ -1,7 +1,5 @@
 """Rounds meshes by their normals, so that large pictures show no corners where small ones show none."""
 
-from __future__ import annotations
-
 import numpy as np
 
 CUTS = 4

@@ -1,7 +1,5 @@
 """The models of catalogues that an argument such as `catalogue.sh3f:car,truck` names."""
 
-from __future__ import annotations
-
 import difflib
 import os
 import re

@@ -1,7 +1,5 @@
 """A catalogue's model as an OBJ file in metres, upright, of the size that the catalogue states."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vig_world.assets.own.meshes.mtl import library_names, picture_name, plain_lines

@@ -1,7 +1,5 @@
 """Reads furniture catalogues: a zip with models and a file of properties that lists them."""
 
-from __future__ import annotations
-
 import math
 import re
 import zipfile

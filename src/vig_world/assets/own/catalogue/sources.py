@@ -1,7 +1,5 @@
 """Origins of a folder's meshes, `sources.json`: names, authors and licences, to be passed on."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Zones of the generator's rooms for a catalogue's things, by their names, tags and categories."""
 
-from __future__ import annotations
-
 import re
 
 _BY_CATEGORY_ALONE = {

@@ -3,8 +3,6 @@
 They are read as the specification says: https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html.
 """
 
-from __future__ import annotations
-
 import base64
 import struct
 from collections import Counter

@@ -1,7 +1,5 @@
 """Materials of OBJ files: MTL libraries in any encoding, as programs write them."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

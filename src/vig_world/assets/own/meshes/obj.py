@@ -3,8 +3,6 @@
 Their materials are read by `mtl`.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from vig_world.assets.own.meshes.mtl import plain_lines, read_materials

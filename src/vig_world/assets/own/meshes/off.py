@@ -1,7 +1,5 @@
 """OFF files: polygons of any shape, colours and normals beside the coordinates, comments."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """PLY files: polygons of any shape, triangle strips, colours of vertices, pictures."""
 
-from __future__ import annotations
-
 import io
 import re
 

@@ -1,7 +1,5 @@
 """Polygons in space as triangles."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

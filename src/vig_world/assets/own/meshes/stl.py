@@ -1,7 +1,5 @@
 """STL files: binary ones with bytes after their triangles, ASCII ones in any letter case."""
 
-from __future__ import annotations
-
 import re
 import struct
 
