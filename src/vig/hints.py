@@ -1,7 +1,5 @@
 """A user's hints on the object in a photo."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -101,7 +99,7 @@ class Hints(PlainHints):
         arrays = self.mask, self.marks, self.pose
         return self.plain != PlainHints().plain or any(array is not None for array in arrays)
 
-    def check(self, width: int, height: int, object_class: ObjectClass) -> Hints:
+    def check(self, width: int, height: int, object_class: ObjectClass) -> "Hints":
         """Return hints with arrays of their types; UserError where they do not suit the photo or class."""
         changed: dict[str, Any] = {}
         for name, kind in (("mask", bool), ("marks", np.uint8)):

@@ -1,7 +1,5 @@
 """corrections.json: a photo, the class and a user's hints on the object, with which work is resumed."""
 
-from __future__ import annotations
-
 import math
 import os
 from contextlib import suppress
@@ -127,7 +125,7 @@ class State(PlainHints):
         write_json(folder / CORRECTIONS, content)
 
     @staticmethod
-    def read(folder: Path, remedy: str = "Name the photo itself.") -> tuple[Path, str, State]:
+    def read(folder: Path, remedy: str = "Name the photo itself.") -> "tuple[Path, str, State]":
         """Return the photo, class and state from a file of `write`; UserError with a remedy if unreadable."""
         path = folder / CORRECTIONS
         with reading(path, "corrections of a photo", remedy):

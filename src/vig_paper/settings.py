@@ -3,8 +3,6 @@
 Little is imported here, so that `vig --help` is quick.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
@@ -86,7 +84,7 @@ class ReproductionSettings:
             raise UserError(f"expected methods among {', '.join(METHODS)}; got {got}")
 
     @staticmethod
-    def of(scale: Scale, **chosen: Any) -> ReproductionSettings:
+    def of(scale: Scale, **chosen: Any) -> "ReproductionSettings":
         """Return the settings `chosen`, and the scale's counts where none is."""
         settings = ReproductionSettings(scale, **chosen)
         counts: dict[str, Any] = dict(zip(COUNTS, SCALES[scale], strict=True))

@@ -1,7 +1,5 @@
 """Default settings of torch and numpy, within a program that may have set others."""
 
-from __future__ import annotations
-
 import inspect
 import sys
 import threading
@@ -17,7 +15,7 @@ if TYPE_CHECKING:
 
 _here, _counting = threading.local(), threading.Lock()
 _inside = 0
-_dtype_outside: torch.dtype | None = None
+_dtype_outside: "torch.dtype | None" = None
 Public = TypeVar("Public", bound=Callable[..., Any])
 
 

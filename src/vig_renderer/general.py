@@ -3,8 +3,6 @@
 Each function matches that of the same name in `native.py`; `packed` lists the objects.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import accumulate
@@ -59,7 +57,9 @@ class Visible:
     size: tuple[int, int, int]
 
     @staticmethod
-    def find(packed: PackedScenes, samples: int, near: float, points: Tensor, alone: bool = False) -> Visible:
+    def find(
+        packed: PackedScenes, samples: int, near: float, points: Tensor, alone: bool = False
+    ) -> "Visible":
         """Return the visible faces and edges of homogeneous points (V, 3). Nothing of it has a derivative."""
         layers = len(packed.image) if alone else packed.size[0]
         height, width = (side * samples + 2 * MARGIN for side in packed.size[1:])
@@ -114,7 +114,7 @@ class Tables:
     place: Tensor
 
     @staticmethod
-    def of(packed: PackedScenes) -> Tables:
+    def of(packed: PackedScenes) -> "Tables":
         """Return the tables of all objects."""
         tables = [torch.from_numpy(mesh.tables()[0]).long() for mesh in packed.meshes]
         counts, first_vertex = [len(each) for each in tables], [0, *accumulate(packed.vertex_counts)]

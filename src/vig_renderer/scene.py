@@ -1,7 +1,5 @@
 """Inputs and outputs of `render`: meshes with a pose and a surface, lights, a camera; the rendering."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
@@ -63,7 +61,7 @@ class Pinhole:
     translation: torch.Tensor
 
     @staticmethod
-    def on_sphere(camera: Any, azimuth: torch.Tensor, elevation: torch.Tensor) -> Pinhole:
+    def on_sphere(camera: Any, azimuth: torch.Tensor, elevation: torch.Tensor) -> "Pinhole":
         """Return a `vig.Camera` on its sphere at an azimuth and elevation (scalars, radians), of their type.
 
         Or any with its width, height, focal, focal_y, cx and cy, pixels, and `pose`.
@@ -120,7 +118,7 @@ class Rendering:
         visible_masks: torch.Tensor,
         full_masks: Callable[[], torch.Tensor],
         surface: Callable[[], Sequence[torch.Tensor]],
-    ) -> Rendering:
+    ) -> "Rendering":
         """Return a rendering whose full masks and surface (the last four) are computed at first use."""
         made = object.__new__(Rendering)
         modes = torch.is_inference_mode_enabled(), torch.is_grad_enabled()

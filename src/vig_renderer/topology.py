@@ -1,7 +1,5 @@
 """The constant part of a moving mesh: its faces, and the edges between them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -57,7 +55,7 @@ class Topology:
         return Topology, (self.faces, self.texture_faces, self.edges, self.vertex_count)
 
     @staticmethod
-    def of(faces: np.ndarray, vertices: np.ndarray, texture_faces: np.ndarray | None = None) -> Topology:
+    def of(faces: np.ndarray, vertices: np.ndarray, texture_faces: np.ndarray | None = None) -> "Topology":
         """Find the edges of `faces` (F, 3).
 
         vertices (V, 3): current places; those at exactly the same place (a texture's seam) are one

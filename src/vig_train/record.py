@@ -1,7 +1,5 @@
 """run.json: a run's settings, its machine, which steps are complete and how long they took."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -36,7 +34,7 @@ class Record:
         self.path, self.data = path, data
 
     @staticmethod
-    def open(path: Path, settings: RecordedSettings, machine: Mapping[str, Any], command: str) -> Record:
+    def open(path: Path, settings: RecordedSettings, machine: Mapping[str, Any], command: str) -> "Record":
         """Read the record at `path`, or begin one.
 
         Raises:

@@ -4,8 +4,6 @@ An asset is a pure function of (split, catalogue, number), not of the dataset's 
 one split ever occurs in another, and assets can be kept: in memory, and for the rasteriser on disk.
 """
 
-from __future__ import annotations
-
 import cmath
 from collections.abc import Callable
 from dataclasses import astuple, dataclass
@@ -80,7 +78,7 @@ class OwnAssets:
     sources: tuple[Source, ...] = ()
 
     @staticmethod
-    def read(folders: OwnFolders) -> tuple[OwnAssets, list[str]]:
+    def read(folders: OwnFolders) -> "tuple[OwnAssets, list[str]]":
         """Read folders; also one sentence for each skipped file and each guess. Raises UserError."""
         notes: list[str] = []
 

@@ -1,7 +1,5 @@
 """Fits of a known object: its place in a photo, the search for its pose, masks, verdict, deviations."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -46,7 +44,7 @@ class KnownObject:
     surface: Surface
 
     @staticmethod
-    def of(object_class: ObjectClass) -> KnownObject | None:
+    def of(object_class: ObjectClass) -> "KnownObject | None":
         """Return the object of a class pack that has a surface, else None."""
         folder = object_class.folder
         if folder is None or not (folder / FILE).exists():

@@ -1,7 +1,5 @@
 """The place of a known object in a photo, the picture of it, and the weights of a pose's score in it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import astuple, dataclass, replace
 from functools import cached_property
@@ -43,7 +41,7 @@ class Place:
     boxed: bool = True
 
     @staticmethod
-    def of(box: Box | None, told: Hints) -> Place:
+    def of(box: Box | None, told: Hints) -> "Place":
         """Return the place that a box or hints tell: without a box, that of what is known to be seen.
 
         Raises:

@@ -1,7 +1,5 @@
 """The surface of one very object: its triangles with textures, as a file of its mesh states them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -48,7 +46,7 @@ class Surface:
     texels: np.ndarray
 
     @staticmethod
-    def of(pieces: Sequence[Any], class_from_mesh: np.ndarray) -> Surface:
+    def of(pieces: Sequence[Any], class_from_mesh: np.ndarray) -> "Surface":
         """Return the surface of a mesh's pieces (`vertices`, `faces`, `uv`, `texture` in linear RGB).
 
         class_from_mesh: (4, 4) similarity.
@@ -70,7 +68,7 @@ class Surface:
         write_arrays(folder / FILE, {name: getattr(self, name) for name in _TABLE})
 
     @staticmethod
-    def load(folder: Path) -> Surface:
+    def load(folder: Path) -> "Surface":
         """Read it from the folder of a class pack; UserError where it is damaged."""
         with reading(folder / FILE, "the surface of an object", "Make the pack again."):
             arrays, _ = read_tensors(folder / FILE)

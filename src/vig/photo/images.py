@@ -4,8 +4,6 @@ A photo is decoded once, here, and is linear from then on. Unusable files are re
 (UserError) before anything is computed.
 """
 
-from __future__ import annotations
-
 import struct
 import warnings
 import zlib
@@ -70,7 +68,7 @@ def read_picture(path: str | Path, what: str, decode: Callable[[Path, Image.Imag
             refuse(path, f"a whole {what}", f"a damaged one ({error})", "Save or copy it again.")
 
 
-def as_photo(photo: Photo) -> np.ndarray:
+def as_photo(photo: "Photo") -> np.ndarray:
     """Return a photo in any form as linear RGB, (H, W, 3) float32 in [0, 1]."""
     return linear_photo(coded_photo(photo))
 
@@ -93,7 +91,7 @@ def linear_planes(coded: np.ndarray) -> list[Image.Image]:
     return [plane.point(LINEAR.tolist(), "F") for plane in planes]
 
 
-def coded_photo(photo: Photo) -> np.ndarray:
+def coded_photo(photo: "Photo") -> np.ndarray:
     """Return a photo (H, W, 3) as it is kept: uint8 sRGB where it has no more, else float32 linear RGB.
 
     Samples count by their true range (`vig.photo.formats.white_level`) and by the colour encoding that the

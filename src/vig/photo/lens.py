@@ -1,7 +1,5 @@
 """The lens that took a photo: its intrinsics, given or read from EXIF data, and poses before it."""
 
-from __future__ import annotations
-
 import math
 import re
 import reprlib
@@ -57,7 +55,7 @@ class Intrinsics:
     cy: float
 
     @staticmethod
-    def of(camera: Any, width: int, height: int) -> Intrinsics:
+    def of(camera: Any, width: int, height: int) -> "Intrinsics":
         """Return the intrinsics of a photo from any form that callers have them in.
 
         Args:
@@ -100,7 +98,7 @@ class Intrinsics:
         """Return intrinsic matrix (3, 3)."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
-    def scale(self, factor: float) -> Intrinsics:
+    def scale(self, factor: float) -> "Intrinsics":
         """Return the same lens for a photo `factor` times as wide and high."""
         return Intrinsics(self.fx * factor, self.fy * factor, self.cx * factor, self.cy * factor)
 

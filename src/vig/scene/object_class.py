@@ -1,7 +1,5 @@
 """A class of objects as a folder of data (a class pack): no code, no pickle."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Mapping
@@ -202,7 +200,7 @@ class ObjectClass:
         return self.viewing_distance / DISTANCE
 
     @cached_property
-    def at_unit_scale(self) -> ObjectClass:
+    def at_unit_scale(self) -> "ObjectClass":
         """Return the class in the size that suits the paper's camera: its `scale` is 1."""
         if self.scale == 1:
             return self
@@ -233,7 +231,7 @@ class ObjectClass:
         write_json(Path(folder) / "class.json", written, 1)
 
     @staticmethod
-    def load(name_or_folder: str | Path, unfinished: bool = False) -> ObjectClass:
+    def load(name_or_folder: str | Path, unfinished: bool = False) -> "ObjectClass":
         """Read a packaged class by name, or a class pack from a folder. UserError when it is not one.
 
         unfinished: Whether to read also one whose build was stopped before it had a recognizer.

@@ -1,7 +1,5 @@
 """The object from frame to frame: each frame is explained at the object's expected place."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -62,7 +60,7 @@ class Sighting:
     network: np.ndarray | None = None
 
     @staticmethod
-    def of(explanation: Explanation, network: np.ndarray | None = None) -> Sighting:
+    def of(explanation: Explanation, network: np.ndarray | None = None) -> "Sighting":
         """Return the sighting of an explanation."""
         layout = latent_layout(explanation.object_class.shape_model.modes).split(explanation.fit.deviation)
         views, hidden = explanation.fit.alternatives, _hidden_share(explanation)

@@ -1,7 +1,5 @@
 """Poses of frames, smoothed: azimuths that are likeliest together, angles and places that change smoothly."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -85,7 +83,7 @@ class Trajectory:
         return self.numbers[0, 6:].T
 
     @staticmethod
-    def of(sightings: Sequence[Sighting], path: np.ndarray, fold: int = 1) -> Trajectory:
+    def of(sightings: Sequence[Sighting], path: np.ndarray, fold: int = 1) -> "Trajectory":
         """Smooth sightings, whose azimuths count where they are near the chosen ones `path` (T,)."""
         lost = np.array([each.lost for each in sightings])
         hidden = np.array([1 - each.visible_share for each in sightings]) ** 2

@@ -1,7 +1,5 @@
 """Photos and their objects as annotation tools have them: masks, keypoints, a 3-D box; polygons of masks."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -48,7 +46,7 @@ class Annotation:
     corners: np.ndarray | None
 
     @staticmethod
-    def of(described: Mapping[str, Any], visible: np.ndarray, amodal: np.ndarray) -> Annotation:
+    def of(described: Mapping[str, Any], visible: np.ndarray, amodal: np.ndarray) -> "Annotation":
         """Return the annotation of the content of explanation.json and its masks (H, W)."""
         corners, camera = None, described["camera"]
         if bounds := described.get("bounds"):

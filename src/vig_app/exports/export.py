@@ -1,7 +1,5 @@
 """Writes explanations and runs in any of the formats, and removes written files."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cache
 from importlib import import_module
@@ -28,7 +26,7 @@ def run_formats() -> dict[str, tuple[str, ...]]:
 
 
 def export_explanation(
-    explanation: Explanation, folder: str | Path, formats: Sequence[str], photo: str
+    explanation: "Explanation", folder: str | Path, formats: Sequence[str], photo: str
 ) -> Path:
     """Write the files of `Explanation.export`."""
     _check(formats)

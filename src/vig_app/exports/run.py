@@ -1,7 +1,5 @@
 """A finished run as its exports need it: found objects, with the numbers of photos and classes."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -40,7 +38,7 @@ class ExportedRun:
     folders: dict[str, str]
 
     @staticmethod
-    def read(folder: Path, first_id: int) -> ExportedRun:
+    def read(folder: Path, first_id: int) -> "ExportedRun":
         """Return a folder's run, classes numbered by name from `first_id`; UserError as `read_results`."""
         rows = read_results(folder)
         photos = tuple(dict.fromkeys(row["photo"] for row in rows))

@@ -4,8 +4,6 @@ Hidden parts take the colours of their mirror image, where the class has one and
 have the colour of their part.
 """
 
-from __future__ import annotations
-
 import functools
 from dataclasses import dataclass, replace
 
@@ -110,7 +108,7 @@ class _Shown:
     near: float
 
     @staticmethod
-    def of(explanation: Explanation) -> _Shown | None:
+    def of(explanation: Explanation) -> "_Shown | None":
         """Return the surface in an explanation's window; None where it shows nothing of the object."""
         shown, latents = close_up(explanation), explanation.latents
         camera = shown.camera

@@ -1,7 +1,5 @@
 """object.glb of an explanation, and scene.glb of several objects of one photo: binary glTF files (GLB)."""
 
-from __future__ import annotations
-
 import io
 import json
 import math
@@ -58,7 +56,7 @@ class GlbObject:
     extras: dict[str, Any] = field(default_factory=dict)
 
     @staticmethod
-    def of(explanation: Explanation, name: str, *more: Any) -> GlbObject:
+    def of(explanation: Explanation, name: str, *more: Any) -> "GlbObject":
         """Return an explained object; `more` from its node on."""
         return GlbObject(
             name, explanation.object_class, explanation.vertices, part_albedo(explanation), *more

@@ -1,7 +1,5 @@
 """The items of `vig view`: one photo, a result, or a run's photos in review order."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -83,12 +81,12 @@ class Walk:
         self._ahead: tuple[int, Session] | None = None
 
     @staticmethod
-    def of_photo(photo: Path, object_class: str, out: Path) -> Walk:
+    def of_photo(photo: Path, object_class: str, out: Path) -> "Walk":
         """Walk a photo, whose results will be in a folder."""
         return Walk([Item(photo.name, out, photo=(photo, object_class, State()))])
 
     @staticmethod
-    def of_folder(folder: Path) -> Walk:
+    def of_folder(folder: Path) -> "Walk":
         """Walk results: those of a photo or an object, of several objects in a photo, or of a run.
 
         Raises:

@@ -1,7 +1,5 @@
 """Figure 3: errors against occlusion. Reliability: predicted against observed coverage."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -142,7 +140,7 @@ def reliability_figure(
     return save(figure, path)
 
 
-def _logarithmic(axes: Axes) -> None:
+def _logarithmic(axes: "Axes") -> None:
     """Make a logarithmic axis with plain numbers."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 

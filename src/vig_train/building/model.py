@@ -1,7 +1,5 @@
 """The shape model of registered meshes: principal components, smooth deformations, families."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -89,7 +87,7 @@ class _Span:
     root: np.ndarray
 
     @staticmethod
-    def of(shapes: np.ndarray, deformations: np.ndarray, root: np.ndarray) -> _Span:
+    def of(shapes: np.ndarray, deformations: np.ndarray, root: np.ndarray) -> "_Span":
         """Make one of deviations (N, V, 3) and deformations (M, V, 3)."""
         rows = np.concatenate([shapes, deformations]) * root
         axes, coordinates = np.linalg.qr(rows.reshape(len(rows), -1).T)

@@ -1,7 +1,5 @@
 """The object class that registered meshes make: shapes in metres, their components, parts and families."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,7 +40,7 @@ class ClassShapes:
     components: Components
 
     @staticmethod
-    def of(registered: RegisteredMeshes, symmetries: ClassSymmetry, length: float) -> ClassShapes:
+    def of(registered: RegisteredMeshes, symmetries: ClassSymmetry, length: float) -> "ClassShapes":
         """Make shapes whose mean has a longest side of `length` metres."""
         numbers, template = registered.accepted, registered.template
         shapes, symmetrise = _symmetrise(registered.vertices[numbers], template, symmetries)

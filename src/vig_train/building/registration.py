@@ -10,8 +10,6 @@ by Gauss-Newton: pairs are found anew in each step, both ways, from few stiff no
 Distances to planes let the surface slide: smoothness alone decides where along it a vertex comes to lie.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,7 +71,7 @@ class DeformationGraph:
     identity: np.ndarray
 
     @staticmethod
-    def of(vertices: np.ndarray, faces: np.ndarray, count: int) -> DeformationGraph:
+    def of(vertices: np.ndarray, faces: np.ndarray, count: int) -> "DeformationGraph":
         """Make a graph of `count` nodes, far from each other along the surface."""
         chosen, distance = spread_nodes(vertices, edge_graph(vertices, faces), min(count, len(vertices)))
         # Four nodes move a vertex.

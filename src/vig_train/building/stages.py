@@ -1,7 +1,5 @@
 """The stages from meshes to shapes in correspondence; each keeps its result under all that it depends on."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math
@@ -77,7 +75,7 @@ class StandingMesh:
     surface: SurfaceSample
 
     @staticmethod
-    def of(scan: Scan, surface: SurfaceSample, rotation: np.ndarray) -> StandingMesh:
+    def of(scan: Scan, surface: SurfaceSample, rotation: np.ndarray) -> "StandingMesh":
         """Make one of a mesh, its surface in the file's axes, and the rotation (3, 3) that puts it upright.
 
         The size is the root mean square distance of the surface from its middle.

@@ -1,7 +1,5 @@
 """The surface of a mesh that is visible from outside, as registration needs it, whatever the topology."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -26,7 +24,7 @@ class SurfaceSample:
     points: np.ndarray
     normals: np.ndarray
 
-    def transform(self, linear: np.ndarray, offset: np.ndarray) -> SurfaceSample:
+    def transform(self, linear: np.ndarray, offset: np.ndarray) -> "SurfaceSample":
         """Return the sample moved by a linear map (3, 3) and an offset (3,)."""
         normals = self.normals @ np.linalg.inv(linear)
         return SurfaceSample(
@@ -42,7 +40,7 @@ class SurfaceSample:
         """Return places and directions (N, 6): a difference of normals of one counts as distance `weight`."""
         return np.concatenate([self.points, weight * self.normals], axis=1)
 
-    def some(self, count: int) -> SurfaceSample:
+    def some(self, count: int) -> "SurfaceSample":
         """Return at most `count` of the points, at even steps."""
         chosen = np.linspace(0, len(self.points) - 1, min(count, len(self.points))).astype(int)
         return SurfaceSample(self.points[chosen], self.normals[chosen])

@@ -1,7 +1,5 @@
 """A calibration learned on samples: logistic regressions, thresholds, deviations."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -101,7 +99,7 @@ class CalibrationSamples:
     out_of_distribution: np.ndarray
     out_of_distribution_fold: np.ndarray
 
-    def without(self, fold: int) -> CalibrationSamples:
+    def without(self, fold: int) -> "CalibrationSamples":
         """Return the samples without a fold."""
         kept_in, kept_out = self.fold != fold, self.out_of_distribution_fold != fold
         return CalibrationSamples(

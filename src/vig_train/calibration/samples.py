@@ -1,7 +1,5 @@
 """Fits of validation photos, and of photos out of distribution: samples for a calibration, and errors."""
 
-from __future__ import annotations
-
 import math
 import zlib
 from collections.abc import Callable, Sequence
@@ -77,7 +75,7 @@ class StudioPhotos:
         fold: tuple[int, int] | None = None,
         props: str = "",
         things: Split | None = None,
-    ) -> tuple[StudioPhotos, Examples]:
+    ) -> "tuple[StudioPhotos, Examples]":
         """Return images of a seed, level ones of a split's designs, or of a fold's alone (see `Studio`),
         refused meshes left out; and those with the object. Each fold has `count` of its own.
 

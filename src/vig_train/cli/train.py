@@ -88,8 +88,8 @@ def _check_combination(settings: Train, object_class: ObjectClass) -> None:
     alone = settings.mask_alone or settings.map_alone
     map_of_drawn = settings.map_alone and settings.distinct
     own = [name for name in settings.others if ObjectClass.load(name).name == object_class.name]
-    of_others = ("epochs", "rate", "batch", "frozen")
-    of_others = [name for name in of_others if getattr(settings, name) != getattr(Train, name)]
+    names = ("epochs", "rate", "batch", "frozen")
+    of_others = [name for name in names if getattr(settings, name) != getattr(Train, name)]
     for is_wrong, message in (
         (
             settings.mask_alone and settings.map_alone,

@@ -1,7 +1,5 @@
 """Methods run over a dataset, and their errors for each image and metric."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -117,7 +115,7 @@ class Truth:
     """(N, H, W) bool: the object's visible pixels."""
 
     @staticmethod
-    def of(dataset: Dataset, object_class: ObjectClass, visible: np.ndarray) -> Truth:
+    def of(dataset: Dataset, object_class: ObjectClass, visible: np.ndarray) -> "Truth":
         """Return the truth of a dataset, whose images show the object at the pixels (N, H, W) bool."""
         latents = Latents.from_vector(dataset.latents)
         shapes = zip(latents.shape, dataset.design.tolist(), strict=True)

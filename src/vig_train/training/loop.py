@@ -1,7 +1,5 @@
 """The loop by which every network is trained: steps of an optimiser, and epochs that resume."""
 
-from __future__ import annotations
-
 import csv
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -63,7 +61,7 @@ class Trainer(Generic[B]):
         steps: int,
         weight_decay: float = 2e-2,
         weights: Mapping[str, float] | None = None,
-    ) -> Trainer[B]:
+    ) -> "Trainer[B]":
         """Return a trainer with AdamW on parameters, or groups of them; its rate follows `Schedule`."""
         optimizer = torch.optim.AdamW(parameters, learning_rate, weight_decay=weight_decay, fused=True)
         return Trainer(optimizer, loss, Schedule(learning_rate, steps), weights or {})

@@ -4,8 +4,6 @@ Pasted objects make detectors and segmenters robust (Dwibedi et al. 2017; Ghiasi
 sizes below were set by looking at the images that they give, not by results of training with them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -50,7 +48,7 @@ class CutoutLibrary(TensorRows):
     @staticmethod
     def draw(
         seed: int, split: Split, class_name: str, models: ModelCutouts | None, count: int = COUNT
-    ) -> CutoutLibrary:
+    ) -> "CutoutLibrary":
         """Return so many cut-outs of a split's things and models that are not of a class."""
         rng = np.random.default_rng(np.random.SeedSequence([seed, 72]))
         pictures = np.zeros((count, SIDE, SIDE, 4), np.uint8)

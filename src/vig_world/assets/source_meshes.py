@@ -1,7 +1,5 @@
 """The user's own meshes of a class, with their materials, in the class's frame."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Sequence
@@ -80,7 +78,7 @@ class SourceMesh:
         registered: np.ndarray,
         design: int,
         split: str,
-    ) -> SourceMesh:
+    ) -> "SourceMesh":
         """Return the mesh of a file's pieces, moved by a linear map (3, 3) and an offset (3,)."""
         pieces = simplified(list(pieces), MOST_FACES)
         starts = np.cumsum([0] + [len(piece.vertices) for piece in pieces])

@@ -1,7 +1,5 @@
 """Things of the world: props, and furniture with the supports on which props stand."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -103,14 +101,14 @@ class Support:
     clearance: float = float("inf")
     behind: float = float("inf")
 
-    def move(self, offset: tuple[float, float, float], turn: float) -> Support:
+    def move(self, offset: tuple[float, float, float], turn: float) -> "Support":
         """Return the support after its owner was turned by `turn` radians about +Z and then shifted."""
         x, y, z = self.centre
         c, s = np.cos(turn), np.sin(turn)
         centre = (float(c * x - s * y + offset[0]), float(s * x + c * y + offset[1]), z + offset[2])
         return replace(self, centre=centre, turn=self.turn + turn)
 
-    def stretch(self, x: float, y: float, z: float) -> Support:
+    def stretch(self, x: float, y: float, z: float) -> "Support":
         """Return the support after its owner was stretched along its axes; turns are of quarters only."""
         along = (x, y) if abs(np.cos(self.turn)) > 0.5 else (y, x)
         centre = (self.centre[0] * x, self.centre[1] * y, self.centre[2] * z)

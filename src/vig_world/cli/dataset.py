@@ -1,7 +1,5 @@
 """`vig dataset VERB`: the work of each verb."""
 
-from __future__ import annotations
-
 import json
 import re
 import sys
@@ -75,7 +73,7 @@ REASONS = {
 """Why candidates were not taken, where the name of the reason in info.json does not say it."""
 
 
-def _own(settings: Make | Check) -> OwnAssets:
+def _own(settings: Make | Check) -> "OwnAssets":
     """Return the user's custom assets; skipped files and guesses are reported on standard error."""
     from vig_world.library import OwnAssets, OwnFolders
 
@@ -86,7 +84,7 @@ def _own(settings: Make | Check) -> OwnAssets:
     return own
 
 
-def _class(name: str | None) -> ObjectClass | None:
+def _class(name: str | None) -> "ObjectClass | None":
     """Return the class that --class names."""
     from vig.scene import ObjectClass
 

@@ -1,7 +1,5 @@
 """Scatters props over the supports, near the object and in the background, without hiding it."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass
 
@@ -105,7 +103,7 @@ class _Proposals:
     @staticmethod
     def draw(
         stage: StagedRoom, rng: np.random.Generator, supports: list[Support], own: np.ndarray
-    ) -> _Proposals:
+    ) -> "_Proposals":
         """Return random props as near to spots (N, 3) on supports (N), in their frames, as the edges allow.
 
         Half of them are square to the support's edges.

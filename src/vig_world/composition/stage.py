@@ -1,7 +1,5 @@
 """A room with the object in it, filled prop by prop, with the current occlusion of the object."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -70,7 +68,7 @@ class Actor:
     @staticmethod
     def of(
         view: View, object_class: ObjectClass, vertices: np.ndarray, elevation: float, azimuth: float
-    ) -> Actor:
+    ) -> "Actor":
         """Return the object (V, 3) at the origin, seen in a view of `LAYOUT_SIZE` from angles in radians."""
         modes = object_class.shape_model.modes
         dark = Target.of(object_class, vertices, np.zeros(modes), np.zeros(3), np.zeros(9))
@@ -167,7 +165,7 @@ class StagedRoom:
         return engine.stage(*shown, self.closer, actor.ahead, actor.aside, *support, numbers)
 
     @staticmethod
-    def empty(library: Library, actor: Actor, room: Room) -> StagedRoom:
+    def empty(library: Library, actor: Actor, room: Room) -> "StagedRoom":
         """Return a furnished room with the object alone."""
         behind, _ = depth(items_of(library, [], room), actor.view)
         support = library.plan(room.layout).layout.supports[room.support]

@@ -1,7 +1,5 @@
 """Reads a dataset folder as numpy arrays."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
@@ -67,13 +65,13 @@ class Dataset:
     def __len__(self) -> int:
         return len(self.latents)
 
-    def first(self, count: int) -> Dataset:
+    def first(self, count: int) -> "Dataset":
         """Return the first `count` samples, all when there are fewer."""
         of_all = ("folder", "names", "world", "size", "normals", "cut")
         of_each = [field.name for field in fields(self) if field.name not in of_all]
         return replace(self, **{name: getattr(self, name)[:count] for name in of_each})
 
-    def at_network_size(self) -> Dataset:
+    def at_network_size(self) -> "Dataset":
         """Return the same samples with pictures of 150 x 150 pixels, the size of networks' inputs.
 
         The middle square of other sizes, for which the scene was composed, is resampled; occlusion is

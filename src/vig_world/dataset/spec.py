@@ -1,7 +1,5 @@
 """A synthetic scene as plain data: enough to build it again, with either renderer."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -80,7 +78,7 @@ class Placed:
         """Return prop to world, (3, 3) float64."""
         return _matrix(self.rotation)
 
-    def shift(self, way: np.ndarray) -> Placed:
+    def shift(self, way: np.ndarray) -> "Placed":
         """Return the prop moved by (3,) metres."""
         x, y, z = (np.array(self.position) + way).tolist()
         return replace(self, position=(x, y, z))
@@ -170,7 +168,7 @@ class SceneSpec:
         return json.dumps(self, default=vars, separators=(",", ":"))
 
     @staticmethod
-    def from_json(text: str) -> SceneSpec:
+    def from_json(text: str) -> "SceneSpec":
         """Return the inverse of `to_json`. Raises ValueError on anything else."""
         spec: SceneSpec = decode(SceneSpec, parse_json(text))
         return spec

@@ -1,7 +1,5 @@
 """The contents of a picture: assets with their poses, and the object."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -69,7 +67,7 @@ class Target:
     @staticmethod
     def of(
         object_class: ObjectClass, vertices: np.ndarray, shape: ArrayLike, albedo: ArrayLike, light: ArrayLike
-    ) -> Target:
+    ) -> "Target":
         """Return the object (V, 3) near the model's shape (K,), of albedo (3,) linear RGB, in SH light (9,).
 
         Its colour at a vertex is albedo * max(0, sum_l L_l (A_l Y_l(n) + transfer_l)): with self-shadow and

@@ -1,7 +1,5 @@
 """Assets and the object, packed for the raster renderer."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -32,12 +30,12 @@ class PackedAsset:
     slots: tuple[str, ...]
 
     @staticmethod
-    def of(parts: Sequence[tuple[Mesh, Material]]) -> PackedAsset:
+    def of(parts: Sequence[tuple[Mesh, Material]]) -> "PackedAsset":
         """Pack meshes with their materials, see `pack`."""
         return PackedAsset.from_arrays(pack(parts))
 
     @staticmethod
-    def from_arrays(arrays: dict[str, np.ndarray]) -> PackedAsset:
+    def from_arrays(arrays: dict[str, np.ndarray]) -> "PackedAsset":
         """Return the asset that `pack` gave."""
         own = [name for name in arrays if name.startswith("asset_")]
         native = {name.removeprefix("asset_"): arrays[name] for name in own}

@@ -1,7 +1,5 @@
 """Textures as pyramids of 8-bit texels, each level half as wide and high as the one before."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +22,7 @@ class TextureLevels:
     log_size: tuple[int, int]
 
     @staticmethod
-    def of(texture: np.ndarray) -> TextureLevels:
+    def of(texture: np.ndarray) -> "TextureLevels":
         """Return the pyramid of (h, w, 3) linear values in [0, 1].
 
         Sides become powers of two, at most 512, by averaging and linear interpolation across the edges: the

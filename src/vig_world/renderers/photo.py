@@ -1,7 +1,5 @@
 """A camera model for rendered pictures: exposure, colour balance, blur, noise and JPEG."""
 
-from __future__ import annotations
-
 import io
 from dataclasses import dataclass
 
@@ -42,7 +40,7 @@ class PhotoSettings:
     chroma: bool
 
     @staticmethod
-    def draw(rng: np.random.Generator) -> PhotoSettings:
+    def draw(rng: np.random.Generator) -> "PhotoSettings":
         """Draw plausible settings of an indoor photograph by a phone or a small camera."""
         warmth, tint = np.clip(rng.normal(0, [0.05, 0.02]), -0.15, 0.15)
         balance = np.exp([warmth - tint / 2, tint / 2, -warmth - tint / 2])

@@ -39,7 +39,7 @@ def stand(
         ValueError: With the size, when no usual unit makes it one of this kind.
     """
     guesses = []
-    up = settings.up
+    up: str | None = settings.up
     if up is None:
         up, sure = ("y", True) if suffix in (".glb", ".gltf") else _guessed_up(pieces, suffix, kind)
         if not sure:

@@ -1,7 +1,5 @@
 """The Cycles renderer: path traces scenes with Blender in a separate process."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import shutil
@@ -128,7 +126,7 @@ class CyclesRenderer:
             self._worker.close()
             self._worker = None
 
-    def __enter__(self) -> CyclesRenderer:
+    def __enter__(self) -> "CyclesRenderer":
         return self
 
     def __exit__(

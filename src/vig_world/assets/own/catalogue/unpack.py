@@ -1,7 +1,5 @@
 """Unpacks chosen models of furniture catalogues, once, to a folder of plain files in the user's cache."""
 
-from __future__ import annotations
-
 import hashlib
 import posixpath
 import re
@@ -101,7 +99,7 @@ class _Unpacker:
             for path, archive in self.archives.items()
         }
 
-    def __enter__(self) -> _Unpacker:
+    def __enter__(self) -> "_Unpacker":
         return self
 
     def __exit__(self, *error: object) -> None:
