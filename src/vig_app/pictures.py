@@ -253,5 +253,4 @@ def part_colours(shown: CloseUp, albedo: np.ndarray, reflectance: np.ndarray) ->
 
 def _share(distance: np.ndarray) -> np.ndarray:
     """Return the share of a pixel within an edge that is so many pixels away, inwards."""
-    share: np.ndarray = (0.5 + distance).clip(0, 1)
-    return share
+    return (0.5 + distance).clip(0, 1)

@@ -110,8 +110,7 @@ def kind_of(column: str | type) -> type:
             kind = get_args(kind)[0] if step.isdecimal() else bool
         while get_origin(kind) in (Annotated, UnionType, Union):  # its type without bounds, or null
             kind = next(each for each in get_args(kind) if each is not NoneType)
-    found: type = str if get_origin(kind) is Literal else kind
-    return found
+    return str if get_origin(kind) is Literal else kind
 
 
 def name_of(row: Mapping[str, Any]) -> str:

@@ -86,5 +86,4 @@ def packed_text(value: object) -> np.ndarray:
 
 def unpacked_text(array: np.ndarray) -> list:
     """Return the inverse of `packed_text` for lists and tuples, as lists."""
-    value: list = json.loads(array.tobytes())
-    return value
+    return json.loads(array.tobytes())

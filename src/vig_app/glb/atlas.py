@@ -153,8 +153,7 @@ def _charts(faces: np.ndarray, direction: np.ndarray) -> np.ndarray:
         np.minimum.at(first, high, low)
         while (further := first[first] != first).any():
             first[further] = first[first[further]]
-    chart: np.ndarray = np.unique(first, return_inverse=True)[1]
-    return chart
+    return np.unique(first, return_inverse=True)[1]
 
 
 def _flat(vertices: np.ndarray, faces: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

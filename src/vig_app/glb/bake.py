@@ -201,8 +201,7 @@ def _facing(normals: np.ndarray, camera: Camera, part: tuple[slice, slice]) -> n
     x = (columns - camera.cx) / camera.focal
     y = ((rows - camera.cy) / (camera.focal_y or camera.focal))[:, None]
     along = normals[..., 0] * x + normals[..., 1] * y + normals[..., 2]
-    cosine: np.ndarray = -along / np.sqrt(x * x + y * y + 1)
-    return cosine
+    return -along / np.sqrt(x * x + y * y + 1)
 
 
 def _inside(visible: np.ndarray, depth: np.ndarray, jump: float) -> np.ndarray:

@@ -155,8 +155,7 @@ def light_map(light: np.ndarray, azimuth: float) -> np.ndarray:
     directions = np.stack(
         np.broadcast_arrays(np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)), axis=-1
     )
-    radiance: np.ndarray = np.maximum(sh_basis(directions) @ light.astype(np.float64), 0.0)
-    return radiance
+    return np.maximum(sh_basis(directions) @ light.astype(np.float64), 0.0)
 
 
 def _headings(azimuth: float) -> np.ndarray:

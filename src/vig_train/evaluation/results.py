@@ -44,8 +44,7 @@ def predicted_deviation(prediction: Prediction) -> np.ndarray:
     parts = prediction.layout.split(prediction.deviation.astype(np.float64))
     parts["light"] = np.sqrt((rotations_z(best) ** 2 @ parts["light"][:, :, None] ** 2)[:, :, 0])
     layout = latent_layout(prediction.layout.count("shape"))
-    joined: np.ndarray = layout.join(parts | {"azimuth": azimuth[:, None]})
-    return joined
+    return layout.join(parts | {"azimuth": azimuth[:, None]})
 
 
 def write_csv(path: Path, dataset: Dataset, results: dict[str, MethodResult]) -> None:

@@ -142,8 +142,7 @@ class RecognitionNetwork(nn.Module):
         """Return features of the mask head's cells."""
         half, quarter, eighth, sixteenth, coarse = maps
         if self.settings.context:
-            decoded: torch.Tensor = self.context((coarse, sixteenth), (eighth, quarter, half))
-            return decoded
+            return self.context((coarse, sixteenth), (eighth, quarter, half))
         recalled = self.recalled(features).unflatten(1, (-1, self.COARSE_CELLS, self.COARSE_CELLS))
         merged: torch.Tensor = self.deep(torch.cat([coarse, recalled], 1))
         for finer, side, merge in zip((eighth, quarter, half), self.side, self.merge, strict=True):

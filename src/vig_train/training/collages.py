@@ -150,7 +150,4 @@ def _soft_square(side: int) -> torch.Tensor:
 
 
 def _resize(image: torch.Tensor, side: int) -> torch.Tensor:
-    resized: torch.Tensor = functional.interpolate(
-        image[None], (side, side), mode="bilinear", antialias=True
-    )[0]
-    return resized
+    return functional.interpolate(image[None], (side, side), mode="bilinear", antialias=True)[0]

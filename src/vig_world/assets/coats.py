@@ -100,8 +100,7 @@ def mean_albedo(coat: Coat, vertices: np.ndarray, model: ShapeModel) -> np.ndarr
     height = float(model.mean[:, 2].max())
     area = np.linalg.norm(face_normals(vertices, model.faces), axis=1)
     share = np.bincount(model.faces.ravel(), np.repeat(area, 3), minlength=len(vertices))
-    albedo: np.ndarray = albedo_of(coat, vertices, model.parts, height).T @ (share / share.sum())
-    return albedo
+    return albedo_of(coat, vertices, model.parts, height).T @ (share / share.sum())
 
 
 def draw_paint_layer(

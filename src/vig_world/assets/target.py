@@ -81,5 +81,4 @@ def nearest_coefficients(model: ShapeModel, vertices: np.ndarray) -> np.ndarray:
     """Return least-squares coefficients (N, K) of shapes (N, V, 3) in the model's correspondence."""
     flat = (vertices.astype(np.float64) - model.mean).reshape(len(vertices), -1)
     basis = model.basis.reshape(model.modes, -1).astype(np.float64)
-    coefficients: np.ndarray = np.linalg.lstsq(basis.T, flat.T, rcond=None)[0].T
-    return coefficients
+    return np.linalg.lstsq(basis.T, flat.T, rcond=None)[0].T

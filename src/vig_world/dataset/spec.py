@@ -55,8 +55,7 @@ class Room:
 
     def to_world(self, points: np.ndarray) -> np.ndarray:
         """Return points (..., 3) of the layout in the world."""
-        moved: np.ndarray = points @ self.rotation().T + np.array(self.origin)
-        return moved
+        return points @ self.rotation().T + np.array(self.origin)
 
 
 @dataclass(frozen=True)
@@ -170,8 +169,7 @@ class SceneSpec:
     @staticmethod
     def from_json(text: str) -> "SceneSpec":
         """Return the inverse of `to_json`. Raises ValueError on anything else."""
-        spec: SceneSpec = decode(SceneSpec, parse_json(text))
-        return spec
+        return decode(SceneSpec, parse_json(text))
 
 
 @lru_cache(maxsize=256)

@@ -43,8 +43,7 @@ def depth(items: Sequence[Item], view: View) -> tuple[np.ndarray, np.ndarray]:
 
     One sample in the middle of each pixel of the view's camera. owner is (H, W) int32.
     """
-    drawn: tuple[np.ndarray, np.ndarray] = engine.draw_depth([item.native for item in items], view.native)
-    return drawn
+    return engine.draw_depth([item.native for item in items], view.native)
 
 
 def draw(

@@ -83,8 +83,7 @@ def _outline(rng: np.random.Generator, sides: tuple[tuple[float, float], tuple[f
     corners = corners - [wide / 2, deep / 2]
     for _ in range(int(rng.integers(4))):
         corners = np.stack([-corners[:, 1], corners[:, 0]], -1)
-    result: Array = corners + 0.0
-    return result
+    return corners + 0.0
 
 
 def _openings(

@@ -108,8 +108,7 @@ def inside(outline: Array, points: Array) -> Array:
     spans = (a[..., 1] > y) != (b[..., 1] > y)
     rise = np.where(b[..., 1] == a[..., 1], 1.0, b[..., 1] - a[..., 1])
     crossing = a[..., 0] + (y - a[..., 1]) * (b[..., 0] - a[..., 0]) / rise
-    result: Array = (np.sum(spans & (x < crossing), axis=1) % 2).astype(bool)
-    return result
+    return (np.sum(spans & (x < crossing), axis=1) % 2).astype(bool)
 
 
 def _wall(wall: Wall, height: float, openings: list[Opening], depth: float) -> Mesh:

@@ -68,8 +68,7 @@ def settings_of(root: Path, path: Path, cache: dict[Path, dict[str, Any]]) -> Fi
             cache[folder] = _read(folder / FILE)
         name = compose_name(path.relative_to(folder).as_posix())
         merged |= cache[folder]["defaults"] | cache[folder]["files"].get(name, {})
-    settings: FileSettings = decode(FileSettings, merged)
-    return settings
+    return decode(FileSettings, merged)
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -80,16 +80,14 @@ def project_panorama(radiance: np.ndarray) -> np.ndarray:
 
 def grey(light_rgb: np.ndarray) -> np.ndarray:
     """Return luminance (Rec. 709) of RGB light coefficients: (..., 3) to (...)."""
-    luminance: np.ndarray = np.asarray(light_rgb) @ np.array([0.2126, 0.7152, 0.0722])
-    return luminance
+    return np.asarray(light_rgb) @ np.array([0.2126, 0.7152, 0.0722])
 
 
 def expose_light(light: np.ndarray) -> np.ndarray:
     """Return a grey light scaled so that its L00 is the exposure of the paper: (9,) to (9,)."""
     if not light[0] > 0:
         raise ValueError(f"a light needs a positive mean radiance to be exposed; L00 is {light[0]}")
-    scaled: np.ndarray = light * (EXPOSURE_L00 / light[0])
-    return scaled
+    return light * (EXPOSURE_L00 / light[0])
 
 
 def mirror(

@@ -223,8 +223,7 @@ class _Reader:
         if not accessor.get("normalized", False):
             return values.astype(np.float64)
         most = np.iinfo(values.dtype).max
-        fractions: np.ndarray = np.maximum(values.astype(np.float64) / most, -1.0)
-        return fractions
+        return np.maximum(values.astype(np.float64) / most, -1.0)
 
     def _primitive(self, primitive: dict[str, Any], weights: list[float]) -> SurfaceMesh:
         attributes, mode = dict(primitive["attributes"]), primitive.get("mode", TRIANGLES)

@@ -84,8 +84,7 @@ def _values(element: np.ndarray, name: str) -> np.ndarray | None:
 def _corners(element: np.ndarray) -> np.ndarray:
     """Return the lists of corners of an element's rows; none where it has no such property."""
     names = [name for name in CORNERS if name in (element.dtype.names or ())]
-    corners: np.ndarray = element[names[0]] if names else np.zeros(0)
-    return corners
+    return element[names[0]] if names else np.zeros(0)
 
 
 def strip_triangles(indices: np.ndarray) -> list[np.ndarray]:

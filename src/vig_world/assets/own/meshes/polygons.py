@@ -57,5 +57,4 @@ def _ears(outline: np.ndarray, normal: np.ndarray) -> np.ndarray:
     a, b, c = (outline[ears[:, corner]] for corner in range(3))
     backwards = (np.cross(b - a, c - a) @ normal) < 0
     ears[backwards] = ears[backwards, ::-1]
-    result: np.ndarray = ears.astype(np.int64)
-    return result
+    return ears.astype(np.int64)
