@@ -30,8 +30,6 @@ _TABLE = {
 }
 DIRECTIONS, PIXELS = 100, 200
 """Views whose keypoints are kept, some 20 degrees apart, and pixels of the object's diameter in them."""
-MOST_LENGTH = 2000
-"""Pixels of a photo's longer side in which keypoints are sought."""
 SIMILAR, MOST_ALIKE = 0.9, 6
 """Least cosine of the descriptors of a match, and matches of each of a photo's keypoints at most."""
 LEAST_MATCHES = 5
@@ -74,7 +72,8 @@ class Keypoints:
         cv2.setNumThreads(thread_count())
         if picture.dtype != np.uint8:
             picture = srgb8_from_linear(picture)
-        shrunk = min(1.0, MOST_LENGTH / max(picture.shape[:2]))
+        most_length = 2000  # pixels of a photo's longer side in which keypoints are sought
+        shrunk = min(1.0, most_length / max(picture.shape[:2]))
         grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
         if shrunk < 1:
             size = [max(1, round(side * shrunk)) for side in grey.shape[::-1]]

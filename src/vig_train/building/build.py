@@ -145,7 +145,6 @@ def build_class(
     return result
 
 
-"""Files that are named in one line."""
 STEPS = 9
 """Steps of `build_class` that take a while, and begin with a line of their own."""
 

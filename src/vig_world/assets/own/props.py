@@ -19,7 +19,6 @@ from vig_world.assets.things import Material, Parts, PropModel, prop
 from vig_world.mesh import Mesh
 
 MOST_FACES = 20_000
-_GENERIC = ("textured", "model", "mesh", "object", "scene", "untitled", "nontextured")
 _PROP = SizedKind("prop", 0.01, 0.6, furniture=False)
 
 
@@ -46,7 +45,8 @@ def read_props(folder: str | Path) -> tuple[list[PropModel], list[str]]:
 def _called(name: str) -> str:
     """Return a thing's name: its file's stem, or its folder's name if that is generic, such as `model`."""
     path = Path(name)
-    return path.parent.name if path.stem.lower() in _GENERIC and path.parent.name else path.stem
+    generic = ("textured", "model", "mesh", "object", "scene", "untitled", "nontextured")
+    return path.parent.name if path.stem.lower() in generic and path.parent.name else path.stem
 
 
 def read_each(

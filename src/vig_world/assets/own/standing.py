@@ -17,7 +17,6 @@ _UPRIGHT = {  # rows: the file's axes that become x, y, z
     "-y": [[1, 0, 0], [0, 0, 1], [0, -1, 0]],
     "-x": [[0, 0, 1], [0, 1, 0], [-1, 0, 0]],
 }
-_UNITS = {1.0: "metres", 0.001: "millimetres", 0.01: "centimetres"}
 
 
 @dataclass(frozen=True)
@@ -51,9 +50,10 @@ def stand(
     points = np.concatenate([piece.vertices for piece in pieces])
     size = float(np.ptp(points, axis=0).max())
     scale = settings.scale
+    units = {1.0: "metres", 0.001: "millimetres", 0.01: "centimetres"}
     if scale is None:
         middle = np.sqrt(kind.least * kind.most)
-        fitting = [unit for unit in _UNITS if kind.least <= size * unit <= kind.most]
+        fitting = [unit for unit in units if kind.least <= size * unit <= kind.most]
         if not fitting:
             raise ValueError(
                 f"a {kind.noun} of {kind.least:g} to {kind.most:g} m; its largest side is {size:.4g} units, "
@@ -61,7 +61,7 @@ def stand(
             )
         scale = 1.0 if 1.0 in fitting else min(fitting, key=lambda unit: abs(np.log(size * unit / middle)))
         if scale != 1.0:
-            guesses.append(f"took its units for {_UNITS[scale]} (set by scale = {scale:g})")
+            guesses.append(f"took its units for {units[scale]} (set by scale = {scale:g})")
     elif not kind.least <= size * scale <= kind.most:
         raise ValueError(
             f"a {kind.noun} of {kind.least:g} to {kind.most:g} m; by its scale it is {size * scale:.4g} m"

@@ -11,7 +11,6 @@ from vig_world.assets.own.surfaces import GREY, Surface, linear_picture
 
 Statements = dict[bytes, list[bytes]]
 """Statements of a library on a material: the words after each keyword, the last one first."""
-_MARKS = ((b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"), (b"\xef\xbb\xbf", "utf-8-sig"))
 _OPTIONS = {
     b"-s": 3, b"-o": 3, b"-t": 3, b"-mm": 2, b"-blendu": 1, b"-blendv": 1, b"-cc": 1, b"-clamp": 1, b"-bm": 1,
     b"-boost": 1, b"-texres": 1, b"-imfchan": 1, b"-type": 1,
@@ -21,7 +20,8 @@ _OPTIONS = {
 
 def plain_lines(data: bytes) -> list[bytes]:
     """Return the lines of an OBJ or MTL file, continued ones joined; UTF-16 as UTF-8, other text as it is."""
-    encoding = next((encoding for mark, encoding in _MARKS if data.startswith(mark)), None)
+    marks = ((b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"), (b"\xef\xbb\xbf", "utf-8-sig"))
+    encoding = next((encoding for mark, encoding in marks if data.startswith(mark)), None)
     if encoding is None and b"\0" in data[:2]:
         encoding = "utf-16-be" if data[:1] == b"\0" else "utf-16-le"
     if encoding == "utf-8-sig":

@@ -11,7 +11,6 @@ from vig_world.assets.own.surfaces import Surface, SurfaceMesh, colour_faces, co
 
 CORNERS = ("vertex_indices", "vertex_index")
 COLOURS = ("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue"), ("r", "g", "b")
-COORDINATES = ("texture_u", "texture_v"), ("s", "t"), ("u", "v"), ("texture_s", "texture_t")
 _REMARK = re.compile(rb"(?<=[\r\n])(?:comment|obj_info)\b([^\r\n]*)(?:\r\n|\n|\r)")
 
 
@@ -50,7 +49,8 @@ def read_ply(data: bytes, siblings: Siblings) -> list[SurfaceMesh]:
     colours = None if coloured is None else coloured[owner]
     if colours is None and (of_vertices := _colours(points)) is not None:
         colours = colour_faces(of_vertices, faces)
-    uv = next((np.stack([points[u], points[v]], axis=1) for u, v in COORDINATES
+    coordinates = ("texture_u", "texture_v"), ("s", "t"), ("u", "v"), ("texture_s", "texture_t")
+    uv = next((np.stack([points[u], points[v]], axis=1) for u, v in coordinates
                if {u, v} <= set(points.dtype.names or ())), None)  # fmt: skip
     if wedges is not None:
         # A face without a picture may have no coordinates.
