@@ -311,11 +311,9 @@ class Library:
         own = self.own.panoramas
         if own:
             return _expose(own[number].radiance)
-
-        def made() -> Arrays:
-            return {"radiance": _expose(panorama(asset_rng(self.split, "panorama", number)))}
-
-        return self._cached(False, f"panorama/{number}", made)["radiance"]
+        rng = asset_rng(self.split, "panorama", number)
+        held = self._cached(False, f"panorama/{number}", lambda: {"radiance": _expose(panorama(rng))})
+        return held["radiance"]
 
     def surroundings(self, number: int) -> np.ndarray:
         """Return panorama `number` for a path tracer: that of `radiance`, or a custom one at full size."""
@@ -323,10 +321,8 @@ class Library:
         return _expose(own[number].sharp()) if own else self.radiance(number)
 
     def _light_parts(self, number: int) -> np.ndarray:
-        def made() -> Arrays:
-            return {"light": light_parts(self.radiance(number))}
-
-        return self._cached(bool(self.own.panoramas), f"light/{number}", made)["light"]
+        own, name = bool(self.own.panoramas), f"light/{number}"
+        return self._cached(own, name, lambda: {"light": light_parts(self.radiance(number))})["light"]
 
     def light(self, number: int, angle: float, ground_albedo: float) -> np.ndarray:
         """Return SH light (9,) above a level support in a panorama turned by `angle` radians about +Z.

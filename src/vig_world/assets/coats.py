@@ -35,12 +35,8 @@ def stock_texture(number: int) -> np.ndarray:
 def stock_decoration(number: int) -> np.ndarray:
     """Return a decoration for ceramics: (S, 2 S, 4) float32 linear albedo and coverage."""
 
-    def made() -> Arrays:
-        return {
-            "paint": decoration(np.random.default_rng(np.random.SeedSequence([number, 32])), TEXTURE_SIZE)
-        }
-
-    return asset_cache().arrays(f"coat/decoration/{number}", made)["paint"]
+    rng, name = np.random.default_rng(np.random.SeedSequence([number, 32])), f"coat/decoration/{number}"
+    return asset_cache().arrays(name, lambda: {"paint": decoration(rng, TEXTURE_SIZE)})["paint"]
 
 
 def any_colour(rng: np.random.Generator) -> np.ndarray:

@@ -22,8 +22,6 @@ class Instance:
     Attributes:
         name: `target`, `wall`, `floor`, `ceiling`, `room-NN` (the rest of the furnished room) or
             `prop-NN/family/part`.
-        key: Two instances of the same key have the same mesh, normals and texture, so a renderer may keep
-            them.
         mesh: Metres, own frame; uv (0, 0) at the texture's bottom left, repeated outside [0, 1].
         normals: (V, 3) unit.
         material: Its material, without a slot's stand-in.
@@ -32,7 +30,6 @@ class Instance:
     """
 
     name: str
-    key: str
     mesh: Mesh
     normals: np.ndarray
     material: Material
@@ -56,14 +53,13 @@ def build(library: Library, spec: SceneSpec, object_class: ObjectClass) -> list[
     target = Mesh(vertices, faces, np.full((len(vertices), 2), 0.5, np.float32))
     ceramic = Material(np.array(spec.albedo, np.float32).reshape(1, 1, 3), "ceramic", 0.5)
     normals = vertex_normals(vertices, faces)
-    instances = [Instance(TARGET, "", target, normals, ceramic, np.eye(3), np.zeros(3))]
+    instances = [Instance(TARGET, target, normals, ceramic, np.eye(3), np.zeros(3))]
     instances += _room(library, spec)
     for number, placed in enumerate(spec.props):
         pose = (placed.matrix(), np.array(placed.position))
         for part, (mesh, material) in enumerate(library.prop(placed.family, placed.asset).parts):
             name = f"prop-{number:02d}/{placed.family}/{part}"
-            key = f"{placed.family}/{placed.asset}/{part}"
-            instances.append(_instance(name, key, mesh, material, *pose))
+            instances.append(_instance(name, mesh, material, *pose))
     return instances
 
 
@@ -73,21 +69,19 @@ def _room(library: Library, spec: SceneSpec) -> list[Instance]:
     finishes = dict(spec.room.finishes)
     instances = []
     for number, (mesh, material) in enumerate(by_finish(library.layout(spec.room.layout).parts)):
-        key = f"layout-{spec.room.layout}/{number}"
         name = material.slot if material.slot in ("wall", "floor", "ceiling") else f"room-{number:02d}"
         if material.slot:
             finish = finishes[material.slot]
             texture = library.finish(finish.kind, finish.asset)
             material = replace(material, texture=texture, kind=finish.kind)
-            key += f"/{finish.kind}-{finish.asset}-{finish.metres}"
             assert mesh.uv is not None
             mesh = Mesh(mesh.vertices, mesh.faces, mesh.uv / np.float32(finish.metres))
-        instances.append(_instance(name, key, mesh, material, *pose))
+        instances.append(_instance(name, mesh, material, *pose))
     return instances
 
 
 def _instance(
-    name: str, key: str, mesh: Mesh, material: Material, rotation: np.ndarray, translation: np.ndarray
+    name: str, mesh: Mesh, material: Material, rotation: np.ndarray, translation: np.ndarray
 ) -> Instance:
     normals = vertex_normals(mesh.vertices, mesh.faces).astype(np.float32)
-    return Instance(name, key, mesh, normals, material, rotation, translation)
+    return Instance(name, mesh, normals, material, rotation, translation)
