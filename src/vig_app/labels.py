@@ -251,8 +251,7 @@ def _decode_runs(text: str) -> list[int]:
 
 # labelme and CVAT: shapes, which a group joins to an object
 
-Shape = tuple[bool, Any, Label]
-"""Whether a shape is a point; its group or None; what it states."""
+Shape = tuple[bool, Any, Label]  # whether a shape is a point; its group or None; what it states
 
 
 def _join_shapes(

@@ -27,18 +27,14 @@ BORDER = np.array([20, 20, 20], np.float32)
 """Colour next to the outline, so that it shows on bright and yellow ground, too."""
 HIDDEN = np.array([235, 40, 120], np.float32)
 HIDDEN_SHARE = 0.5
-PANEL = 300
-"""Pixels a side of the pictures in `draw_panels`."""
-LABEL = 22
-"""Pixels of the line above each with its name."""
-LEAST_PIXELS = 30
-"""Visible pixels from which a part's own colour is estimated."""
+PANEL = 300  # pixels a side of the pictures in `draw_panels`
+LABEL = 22  # pixels of the line above each with its name
+LEAST_PIXELS = 30  # visible pixels from which a part's own colour is estimated
 WHITE, BRIGHT, DARK = np.float32(255), np.float32(217), np.float32(38)
 """8-bit levels of `draw_panels`, those of visible pixels in the mask, and of grounds."""
 RESIDUAL_COLOURS = np.array([[0.80, 0.10, 0.10], [0.10, 0.25, 0.80]], np.float32)
 """Colours where the photo is brighter, and where it is darker."""
-TINT = 0.2
-"""Share of an object's colour in its tint."""
+TINT = 0.2  # share of an object's colour in its tint
 COLOURS = np.array([(255, 220, 0), (0, 220, 255), (255, 90, 220), (120, 255, 90)], np.float32)
 """Colours of the tints of several objects, in turn."""
 

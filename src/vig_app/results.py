@@ -75,8 +75,7 @@ VERDICTS = ("failed", "absent", "reverted", "ambiguous", "trusted")
 """Verdicts in the order in which photos are to be reviewed."""
 FORMULA = re.compile("'*[=+\\-@\t\r\n\uff1d\uff0b\uff0d\uff20]")
 """Beginning of texts that spreadsheets would compute; a quote before it makes them texts."""
-GROUP = 4096
-"""Rows of a table that are written at once."""
+GROUP = 4096  # rows of a table that are written at once
 
 
 def row_of_record(described: Mapping[str, Any], **of_run: Any) -> dict[str, Any]:

@@ -27,5 +27,4 @@ def _load() -> ModuleType:
 
 engine = _load()
 """The module with geometry, photos, prior, evaluate, search, minimum_cut, colour_density; see bindings.cc."""
-ISA = engine.__name__.removeprefix("vig_native._")
-"""The instruction set that it was compiled for."""
+ISA = engine.__name__.removeprefix("vig_native._")  # the instruction set that it was compiled for

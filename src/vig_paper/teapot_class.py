@@ -10,8 +10,7 @@ from pathlib import Path
 from vig.io.files import write_json
 from vig_world.assets.held_out import NAMED
 
-PACK = Path(__file__).parent / "teapot"
-"""Folder of the pack that is part of this package."""
+PACK = Path(__file__).parent / "teapot"  # folder of the pack that is part of this package
 
 
 def copy_class(folder: Path, designs: bool) -> None:

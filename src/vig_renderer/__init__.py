@@ -17,8 +17,7 @@ _HOMES = {
 }
 """Module of each public name: imported on first use, as torch takes a second."""
 
-NEAR = 0.01
-"""Metres along the optical axis; nothing nearer is drawn by default."""
+NEAR = 0.01  # metres along the optical axis; nothing nearer is drawn by default
 
 __all__ = ["NEAR", *_HOMES]
 

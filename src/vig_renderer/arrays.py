@@ -5,8 +5,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-Array: TypeAlias = Any
-"""An array of numpy or a tensor of torch."""
+Array: TypeAlias = Any  # an array of numpy or a tensor of torch
 
 
 def is_tensor(value: Any) -> bool:

@@ -9,8 +9,7 @@ import math
 from vig_renderer.arrays import Array, floating, namespace
 
 L_COUNT = 9
-COSINE_LOBE = (1.0, *([2.0 / 3.0] * 3), *([0.25] * 5))
-"""A_l repeated over m: nine numbers."""
+COSINE_LOBE = (1.0, *([2.0 / 3.0] * 3), *([0.25] * 5))  # A_l repeated over m: nine numbers
 
 Y00 = 0.5 / math.sqrt(math.pi)
 Y1 = math.sqrt(3 / (4 * math.pi))

@@ -15,8 +15,7 @@ from vig_renderer import general
 from vig_renderer.internals import transforms
 from vig_renderer.packing import INPUTS, PackedScenes
 
-Tensors = Sequence[Any]
-"""Tensors, None where there is none."""
+Tensors = Sequence[Any]  # tensors, None where there is none
 Stage = Any
 """`Draw`, `FullMasks` or `Surface`: a function of tensors, its way back, and the same in plain torch."""
 

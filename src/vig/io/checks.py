@@ -22,12 +22,9 @@ from safetensors import safe_open
 from vig.io.errors import UserError
 from vig_renderer.checks import check_indices as check_indices
 
-MOST_JSON = 16 << 20
-"""Bytes of a JSON file, unless its reader has another limit."""
-MOST_TABLE = 1 << 30
-"""Bytes of a JSON file with an entry for each of many photos."""
-MOST_TENSORS = 1 << 30
-"""Bytes of a safetensors file."""
+MOST_JSON = 16 << 20  # bytes of a JSON file, unless its reader has another limit
+MOST_TABLE = 1 << 30  # bytes of a JSON file with an entry for each of many photos
+MOST_TENSORS = 1 << 30  # bytes of a safetensors file
 
 _LEARNING = threading.RLock()
 """Held where msgspec learns types, as it does not expect two threads there."""

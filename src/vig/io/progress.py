@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.progress import Progress
 
-SECONDS = 30.0
-"""Seconds after which a log gets a line, where `SHARE` does not come first."""
-SHARE = 0.1
-"""Share of the run after which a log gets a line."""
+SECONDS = 30.0  # seconds after which a log gets a line, where `SHARE` does not come first
+SHARE = 0.1  # share of the run after which a log gets a line
 BETWEEN_MARKS = 1.0
 """Seconds between the times that a meter remembers, and of those that a rate is of, at least."""
 

@@ -6,8 +6,7 @@ from vig.known_object.picture import LEAST_COLOUR, Picture
 from vig.known_object.surface import Surface
 from vig_native import engine
 
-PIXELS = 40
-"""Longer side of the object in the picture."""
+PIXELS = 40  # longer side of the object in the picture
 MOVES = np.array([0.02, 0.02, 0.02, 0.004, 0.004, 0.008])
 """Differences of a pose by which its derivatives are taken: radians about x, y, z; shares of the distance."""
 

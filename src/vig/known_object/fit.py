@@ -25,8 +25,7 @@ from vig.scene.camera import FOCAL_OVER_WIDTH, angle_difference, view_of
 from vig_native import engine
 from vig_renderer.harmonics import COSINE_LOBE, L_COUNT, Y00, Y1
 
-MARGIN = 1.3
-"""Side of the window that is searched over the longer side of the object's box."""
+MARGIN = 1.3  # side of the window that is searched over the longer side of the object's box
 STEPS = np.array([0.05, 0.05, 0.05, 0.01, 0.01, 0.02])
 """Differences by which a score's curvature is measured: radians about x, y, z; shares of the distance."""
 
@@ -357,8 +356,7 @@ class KnownObject:
 
 def assumed_lens(width: int, height: int) -> Intrinsics:
     """Return the lens of a photo of which none is known."""
-    # that of phones and webcams
-    return Intrinsics.of(0.9 * max(width, height), width, height)
+    return Intrinsics.of(0.9 * max(width, height), width, height)  # that of phones and webcams
 
 
 def _agrees(view: tuple[float | None, ...], rotations: np.ndarray) -> np.ndarray:

@@ -32,8 +32,7 @@ DIRECTIONS, PIXELS = 100, 200
 """Views whose keypoints are kept, some 20 degrees apart, and pixels of the object's diameter in them."""
 SIMILAR, MOST_ALIKE = 0.9, 6
 """Least cosine of the descriptors of a match, and matches of each of a photo's keypoints at most."""
-LEAST_MATCHES = 5
-"""Keypoints that one pose explains."""
+LEAST_MATCHES = 5  # keypoints that one pose explains
 
 
 @dataclass(frozen=True)

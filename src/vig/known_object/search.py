@@ -17,15 +17,12 @@ VIEWS, TURNS = 400, 36
 """Directions from which an object is drawn, some 10 degrees apart, and turns of each about the sight line."""
 VIEW_PIXELS, VIEW_SAMPLES = 24, 4
 """Pixels a side of a view, and samples a side of each: print is blurred, as in a photo that small."""
-VIEW_DISTANCE = 6.0
-"""Distance of the views' camera in radii of the object, with little perspective."""
+VIEW_DISTANCE = 6.0  # distance of the views' camera in radii of the object, with little perspective
 MOST_ASPECT = 0.35
 """A view is left out where the log ratio of its box's sides differs by more from the given box's, unless
 fewer than 200 remained."""
-SAME = math.radians(5.0)
-"""Angle below which poses that were refined are one."""
-APART = math.radians(16.0)
-"""Least angle between views that are refined."""
+SAME = math.radians(5.0)  # angle below which poses that were refined are one
+APART = math.radians(16.0)  # least angle between views that are refined
 LOOSE_OUTLINE = 1.0
 """In place of `ScoreWeights.outline` for views where a box alone tells what is the object's."""
 

@@ -11,8 +11,7 @@ from vig.known_object.search import Poses
 from vig.known_object.surface import Surface
 from vig.scene.functions import sigmoid
 
-DISTINCT = math.radians(25.0)
-"""Angle from which poses are different."""
+DISTINCT = math.radians(25.0)  # angle from which poses are different
 ODDS, BOX_ODDS = (-1.75, 0.19, 0.66, 1.05), (-3.33, 0.04, -0.01, 1.28)
 """Log odds that a pose is right, its points a tenth of the diameter off at most: constant, per score, per
 lead over every other pose, per log of 1 + keypoints; with a mask, and without. Fitted to photos of HOPE under

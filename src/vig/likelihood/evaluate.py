@@ -12,8 +12,7 @@ from vig.scene import Camera
 from vig.search.optimizer import Evaluation
 from vig_native import engine
 
-CURVATURE_LINES = 75
-"""Lines of pixels that enter the normal matrix, unless a stride is given."""
+CURVATURE_LINES = 75  # lines of pixels that enter the normal matrix, unless a stride is given
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,7 @@ from vig_native import engine
 DENSITIES = tuple(engine.DENSITIES)
 """Names of the noise densities of a visible pixel: a header each in vig_native/densities, see density.h."""
 DEFAULT_DENSITY = "gaussian"
-FLOOR = 0.05
-"""Share of the uniform density, for colours that the photo does not show elsewhere."""
+FLOOR = 0.05  # share of the uniform density, for colours that the photo does not show elsewhere
 
 
 def log_colour_density(photo: np.ndarray, weights: np.ndarray) -> np.ndarray:

@@ -26,8 +26,7 @@ from vig.scene import srgb_from_linear
 from vig.scene.functions import sigmoid
 from vig_native import engine
 
-NEVER = -1e30
-"""Stands for log 0 in a prior: finite, so that no infinity meets another."""
+NEVER = -1e30  # stands for log 0 in a prior: finite, so that no infinity meets another
 
 NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1))
 """Steps (down, right) to half of a pixel's eight neighbours; the other half are the same links backwards."""
@@ -35,8 +34,7 @@ NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1))
 RESIDUAL_SCALES = (0.01, 0.03, 0.1, 0.3)
 """Standard deviations in sRGB, equally likely, of a visible pixel's distance from a finished fit."""
 
-CAPACITY_PER_NAT = 1000
-"""Units of capacity a nat: rounding costs a thousandth of a nat."""
+CAPACITY_PER_NAT = 1000  # units of capacity a nat: rounding costs a thousandth of a nat
 
 
 @dataclass(frozen=True)

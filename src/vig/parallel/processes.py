@@ -27,14 +27,11 @@ Result = TypeVar("Result")
 
 AHEAD = 2
 """Items handed out at once to each process: enough that none waits, and few copies of their arrays."""
-WINDOW = 16
-"""Items of each process by which one may be ahead of the oldest that is not done."""
-ATTEMPTS = 3
-"""Processes that may die of one item."""
+WINDOW = 16  # items of each process by which one may be ahead of the oldest that is not done
+ATTEMPTS = 3  # processes that may die of one item
 RENEWED_AFTER = 4000
 """Items after which a process is replaced by a new one, which bounds memory leaks in libraries."""
-UNGUARDED = 78
-"""Exit code of a process that asked for processes itself as it imported the program."""
+UNGUARDED = 78  # exit code of a process that asked for processes itself as it imported the program
 
 
 @dataclass(frozen=True)

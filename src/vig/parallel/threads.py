@@ -28,8 +28,7 @@ Result = TypeVar("Result")
 _here = threading.local()
 _starting = threading.Lock()
 _chosen: int | None = None
-_told = False
-"""Whether the number chosen before torch was loaded has been passed to it."""
+_told = False  # whether the number chosen before torch was loaded has been passed to it
 
 
 def thread_count() -> int:

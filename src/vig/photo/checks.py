@@ -7,8 +7,7 @@ from typing import NoReturn
 from vig.io.errors import UserError
 from vig.io.files import as_stored
 
-MIN_SIDE = 16
-"""Pixels of a photo's shorter side, at least."""
+MIN_SIDE = 16  # pixels of a photo's shorter side, at least
 MAX_PIXELS = 250_000_000
 """Pixels of a photo, at most: phones have 200 megapixels, whose 8-bit RGB takes 2 GB to decode."""
 ADDRESS = re.compile(r"[A-Za-z][\w+.-]+:/")

@@ -26,12 +26,9 @@ _PRIMARIES = {
     11: (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.314, 0.351),
     12: (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, *D65),
 } | dict.fromkeys((1, 2, 5, 6, 7, 22), REC709)
-PQ = 16
-"""Number of the perceptual quantiser among transfer characteristics (ITU-T H.273)."""
-HLG = 18
-"""Number of hybrid log-gamma among them."""
-SDR_WHITE = 203.0
-"""cd/m2 of diffuse white in HDR pictures (ITU-R BT.2408), which becomes 1."""
+PQ = 16  # number of the perceptual quantiser among transfer characteristics (ITU-T H.273)
+HLG = 18  # number of hybrid log-gamma among them
+SDR_WHITE = 203.0  # cd/m2 of diffuse white in HDR pictures (ITU-R BT.2408), which becomes 1
 _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 Profile = ImageCms.ImageCmsProfile
 Curve = Callable[[np.ndarray], np.ndarray]

@@ -30,8 +30,7 @@ if TYPE_CHECKING:
 else:  # a tensor is one of numpy's where it is used
     Photo = str | Path | Image.Image | np.ndarray
 Picture = TypeVar("Picture")
-ROUNDING = 1e-6
-"""Excess of floats beyond [0, 1] that is allowed: resampling rounds."""
+ROUNDING = 1e-6  # excess of floats beyond [0, 1] that is allowed: resampling rounds
 
 
 def read_photo(path: str | Path) -> np.ndarray:

@@ -36,8 +36,7 @@ SIZES = (
 """Keys of width, of height, and of both."""
 MATRICES = ("K", "k", "cam_K", "camera_matrix", "intrinsic_matrix", "intrinsics")
 """Keys of K, or of fx, fy, cx, cy."""
-PARAMETERS = "params"
-"""COLMAP's key of fx, fy, cx, cy or f, cx, cy, and coefficients of distortion."""
+PARAMETERS = "params"  # COLMAP's key of fx, fy, cx, cy or f, cx, cy, and coefficients of distortion
 FIELDS = (("fx", "fl_x"), ("fy", "fl_y"), ("cx", "ppx"), ("cy", "ppy"))
 REMEDY = "Give fx,fy,cx,cy in pixels of this photo, undistorted."
 

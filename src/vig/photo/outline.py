@@ -8,14 +8,10 @@ from PIL import Image
 from vig.photo.filters import gaussian_filter
 from vig.photo.masks import box_of
 
-FINER = 4
-"""Distances are kept at so many points a pixel of the map."""
-SMOOTH = 0.5
-"""Pixels of the map within which staircases are smoothed."""
-REACH = 12
-"""Pixels of the map up to which distances are measured; farther away they stay at that."""
-BESIDE = 5
-"""Points from which distances are smoothed."""
+FINER = 4  # distances are kept at so many points a pixel of the map
+SMOOTH = 0.5  # pixels of the map within which staircases are smoothed
+REACH = 12  # pixels of the map up to which distances are measured; farther away they stay at that
+BESIDE = 5  # points from which distances are smoothed
 SMALLEST_PICTURE = 320
 """Pixels of the longer side of the smallest pictures on which outlines are drawn."""
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from vig.scene import Camera
 
-STEPS = 10
-"""Gauss-Newton steps, at most; three are enough for most poses."""
+STEPS = 10  # Gauss-Newton steps, at most; three are enough for most poses
 
 
 def project(K: np.ndarray, pose: np.ndarray, points: np.ndarray) -> np.ndarray:

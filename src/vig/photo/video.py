@@ -20,10 +20,8 @@ ENDINGS = frozenset(".3gp .avi .flv .m2ts .m4v .mkv .mov .mp4 .mpeg .mpg .mts .o
 """Endings of files that are taken for videos."""
 PICTURE_CODECS = frozenset("bmp gif jpeg2000 mjpeg png tiff webp".split())
 """Codecs of covers that are not marked as such, in a film of another codec."""
-FORMAT = 2
-"""Version of frames: others, of an earlier vig, are written anew."""
-WHOLE = "frames.json"
-"""Written after all frames: their file, and their number."""
+FORMAT = 2  # version of frames: others, of an earlier vig, are written anew
+WHOLE = "frames.json"  # written after all frames: their file, and their number
 
 
 def is_video(path: Path) -> bool:

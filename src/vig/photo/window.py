@@ -24,20 +24,16 @@ WINDOW_OVER_BOX = 1.4
 BOX_BELOW_CENTRE = 0.033
 """Distance of the box's centre below the window's, in sides of the window (median of training images)."""
 
-SMALLEST_BOX = 8
-"""Pixels of a box's shorter side, at least."""
+SMALLEST_BOX = 8  # pixels of a box's shorter side, at least
 PREFILTER_PIXELS = 4
 """Pixels of the halved photo per pixel of its window, at least: with 2, fits turn by a degree or two."""
-LINES = 256
-"""Lines of a photo that are drawn at a time."""
-STRIP = 32
-"""Lines of a half that are made at a time."""
+LINES = 256  # lines of a photo that are drawn at a time
+STRIP = 32  # lines of a half that are made at a time
 DISTANCE_RATIO_BOUNDS = (0.75, 25.0)
 """Bounds: a camera just outside the object, and one so far away that perspective does not show."""
 
 
-BESIDE = 4
-"""Pixels beside a window that its resampling may read."""
+BESIDE = 4  # pixels beside a window that its resampling may read
 
 Place = TypeVar("Place", float, np.ndarray)
 

@@ -17,14 +17,10 @@ def angle_difference(a: Array, b: Array) -> Array:
     return (a - b + math.pi) % (2 * math.pi) - math.pi
 
 
-FOCAL_OVER_WIDTH = 1.12
-"""Focal length over the image's width of the paper's camera."""
-DISTANCE = 0.4
-"""Metres of the paper's camera, which suits things of a teapot's size."""
-IMAGE_SIZE = 150
-"""Pixels a side of the images that are fitted, as in the paper."""
-MOST_PIXELS = 16_384
-"""A side of an image."""
+FOCAL_OVER_WIDTH = 1.12  # focal length over the image's width of the paper's camera
+DISTANCE = 0.4  # metres of the paper's camera, which suits things of a teapot's size
+IMAGE_SIZE = 150  # pixels a side of the images that are fitted, as in the paper
+MOST_PIXELS = 16_384  # a side of an image
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,7 @@ from functools import cache, cached_property
 from vig.scene.light import L_COUNT
 from vig_renderer.arrays import Array, is_tensor, namespace
 
-SHAPE_LIMIT = 3.0
-"""Shape coefficients stay within this many standard deviations."""
+SHAPE_LIMIT = 3.0  # shape coefficients stay within this many standard deviations
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,7 @@ from vig.several.known import find_known_together, fit_known_jointly
 from vig.several.scene import SceneExplanation
 from vig_renderer.defaults import with_default_settings
 
-MOST_OBJECTS = 24
-"""Objects of one photo, at most."""
+MOST_OBJECTS = 24  # objects of one photo, at most
 
 
 @with_default_settings

@@ -19,10 +19,8 @@ from vig.photo.pinhole import project, turned_pose
 from vig.recognition import Prediction, find
 from vig.scene import Camera, latent_layout, rotate_z
 
-MOST_HIDDEN = 0.85
-"""Share hidden from which a frame does not locate the object."""
-SLOWING = 0.9
-"""Factor of the speed for each frame without the object."""
+MOST_HIDDEN = 0.85  # share hidden from which a frame does not locate the object
+SLOWING = 0.9  # factor of the speed for each frame without the object
 
 
 @dataclass(frozen=True)

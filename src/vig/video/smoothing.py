@@ -5,19 +5,14 @@ from collections import deque
 
 import numpy as np
 
-BINS = 180
-"""Bins of the circle, in which views are chosen; speeds are whole bins a frame."""
-FASTEST = 15
-"""Bins that an object turns by from one frame to the next, at most: 30 degrees."""
-SPEED_OTHER = 0.02
-"""Probability of any other change of the speed."""
+BINS = 180  # bins of the circle, in which views are chosen; speeds are whole bins a frame
+FASTEST = 15  # bins that an object turns by from one frame to the next, at most: 30 degrees
+SPEED_OTHER = 0.02  # probability of any other change of the speed
 KEEPING = 4.0
 """Nats by which a path must be likelier than those that continue from the last angle, to replace them.
 Chosen, as `vig.video.tracker`'s numbers, on videos of the validation split by benchmarks.tracking."""
-TAILS = 4.0
-"""Degrees of freedom of the Student distribution of single frames' measurements."""
-SPEEDS = np.arange(-FASTEST, FASTEST + 1)
-"""(S,) bins a frame."""
+TAILS = 4.0  # degrees of freedom of the Student distribution of single frames' measurements
+SPEEDS = np.arange(-FASTEST, FASTEST + 1)  # (S,) bins a frame
 # 1.0: standard deviation in bins by which its speed changes from frame to frame
 _USUAL = np.exp(-0.5 * ((SPEEDS[:, None] - SPEEDS) / 1.0) ** 2)
 LOG_CHANGE = np.log((1 - SPEED_OTHER) * _USUAL / _USUAL.sum(1, keepdims=True) + SPEED_OTHER / len(SPEEDS))

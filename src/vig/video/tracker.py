@@ -28,10 +28,8 @@ from vig.video.smoothing import LikeliestPath
 from vig.video.trajectory import FAR, FramePose, Trajectory, azimuth_off, camera_before, view_evidence
 from vig_renderer.defaults import with_default_settings
 
-MEMORY = 24
-"""Frames whose numbers are smoothed for the pose in the last one."""
-GIVEN_UP = 8
-"""Frames without the object after which it is sought in the whole frame."""
+MEMORY = 24  # frames whose numbers are smoothed for the pose in the last one
+GIVEN_UP = 8  # frames without the object after which it is sought in the whole frame
 ALIKE = np.array([2.6, 1.3, 1.0, 1.0, 1.0, 1.3])
 """Factors of the smoothed deviations of azimuth, elevation, place, size and roll, so that for the angles
 90 % intervals held on videos of the validation split."""

@@ -19,8 +19,7 @@ from vig_app.cli.options import HintOptions, PlaceOptions, changed_options
 from vig_app.labels import Label, read_labels
 
 REMEDY = 'Write {"photo.jpg": [x, y, w, h]}, or a list of these or of {"box": [x, y, w, h], "class": "mug"}.'
-Objects = tuple[tuple[str, Box], ...]
-"""Class and box of each object of a photo."""
+Objects = tuple[tuple[str, Box], ...]  # class and box of each object of a photo
 
 
 def boxes_of(

@@ -17,8 +17,7 @@ from vig.io.printing import note
 Value = TypeVar("Value")
 NUMBERS = re.compile(r"(\d{9,}\.\d+|\d+)")
 """In names: whole ones, and Unix times, whose fractions have any number of digits."""
-Parts = tuple[str, ...]
-"""The parts of a path."""
+Parts = tuple[str, ...]  # the parts of a path
 
 
 def in_order(paths: Iterable[Path]) -> list[Path]:

@@ -23,8 +23,7 @@ from vig_app.report.sheet import sheet_name
 from vig_app.results import TABLES
 from vig_app.runs import LEDGER
 
-FRAMES = "frames"
-"""Folder of the frames of videos within that of the results."""
+FRAMES = "frames"  # folder of the frames of videos within that of the results
 EXPORTS = (Path(file).parts[0] for files in run_formats().values() for file in files)
 TAKEN = {"report.html", sheet_name(0), LEDGER, FRAMES, *TABLES, *EXPORTS}
 """Names within a run's folder that no photo's folder may have."""

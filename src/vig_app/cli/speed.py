@@ -9,8 +9,7 @@ from typing import Any
 
 from vig.io.files import cache_folder
 
-LARGE_CACHE = 500_000_000
-"""Bytes of the cache folder from which its removal is named."""
+LARGE_CACHE = 500_000_000  # bytes of the cache folder from which its removal is named
 CGROUPS = (
     ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory.current"),
     ("/sys/fs/cgroup/memory/memory.limit_in_bytes", "/sys/fs/cgroup/memory/memory.usage_in_bytes"),

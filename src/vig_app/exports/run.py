@@ -8,8 +8,7 @@ from typing import Any
 
 from vig_app.results import read_results
 
-OBJECT_ID = 1
-"""BOP and COCO count classes from 1; an explanation has one."""
+OBJECT_ID = 1  # BOP and COCO count classes from 1; an explanation has one
 FILE_NUMBERS = (r"()(?:^|/)([0-9]+)", r"()(?:^|/|[^0-9])([0-9]{1,18})")
 """Ends of paths that number the image: files named by a number, or with one at the end."""
 SCENE_NUMBERS = (r"([0-9]+)/(?:rgb|gray)/([0-9]+)", *FILE_NUMBERS)

@@ -12,18 +12,14 @@ import numpy as np
 from vig.renderer.drawing import draw_mesh, mesh_of
 from vig.scene import ObjectClass
 
-SIDE = 512
-"""Texels a side."""
-GAP = 4
-"""Texels between charts, at least."""
-WIDENED = 2 * GAP
-"""Texels round a chart that show it, too, for a viewer that reduces the image."""
+SIDE = 512  # texels a side
+GAP = 4  # texels between charts, at least
+WIDENED = 2 * GAP  # texels round a chart that show it, too, for a viewer that reduces the image
 AXES = np.repeat(np.eye(3), 2, 0) * np.array([[1], [-1]] * 3)
 """(6, 3), the directions that charts look along, outwards."""
 LEAST_COSINE = 0.25
 """Cosine of a face's normal and its chart's direction, at least: else it takes the one nearest its normal."""
-SPLITS = 4
-"""Times that faces below another part of their chart are made a chart of their own."""
+SPLITS = 4  # times that faces below another part of their chart are made a chart of their own
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,8 +120,7 @@ def _directions(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     own = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
     pairs = _neighbours(faces)
     smooth = own
-    # so that charts have few, smooth borders
-    for _ in range(3):
+    for _ in range(3):  # so that charts have few, smooth borders
         before, smooth = smooth, smooth.copy()
         np.add.at(smooth, pairs[:, 0], before[pairs[:, 1]])
         np.add.at(smooth, pairs[:, 1], before[pairs[:, 0]])

@@ -20,19 +20,15 @@ from vig_app.glb.atlas import SIDE, Atlas, atlas_of
 from vig_app.pictures import PANEL, close_up, others_in_window, part_albedo
 from vig_renderer.edges import smooth_normals
 
-SEEN, MIRRORED, INVENTED = 255, 128, 0
-"""Values of the map of where a texel's colour is from."""
-LEAST_FACING = 0.15, 0.45
-"""Cosine of normal and sight."""
+SEEN, MIRRORED, INVENTED = 255, 128, 0  # values of the map of where a texel's colour is from
+LEAST_FACING = 0.15, 0.45  # cosine of normal and sight
 BLEEDS = 2
 """Pixels of the window beside an outline that may show things beyond it, and do not count."""
-BORDER = 7
-"""Pixels beside an outline from which colours count in full."""
+BORDER = 7  # pixels beside an outline from which colours count in full
 NEAR = 0.02
 """Distance of a texel from the surface in a pixel up to which it has its colour, over the object's length."""
 MIRROR = np.array([1.0, -1.0, 1.0], np.float32)
-LEVELS = srgb8_from_linear(np.linspace(0, 1, 1 << 12))
-"""8-bit sRGB of linear values in steps."""
+LEVELS = srgb8_from_linear(np.linspace(0, 1, 1 << 12))  # 8-bit sRGB of linear values in steps
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,10 +15,8 @@ from vig_app.report import words
 from vig_app.report.drawing import Pose, clip_matrix, mesh_data, pose_data, steps_of, views_of
 from vig_app.report.html import fill_template, png_url
 
-PAGE_SIDE = 768
-"""Pixels of the longer side of a page's photo."""
-COARSER = 2
-"""Factor by which the distances to the outlines have fewer points a side on a page."""
+PAGE_SIDE = 768  # pixels of the longer side of a page's photo
+COARSER = 2  # factor by which the distances to the outlines have fewer points a side on a page
 
 
 def report(explanation: Explanation, photo: str) -> str:

@@ -26,10 +26,8 @@ FILES = (
     FILE, "overlay.png", "thumbnail.jpg", "mask.png", "render.png", "object.glb", "report.html",
 )  # fmt: skip
 """Files of an explanation's folder; the first in any case."""
-OPTIONAL_FILES = ("texture_seen.png",)
-"""Files that it holds only on request."""
-TEXTURED = {"object.glb", *OPTIONAL_FILES}
-"""Files that need the texture."""
+OPTIONAL_FILES = ("texture_seen.png",)  # files that it holds only on request
+TEXTURED = {"object.glb", *OPTIONAL_FILES}  # files that need the texture
 PICTURE_SIDE = 2048
 """Pixels of overlay.png's longer side at most, unless its full size is asked for."""
 

@@ -18,12 +18,9 @@ from vig.photo.outline import SMALLEST_PICTURE
 from vig_app.report.html import fill_template, jpeg_bytes, write_page
 from vig_app.results import VERDICTS, name_of
 
-MOST_ENTRIES = 200
-"""Photos on a run's page, at most."""
-MOST_ERRORS = 200
-"""Photos that are listed as not explained."""
-WHOLE = 1200
-"""Pixels of the longer side of the picture of several objects, at most."""
+MOST_ENTRIES = 200  # photos on a run's page, at most
+MOST_ERRORS = 200  # photos that are listed as not explained
+WHOLE = 1200  # pixels of the longer side of the picture of several objects, at most
 THUMBNAIL_FILE = "thumbnail.jpg"
 COLUMNS = {
     "verdict": "verdict", "azimuth": "azimuth_deg", "elevation": "elevation_deg", "hidden": "hidden_fraction",

@@ -15,8 +15,7 @@ from vig.record import read_explanation
 from vig_app.report import words
 from vig_app.report.html import fill_template
 
-MOST = 40
-"""Photos of a gallery, each some 0.2 MB of the page."""
+MOST = 40  # photos of a gallery, each some 0.2 MB of the page
 PICTURE = re.compile(r'<img id="(photo|outlines-of)" src="(data:image/[a-z]+;base64,[\w+/=]+)"')
 DATA = re.compile(r'<script type="application/json" id="data">(.*?)</script>', re.DOTALL)
 

@@ -12,8 +12,7 @@ from PIL import Image
 from vig.io.files import atomic_write
 from vig.photo.images import png_bytes
 
-QUALITY = 88
-"""Quality of JPEG files, of at most 100."""
+QUALITY = 88  # quality of JPEG files, of at most 100
 
 
 def fill_template(template: str, **content: Any) -> str:

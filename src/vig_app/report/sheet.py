@@ -14,16 +14,11 @@ from vig_app.report.folder_page import THUMBNAIL_FILE, review_order
 from vig_app.report.html import QUALITY
 from vig_app.results import name_of
 
-TILE = 160
-"""Pixels of a picture's side in the sheets of a run."""
-BORDER = 4
-"""Pixels of its frame in the verdict's colour."""
-LABEL = 34
-"""Pixels of the two lines under it."""
-GAP = 6
-"""Pixels between tiles."""
-PER_SHEET = 200
-"""Photos."""
+TILE = 160  # pixels of a picture's side in the sheets of a run
+BORDER = 4  # pixels of its frame in the verdict's colour
+LABEL = 34  # pixels of the two lines under it
+GAP = 6  # pixels between tiles
+PER_SHEET = 200  # photos
 MOST_SHEETS = 5
 VERDICT_COLOURS = {
     "trusted": (45, 164, 78),

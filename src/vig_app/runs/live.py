@@ -43,10 +43,8 @@ CODECS = {"libx264": {"tune": "zerolatency"}, "mpeg4": {}}
 """Codecs of the overlay video with options that keep no frame back; the first that exists is taken."""
 CONTAINER = {"movflags": "hybrid_fragmented+frag_every_frame", "flush_packets": "1"}
 """Options of the overlay video's file: it plays even after a kill."""
-TIMEOUT = 10.0
-"""Seconds without a frame after which a source is given up."""
-CLOCK = Fraction(1, 1000)
-"""Unit of the overlay video's times, seconds."""
+TIMEOUT = 10.0  # seconds without a frame after which a source is given up
+CLOCK = Fraction(1, 1000)  # unit of the overlay video's times, seconds
 
 
 class LatestFrame:

@@ -28,10 +28,8 @@ from vig_app.labels import Label
 from vig_app.report.folder import FILES, OPTIONAL_FILES, save_explanation, save_scene
 from vig_app.results import COLUMNS, row_of_record, without_dismissed
 
-PARTIAL = ".partial"
-"""End of the name of a folder that is not complete."""
-KEY = ".key"
-"""File within a folder with the key of its results, see `vig_app.runs.ledger.key_of`."""
+PARTIAL = ".partial"  # end of the name of a folder that is not complete
+KEY = ".key"  # file within a folder with the key of its results, see `vig_app.runs.ledger.key_of`
 RESULTS = (*FILES, *OPTIONAL_FILES, "scene.json", "scene.glb", CORRECTIONS)
 """Files of a photo's results, whether of one object or of several."""
 
@@ -71,8 +69,7 @@ class Task:
     key: str = ""
 
 
-Rows = list[dict[str, Any]]
-"""Rows of one photo: one for each object, or one with the error."""
+Rows = list[dict[str, Any]]  # rows of one photo: one for each object, or one with the error
 
 
 @dataclass(frozen=True)

@@ -28,10 +28,8 @@ from vig_app.server.limits import Limits
 Result = TypeVar("Result")
 KINDS = {"png": "image/png", "glb": "model/gltf-binary", "html": "text/html"}
 """Media types of files of an explanation, by their endings."""
-MOST_PIXELS = 50_000_000
-"""Pixels of a picture: more would take a gigabyte."""
-WAITING = 32
-"""Requests that may wait for the one that is fitted."""
+MOST_PIXELS = 50_000_000  # pixels of a picture: more would take a gigabyte
+WAITING = 32  # requests that may wait for the one that is fitted
 
 
 class Posted:

@@ -33,12 +33,9 @@ from vig_app.viewer.session import Change, add_stroke, clear_corrections, dismis
 from vig_app.viewer.walk import Walk
 
 HOST = "127.0.0.1"
-SENT_SIDE = 1600
-"""Pixels of the longer side of the photo that is sent."""
-MOST_BYTES = 1 << 22
-"""Bytes of a page's post, at most."""
-COMMANDS = ("save", "find", "step", "open")
-"""Actions that are no corrections."""
+SENT_SIDE = 1600  # pixels of the longer side of the photo that is sent
+MOST_BYTES = 1 << 22  # bytes of a page's post, at most
+COMMANDS = ("save", "find", "step", "open")  # actions that are no corrections
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,7 @@ from vig.several.explain import find_together
 from vig_app.corrections import State, box_of
 from vig_app.report.folder import save_explanation
 
-Change = Callable[[State], State]
-"""A correction's change of a state."""
+Change = Callable[[State], State]  # a correction's change of a state
 Places = Sequence[tuple[float, float]]
 
 

@@ -15,8 +15,7 @@ from vig_paper.settings import Reproduce, ReproductionSettings
 from vig_train.cli.common import check_ranges, command_line
 from vig_train.evaluation.paper import compare, comparison_block
 
-SAME_NUMBERS = ("steps", "workers", "json")
-"""Options that do not change the numbers."""
+SAME_NUMBERS = ("steps", "workers", "json")  # options that do not change the numbers
 
 
 def reproduce_paper(chosen: Reproduce) -> int:

@@ -23,8 +23,7 @@ from vig_world.dataset.format import read_info
 from vig_world.dataset.spec import SceneSpec
 from vig_world.library import Library
 
-MAP_ROWS = 64
-"""Rows of a map of light in figure 5; it has twice as many columns."""
+MAP_ROWS = 64  # rows of a map of light in figure 5; it has twice as many columns
 
 
 def figure4(

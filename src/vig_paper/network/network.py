@@ -22,8 +22,7 @@ from vig_train.training.targets import azimuth_labels
 
 FACTORS = ("pose", "shape", "appearance", "light")
 
-_KERNEL = 5
-"""Side of the convolutions' kernels, pixels."""
+_KERNEL = 5  # side of the convolutions' kernels, pixels
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,7 @@ from scipy.spatial import cKDTree
 
 from vig_train.building.surface import SurfaceSample, sample_points
 
-MAX_UNMATCHED_SHARE = 0.03
-"""Share of points without counterpart that is accepted."""
+MAX_UNMATCHED_SHARE = 0.03  # share of points without counterpart that is accepted
 
 
 @dataclass(frozen=True)

@@ -145,8 +145,7 @@ def build_class(
     return result
 
 
-STEPS = 9
-"""Steps of `build_class` that take a while, and begin with a line of their own."""
+STEPS = 9  # steps of `build_class` that take a while, and begin with a line of their own
 
 
 def is_step(line: str) -> bool:

@@ -9,14 +9,10 @@ from vig_train.building.surface import neighbour_mean, vertex_areas
 from vig_world.assets.source_meshes import SourceMesh
 from vig_world.mesh import face_normals
 
-SAMPLES = 60_000
-"""Points on a mesh at which its material is looked up."""
-NEAREST = 5
-"""Number of nearest points that decide on a vertex of the template."""
-GLASS_RATIO = 0.15
-"""The share for glass, through which something dark is seen."""
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-"""Weights of linear RGB (BT.709)."""
+SAMPLES = 60_000  # points on a mesh at which its material is looked up
+NEAREST = 5  # number of nearest points that decide on a vertex of the template
+GLASS_RATIO = 0.15  # the share for glass, through which something dark is seen
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # weights of linear RGB (BT.709)
 BODY_SHARE = 0.6
 """Share of the surface, from the darkest on, at whose end is the luminance that others are compared with."""
 

@@ -18,8 +18,7 @@ MAX_ANCHORS = 8
 """Meshes with which all are compared, at most, to choose the medoid, to which the others are turned."""
 NORMAL_WEIGHT = 0.3
 """Distance, in root mean square radii, for which a difference of normals of length one counts."""
-LIKELY_POSE_FACTOR = 0.92
-"""Factor on the distance of a pose that is likely beforehand."""
+LIKELY_POSE_FACTOR = 0.92  # factor on the distance of a pose that is likely beforehand
 UP_FACTORS = np.array([1.0, 1.0, 0.5])
 """Factors on the breadths of the stances with Y, Z and X up, as files hardly have X up."""
 DETAIL_SHARE, DETAIL_TOLERANCE = 0.02, 0.22

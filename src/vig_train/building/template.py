@@ -13,8 +13,7 @@ from skimage.measure import marching_cubes
 from vig_train.building.surface import SurfaceSample, neighbour_mean, sample_points, vertex_areas
 from vig_world.mesh import face_edges, vertex_normals
 
-TEMPLATE_VERTICES = 2600
-"""Vertices of a template, about."""
+TEMPLATE_VERTICES = 2600  # vertices of a template, about
 MAX_ROUNDS = 30
 """Rounds of Lloyd's algorithm; also the most rounds in which flawed clusters are split."""
 

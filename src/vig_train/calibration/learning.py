@@ -14,8 +14,7 @@ from vig.inference.calibration import WITHIN_90, fade_confidence, residual
 from vig.inference.settings import MASK_RIGHT
 from vig.io.checks import read_tensors, reading
 
-PRECISION = 0.95
-"""Least share of the trusted fits that is to be right."""
+PRECISION = 0.95  # least share of the trusted fits that is to be right
 NEGATIVE_FEATURES = (
     "hidden_fraction",
     "log_residual",
@@ -67,8 +66,7 @@ RELIABILITY_FILE = Path(__file__).with_name("reliability.safetensors")
 """Confidences of other classes, and whether these views were right: `python -m benchmarks.reliability`."""
 LEAST_THRESHOLD = 0.7
 """Confidence below which nothing is trusted, however often the rest is right: set, not fitted."""
-MIN_GROUP = 40
-"""Number of fits below which a group takes the deviations of others."""
+MIN_GROUP = 40  # number of fits below which a group takes the deviations of others
 
 
 @dataclass(frozen=True)
@@ -152,8 +150,7 @@ def out_of_fold(samples: CalibrationSamples) -> tuple[np.ndarray, np.ndarray, np
     return confidences
 
 
-LinearModel = tuple[np.ndarray, float]
-"""Weights (C,) and bias of a logistic regression."""
+LinearModel = tuple[np.ndarray, float]  # weights (C,) and bias of a logistic regression
 
 
 def _models(samples: CalibrationSamples) -> tuple[LinearModel, LinearModel, LinearModel]:

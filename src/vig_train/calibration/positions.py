@@ -19,8 +19,7 @@ from vig_train.evaluation.fits import box_of_silhouette
 from vig_world.dataset import Dataset
 from vig_world.raster.view import View
 
-POSITION_PHOTOS = 300
-"""Photos of a dataset on which positions are calibrated, at most."""
+POSITION_PHOTOS = 300  # photos of a dataset on which positions are calibrated, at most
 
 
 def calibrate_positions(

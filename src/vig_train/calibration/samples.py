@@ -44,8 +44,7 @@ AS_USERS_TAKE_THEM = StudioSettings(
 )
 """Photos of a studio to calibrate and to test on: nearer to users' photos than those of the training, which
 are as wide as they can be. `absent` is the share that show something else."""
-MIN_ROLL_DEG = 20.0
-"""Least roll, degrees, of a photo out of distribution."""
+MIN_ROLL_DEG = 20.0  # least roll, degrees, of a photo out of distribution
 
 
 @dataclass(frozen=True)

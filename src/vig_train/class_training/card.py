@@ -10,8 +10,7 @@ from vig.io.files import write_json
 from vig_train.packs.card import table_lines
 from vig_world.assets.own.catalogue import mesh_folder, read_sources
 
-HEADING = "## Recognition"
-"""Heading of the section, which is replaced."""
+HEADING = "## Recognition"  # heading of the section, which is replaced
 COLUMNS = (
     "error of azimuth, median",
     "within 15 degrees",

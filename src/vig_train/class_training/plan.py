@@ -16,16 +16,11 @@ from vig_train.training.class_network import (
 )
 from vig_train.training.collages import PICTURES
 
-QUICK = 0.0
-"""Minutes of a training that stands for the quick recognizer of `vig class build`."""
-QUICK_CHUNKS = 16
-"""Files of images of the quick recognizer: 2,048 images, a minute of two cores."""
-QUICK_DECODER_STEPS = 60
-"""Steps of its mask's decoder, half a minute."""
-QUICK_PICTURES = 480
-"""Pictures for its map of objects, a quarter of a minute of two cores."""
-IMAGE_SHARE = 0.5
-"""Share of the time for drawing images."""
+QUICK = 0.0  # minutes of a training that stands for the quick recognizer of `vig class build`
+QUICK_CHUNKS = 16  # files of images of the quick recognizer: 2,048 images, a minute of two cores
+QUICK_DECODER_STEPS = 60  # steps of its mask's decoder, half a minute
+QUICK_PICTURES = 480  # pictures for its map of objects, a quarter of a minute of two cores
+IMAGE_SHARE = 0.5  # share of the time for drawing images
 DECODER_SHARE = 0.15
 """Share of time for the mask's decoder. The rest is for the map of objects, heads, calibration and test."""
 

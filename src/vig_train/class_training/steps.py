@@ -62,8 +62,7 @@ RELIABILITY_FILE, TRUST_FILE = "reliability.png", "trust.txt"
 PHOTOS = 960
 """Photos of the studio to calibrate on, a quarter of them without the object. From halves of 1,280, half of
 these without it, the share of real cars that is trusted varied from 0 to .38."""
-TEST_PHOTOS = 320
-"""Photos of the studio to measure errors on."""
+TEST_PHOTOS = 320  # photos of the studio to measure errors on
 FOLDS = SIZES.members
 """Folds of cross-validation: each member is trained without every fourth mesh, and tested on it."""
 CALIBRATION_SEED, TEST_SEED = 2**31 + 1, 2**31 + 2
@@ -238,8 +237,7 @@ class ClassTraining:
         return self.run_folder / WEIGHTS_FILE
 
     def _calibrate(self) -> None:
-        # the quick recognizer is calibrated but not tested
-        count = 160 if self.quick else PHOTOS
+        count = 160 if self.quick else PHOTOS  # the quick recognizer is calibrated but not tested
         drawn = self._photos("train", count, CALIBRATION_SEED, "validation")
         photos = [each for each, _ in drawn]
         parts = zip(self._recognizers(), (examples for _, examples in drawn), strict=True)

@@ -29,10 +29,8 @@ from vig_train.cli.settings import CheckClass
 from vig_train.evaluation.metrics import segmentation_iou
 from vig_train.packs.card import replace_section, table_lines
 
-HEADING = "## On photographs"
-"""Heading of the card's section, which is replaced."""
-SIDE = 30.0
-"""Degrees about azimuths 0 and 180 that count as views from the right and the left."""
+HEADING = "## On photographs"  # heading of the card's section, which is replaced
+SIDE = 30.0  # degrees about azimuths 0 and 180 that count as views from the right and the left
 
 
 class PhotoLabel(msgspec.Struct, frozen=True):

@@ -26,10 +26,8 @@ from vig_train.training.training import train as train_network
 from vig_world.dataset import Dataset, read_dataset
 
 TRUNK_STAGES = len(NetworkSettings().blocks)
-MAP_PICTURES = 8000
-"""Number of pictures put together for the map of objects."""
-CONTEXT = (192, 128, 96, 64)
-"""Channels of the decoder that sees the whole image."""
+MAP_PICTURES = 8000  # number of pictures put together for the map of objects
+CONTEXT = (192, 128, 96, 64)  # channels of the decoder that sees the whole image
 
 
 def train(settings: Train) -> int:

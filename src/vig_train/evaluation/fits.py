@@ -29,8 +29,7 @@ from vig.recognition.find import upright
 from vig.scene import ObjectClass, linear_from_srgb, srgb_from_linear
 from vig_world.dataset import Dataset
 
-CHUNK_PHOTOS = 50
-"""Photos per file of the cache."""
+CHUNK_PHOTOS = 50  # photos per file of the cache
 MASKS = ("masks", "masks_by_pixel")
 MIN_PHOTOS_FOR_PROCESSES = 150
 """Fewest photos for which processes are used: starting them takes seconds."""

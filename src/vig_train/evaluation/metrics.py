@@ -11,8 +11,7 @@ import numpy as np
 from vig.scene import angle_difference, linear_from_srgb
 from vig.scene.functions import numpy_of_tensor
 
-_WHITE_XYZ = np.array([0.950456, 1.0, 1.088754])
-"""CIE XYZ of sRGB's white, D65, luminance 1."""
+_WHITE_XYZ = np.array([0.950456, 1.0, 1.088754])  # CIE XYZ of sRGB's white, D65, luminance 1
 _XYZ_FROM_RGB = np.array(
     [[0.412453, 0.357580, 0.180423], [0.212671, 0.715160, 0.072169], [0.019334, 0.119193, 0.950227]]
 )

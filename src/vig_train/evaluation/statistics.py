@@ -13,10 +13,8 @@ OCCLUSION_LEVELS = tuple(number / 10 for number in range(1, 10))
 """The paper's levels of occlusion: a median is over all images with at most this share hidden."""
 OCCLUSION_BINS = ((0.0, 0.15), (0.15, 0.3), (0.3, 0.45), (0.45, 0.6), (0.6, 0.75), (0.75, 0.9))
 """Separate ranges of occlusion."""
-FAR_DEG = 30.0
-"""A fit whose azimuth is off by more has failed."""
-NEAR_DEG = 15.0
-"""A fit called trusted should have its azimuth within this."""
+FAR_DEG = 30.0  # a fit whose azimuth is off by more has failed
+NEAR_DEG = 15.0  # a fit called trusted should have its azimuth within this
 
 Summary = dict[str, Any]
 

@@ -31,19 +31,14 @@ from vig.scene.object_class import TRANSFER_FILE
 from vig_native import engine
 from vig_world.mesh import face_edges, vertex_normals
 
-ALBEDO = 0.5
-"""Albedo of the object for its interreflections: the middle of the sampled range."""
+ALBEDO = 0.5  # albedo of the object for its interreflections: the middle of the sampled range
 
-BOUNCES = 4
-"""Interreflections that are added up."""
-SHAPE_SAMPLES = 160
-"""Shapes drawn for the regression."""
-RAY_GRID = 16
-"""Each vertex casts RAY_GRID squared rays, stratified."""
+BOUNCES = 4  # interreflections that are added up
+SHAPE_SAMPLES = 160  # shapes drawn for the regression
+RAY_GRID = 16  # each vertex casts RAY_GRID squared rays, stratified
 
 
-KEPT_SHAPES = 4
-"""Shapes that are kept together: a second or two of a core."""
+KEPT_SHAPES = 4  # shapes that are kept together: a second or two of a core
 
 _CHUNK = 1024
 

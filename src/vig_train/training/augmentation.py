@@ -14,8 +14,7 @@ from vig_train.training.examples import Examples
 from vig_train.training.pasting import CutoutLibrary
 from vig_train.training.targets import Targets, cell_shares
 
-GAMMA = 2.2
-"""sRGB is nearly linear light to the power of one over this."""
+GAMMA = 2.2  # sRGB is nearly linear light to the power of one over this
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,7 @@ from vig_train.training.class_network import CHUNK, LEARNING_RATE, PASSES, SIZES
 from vig_train.training.loop import Trainer
 from vig_train.training.losses import LOSS_WEIGHTS, dense_losses
 
-HEADS = ("azimuth", "numbers", "others")
-"""The network's dense heads."""
+HEADS = ("azimuth", "numbers", "others")  # the network's dense heads
 PACKED_MATRICES = ("dense.2.weight", "recalled.weight")
 """Matrices of the network that are written in 4 bits."""
 EPOCHS = 20

@@ -31,18 +31,13 @@ from vig_train.training.training import load_start_weights
 
 SIZES = NetworkSettings(object_map=64, recalled=4, squeezed=112, features=896, dropout=0.5, members=4)
 """Sizes of a class's heads: with the decoder 3.1 million weights, 2 MB, as the large matrices are packed."""
-CHUNK = 128
-"""Images of a file."""
-PASSES = 2
-"""Augmentations of each image whose features are kept."""
-PIXEL_CHUNKS = 128
-"""Files that keep their images, for the decoder; the others keep features alone."""
-LEARNING_RATE = 2e-3
-"""The highest, of heads and decoder alike."""
+CHUNK = 128  # images of a file
+PASSES = 2  # augmentations of each image whose features are kept
+PIXEL_CHUNKS = 128  # files that keep their images, for the decoder; the others keep features alone
+LEARNING_RATE = 2e-3  # the highest, of heads and decoder alike
 DECODER_PARTS = ("recalled", "deep", "side", "merge", "mask")
 """Parts of the network that make up the decoder."""
-CHECKPOINT_STEPS = 50
-"""Steps of the decoder between checkpoints."""
+CHECKPOINT_STEPS = 50  # steps of the decoder between checkpoints
 PLAIN_DECODER = Path(__file__).with_name("plain_decoder.safetensors")
 """The mask's decoder of a network of teapots, on the same trunk."""
 STUDIO = StudioSettings(level=0.35)

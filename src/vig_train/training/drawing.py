@@ -23,8 +23,7 @@ from vig_train.training.recolour import recolour
 from vig_train.training.studio import Studio, StudioImage, StudioSettings
 from vig_train.training.targets import numbers_of
 
-DRAWN = 60
-"""Images of a file that is drawn once."""
+DRAWN = 60  # images of a file that is drawn once
 
 StepArrays = tuple[int, dict[str, np.ndarray]]
 

@@ -12,8 +12,7 @@ from vig.scene import Latents
 from vig_train.training.targets import TensorRows, cell_shares, numbers_of
 from vig_world.dataset import Dataset
 
-HELD_OUT_SHARE = 1 / 16
-"""Least share of the images whose rooms are held out."""
+HELD_OUT_SHARE = 1 / 16  # least share of the images whose rooms are held out
 
 
 @dataclass(frozen=True)

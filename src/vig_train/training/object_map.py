@@ -26,8 +26,7 @@ from vig_train.training.loop import Trainer
 from vig_train.training.presence import fit_presence
 from vig_train.training.targets import TensorRows
 
-CELLS = SIDE // MAP_STRIDE
-"""A side of a picture's map."""
+CELLS = SIDE // MAP_STRIDE  # a side of a picture's map
 
 
 @dataclass(frozen=True)

@@ -17,22 +17,16 @@ from vig_train.training.cutouts import ModelCutouts, draw_cutout
 from vig_train.training.targets import TensorRows
 from vig_world import Split
 
-SIDE, MARGIN = 128, 16
-"""Pixels a side of a cut-out's picture, and those that are free about it."""
-COUNT = 4096
-"""Cut-outs that a training has."""
-MORE = (1.0, 0.5, 0.3)
-"""Shares of the pasted images that get a first, a second and a third one."""
+SIDE, MARGIN = 128, 16  # pixels a side of a cut-out's picture, and those that are free about it
+COUNT = 4096  # cut-outs that a training has
+MORE = (1.0, 0.5, 0.3)  # shares of the pasted images that get a first, a second and a third one
 LEAST_HIDDEN, MOST_HIDDEN = 0.1, 0.85
 """An image's cut-outs hide no more of its object than a share drawn between these."""
-SIZES = (0.25, 1.2)
-"""Size of a cut-out, in sides of the object's box."""
-NOWHERE = (25.0, 125.0)
-"""The box, from and to, of an object that is not in the image, pixels."""
+SIZES = (0.25, 1.2)  # size of a cut-out, in sides of the object's box
+NOWHERE = (25.0, 125.0)  # the box, from and to, of an object that is not in the image, pixels
 
 
-Source = Callable[..., torch.Tensor]
-"""Random numbers of any shape."""
+Source = Callable[..., torch.Tensor]  # random numbers of any shape
 
 
 @dataclass(frozen=True, eq=False)

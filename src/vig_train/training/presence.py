@@ -12,8 +12,7 @@ from vig_train.training.examples import Examples
 PRIOR_LOG_ODDS = 2.0
 """Added to the fit's: photos that users ask about show the object more often than these do. Set on real
 photos of mugs, teapots and cars: a higher one misses fewer mugs and takes more of other things for one."""
-PRESENCE = 1
-"""Row of the presence among the outputs of `RecognitionNetwork.others`."""
+PRESENCE = 1  # row of the presence among the outputs of `RecognitionNetwork.others`
 
 
 def fit_presence(network: RecognitionNetwork, examples: Examples, seed: int) -> None:

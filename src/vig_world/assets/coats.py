@@ -12,11 +12,9 @@ from vig_world.assets.textures import KINDS, decoration, texture
 from vig_world.dataset.spec import Coat
 from vig_world.mesh import face_normals
 
-TEXTURES, DECORATIONS = 240, 120
-"""Number of each."""
+TEXTURES, DECORATIONS = 240, 120  # number of each
 TEXTURE_SIZE = 96
-DIELECTRIC = 0.04
-"""Reflectance of glaze at normal incidence."""
+DIELECTRIC = 0.04  # reflectance of glaze at normal incidence
 
 
 @functools.lru_cache(maxsize=TEXTURES)

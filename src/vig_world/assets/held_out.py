@@ -14,8 +14,7 @@ from vig.scene import ObjectClass
 from vig_world.assets.coded_designs import PARAMETERS_FILE, coded_vertices
 
 DESIGNS_FILE = "designs.safetensors"
-NAMED = "held_out_designs"
-"""Where class.json names them, in the order of the file's rows."""
+NAMED = "held_out_designs"  # where class.json names them, in the order of the file's rows
 
 
 @dataclass(frozen=True)

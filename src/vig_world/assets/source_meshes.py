@@ -18,12 +18,9 @@ from vig_world.assets.own.load import MeshPiece
 from vig_world.assets.own.simplify import simplified
 from vig_world.mesh import face_normals
 
-FILE = "meshes.safetensors"
-"""Name of the file in a pack's build folder."""
-MOST_FACES = 20_000
-"""Most faces of a mesh; one with more is simplified."""
-NEIGHBOURS = 4
-"""Vertices of the template by which a vertex of a mesh is moved."""
+FILE = "meshes.safetensors"  # name of the file in a pack's build folder
+MOST_FACES = 20_000  # most faces of a mesh; one with more is simplified
+NEIGHBOURS = 4  # vertices of the template by which a vertex of a mesh is moved
 
 
 @dataclass(frozen=True, eq=False)

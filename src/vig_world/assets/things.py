@@ -56,8 +56,7 @@ class Material:
     emission: float = 0.0
 
 
-Parts = tuple[tuple[Mesh, Material], ...]
-"""Meshes with texture coordinates, each with its material."""
+Parts = tuple[tuple[Mesh, Material], ...]  # meshes with texture coordinates, each with its material
 
 
 @dataclass(frozen=True)

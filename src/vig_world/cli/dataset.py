@@ -118,8 +118,7 @@ def check(settings: Check) -> int:
     return 0 if clean else 1
 
 
-SHOWN = 20
-"""Number of problems of a split that are printed."""
+SHOWN = 20  # number of problems of a split that are printed
 
 
 def show(settings: Show) -> int:

@@ -11,10 +11,8 @@ from vig_world.composition.occluders import place_prop
 from vig_world.composition.stage import MARGIN, StagedRoom
 from vig_world.rotations import about_z, turned_about_z
 
-FAR = 4.5
-"""Metres from the camera beyond which supports are left empty."""
-BACKGROUND = 4
-"""Number of supports besides the object's own on which clutter is scattered."""
+FAR = 4.5  # metres from the camera beyond which supports are left empty
+BACKGROUND = 4  # number of supports besides the object's own on which clutter is scattered
 
 
 def scatter(stage: StagedRoom, rng: np.random.Generator, rejected: Counter[str]) -> None:

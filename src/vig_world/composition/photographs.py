@@ -11,8 +11,7 @@ from vig_world.assets.coats import draw_coat, mean_albedo
 from vig_world.dataset.spec import Coat, Lens
 from vig_world.raster.view import View
 
-DECORATED, METAL = 0.5, 0.08
-"""Shares of painted and of metal objects."""
+DECORATED, METAL = 0.5, 0.08  # shares of painted and of metal objects
 LEVEL, LOW = math.radians(15.0), math.radians(42.0)
 """Elevation below which most photographs are taken, and most of the others."""
 LEVEL_SHARE, LOW_SHARE = 0.55, 0.33

@@ -29,8 +29,7 @@ ATTEMPTS, HALL_ATTEMPTS, SIZE_ATTEMPTS = 300, 72, 12
 """Rooms, and as many seamless grounds, tried; empty halls after these; how many with props of a size."""
 TARGET_STREAM, MANNER_STREAM = 2**20 + 1, 2**20 + 4
 """Numbers of the random streams of a seed's first target, and of the manner of a photograph."""
-BOARDS_FROM = 8
-"""First attempt from which shelf boards may reach into the picture."""
+BOARDS_FROM = 8  # first attempt from which shelf boards may reach into the picture
 
 
 class CompositionError(SampleError):

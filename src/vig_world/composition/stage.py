@@ -20,17 +20,13 @@ from vig_world.raster.settle import ObjectPixels, settle
 from vig_world.raster.view import View
 from vig_world.rotations import about_z
 
-LAYOUT_SIZE = 75
-"""Pixels on a side of the masks by which placements are evaluated."""
-MARGIN = 0.004
-"""Metres between any two things."""
+LAYOUT_SIZE = 75  # pixels on a side of the masks by which placements are evaluated
+MARGIN = 0.004  # metres between any two things
 NEAREST = 0.09
 """Least depth of anything in a scene, metres; less where things smaller than teapots are seen from nearer."""
 
-LEAST_GAP, WIDEST_GAP = 0.002, 0.1
-"""Metres between the object and occluders before it."""
-HAND_INSIDE = 6
-"""Least distance of holding fingertips from the edge of the layout's frame, pixels."""
+LEAST_GAP, WIDEST_GAP = 0.002, 0.1  # metres between the object and occluders before it
+HAND_INSIDE = 6  # least distance of holding fingertips from the edge of the layout's frame, pixels
 SMALL = 0.25
 """Scale of the object below which the camera's distance from ground and furniture is its multiple."""
 

@@ -20,14 +20,10 @@ from vig_world.dataset.spec import SPLITS
 FORMAT_VERSION = 3
 DEPTH_SCALES = (0.1, 0.2, 0.5, 1.0)
 """Millimetres per unit of a depth image: the finest that holds its farthest surface."""
-MOST_DEPTH = 65535
-"""Value, in units, of surfaces beyond the range of the coarsest."""
-OBJECT_ID = 1
-"""Identifier of the one object, in BOP's and COCO's files."""
-MOST_SAMPLES = 1_000_000
-"""Files are numbered with six digits."""
-Size = tuple[int, int]
-"""Width and height of pictures, pixels."""
+MOST_DEPTH = 65535  # value, in units, of surfaces beyond the range of the coarsest
+OBJECT_ID = 1  # identifier of the one object, in BOP's and COCO's files
+MOST_SAMPLES = 1_000_000  # files are numbered with six digits
+Size = tuple[int, int]  # width and height of pictures, pixels
 STANDARD_SIZE: Size = (IMAGE_SIZE, IMAGE_SIZE)
 LEAST_SIDE, MOST_SIDE, MOST_ASPECT = 32, 4096, 4.0
 """Pixels of a side of pictures; the longer side over the shorter one."""
@@ -38,8 +34,7 @@ SCENE = "000000"
 MANIFEST = "files.sha256"
 """Lists the hash and the name of every other file of a split, as `sha256sum -c` reads it."""
 TABLE = "latents.parquet"
-PARTIAL = "partial"
-"""Folder of a split that is not complete: one JSON file per finished sample."""
+PARTIAL = "partial"  # folder of a split that is not complete: one JSON file per finished sample
 
 
 def image_paths(folder: Path, index: int, normals: bool = False) -> dict[str, Path]:

@@ -186,8 +186,7 @@ def read_dataset(path: str | Path, split: str | None = "train") -> Dataset:
 
 def read_specs(folder: Path, count: int) -> list[str]:
     """Return the lines of a split's specs.jsonl, for `count` samples. OSError or ValueError when damaged."""
-    # bytes of each sample's spec
-    data = read_bytes(inside(folder, "specs.jsonl"), 65_536 * count)
+    data = read_bytes(inside(folder, "specs.jsonl"), 65_536 * count)  # bytes of each sample's spec
     lines = data.decode().splitlines()
     if len(lines) != count:
         raise ValueError(f"it has {len(lines)} lines for {count} samples")

@@ -13,8 +13,7 @@ from vig_world import SPLITS as SPLITS
 from vig_world import Split as Split
 from vig_world.rotations import about_z, matrix_of
 
-WORLD_VERSION = 7
-"""Goes up whenever the same seed and index would give another scene or picture."""
+WORLD_VERSION = 7  # goes up whenever the same seed and index would give another scene or picture
 
 
 class SampleError(UserError):

@@ -12,8 +12,7 @@ with optional_import("world"):
     import pyarrow.compute as pc
     import pyarrow.parquet as pq
 
-MOST_TABLE = 1 << 30
-"""Bytes of the table's file."""
+MOST_TABLE = 1 << 30  # bytes of the table's file
 MOST_IN_LIST, MOST_TEXT = 256, 16_384
 """Limits of each sample: entries of a list, bytes of each text column."""
 

@@ -14,12 +14,9 @@ from vig_world.generation.job import Failure, Job, Maker, store
 
 Draw = tuple[int, int]
 """A sample's index and the number of its draw, see `vig_world.composition.sampling.sample`."""
-HOPELESS = 16
-"""Draws of which not one succeeds, after which a run ends."""
-MOST_DRAWS = 100
-"""Draws of one sample."""
-CHUNK = 8
-"""Samples in a task of a cluster: a few hundred kilobytes to send back."""
+HOPELESS = 16  # draws of which not one succeeds, after which a run ends
+MOST_DRAWS = 100  # draws of one sample
+CHUNK = 8  # samples in a task of a cluster: a few hundred kilobytes to send back
 
 
 def make_samples(

@@ -13,8 +13,7 @@ from vig_world.raster.picture import CANVAS, Picture
 from vig_world.raster.shadows import sky_weights, slopes
 from vig_world.raster.view import View
 
-SAMPLES: int = engine.SAMPLES
-"""Samples of a picture along a pixel's side."""
+SAMPLES: int = engine.SAMPLES  # samples of a picture along a pixel's side
 
 
 @dataclass(frozen=True)
@@ -34,8 +33,7 @@ class SurfaceSamples:
     vertices: np.ndarray
 
 
-Colouring = Callable[[SurfaceSamples], np.ndarray]
-"""Linear RGB (N, 3) of an object's samples."""
+Colouring = Callable[[SurfaceSamples], np.ndarray]  # linear RGB (N, 3) of an object's samples
 
 
 def depth(items: Sequence[Item], view: View) -> tuple[np.ndarray, np.ndarray]:

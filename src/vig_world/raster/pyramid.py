@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-MOST_TEXELS = 512
-"""Most texels along a side; larger textures are reduced."""
+MOST_TEXELS = 512  # most texels along a side; larger textures are reduced
 
 
 @dataclass(frozen=True, eq=False)

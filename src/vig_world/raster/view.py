@@ -15,8 +15,7 @@ from vig_world.dataset.spec import Lens, SceneSpec
 from vig_world.raster.rasterize import rasterize
 from vig_world.rotations import about_z
 
-NEAR = 0.02
-"""Metres; anything nearer to the camera's plane is clipped."""
+NEAR = 0.02  # metres; anything nearer to the camera's plane is clipped
 
 
 @dataclass(frozen=True)

@@ -230,8 +230,7 @@ def _hang_lamp(plan: Plan, family: str, at: tuple[float, float], drop: float | N
 def walkable(plan: Plan) -> bool:
     """Return whether from the first door a person reaches most of the floor wide enough to stand on."""
     taken, _ = occupied_cells(plan, [b for b in plan.bodies if b.low < HEADROOM and b.high > 0.05])
-    # what a person needs to walk
-    wide = round(0.5 / CELL)
+    wide = round(0.5 / CELL)  # what a person needs to walk
     stand = ndimage.binary_opening(np.pad(~taken, wide), np.ones((wide, wide)))
     labels, count = ndimage.label(stand)
     if count == 0:

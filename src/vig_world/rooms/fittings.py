@@ -7,8 +7,7 @@ from vig_world.assets.materials import fitting, loose_fabric, material, paint_fi
 from vig_world.assets.things import Furniture, Support
 from vig_world.rooms.shell import Part, quads
 
-RUG = 0.008
-"""Thickness of a rug, metres."""
+RUG = 0.008  # thickness of a rug, metres
 
 
 def wall_shelf(rng: np.random.Generator) -> Furniture:

@@ -7,8 +7,7 @@ import numpy as np
 
 from vig_world.rooms.plan import PlacedFurniture, Plan
 
-FULL = 8000
-"""Faces of a room to which nothing more is added."""
+FULL = 8000  # faces of a room to which nothing more is added
 
 
 @dataclass(frozen=True)

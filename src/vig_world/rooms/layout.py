@@ -7,8 +7,7 @@ import numpy as np
 from vig_world.assets.things import Material, Support
 from vig_world.mesh import Mesh
 
-LEVEL = 0.012
-"""Metres by which the surface may lie above or below the support's height."""
+LEVEL = 0.012  # metres by which the surface may lie above or below the support's height
 
 
 @dataclass(frozen=True, eq=False)

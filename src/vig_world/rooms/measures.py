@@ -10,10 +10,8 @@ from vig_world.rooms.plan import Body, Plan
 
 Array = np.ndarray
 CELL = 0.1
-NEAR = 0.6
-"""A side is open where the next thing is farther than this, metres: a person fits in."""
-LEAST = 0.5
-"""The least width, metres, of a free rectangle of the floor that counts as a support."""
+NEAR = 0.6  # a side is open where the next thing is farther than this, metres: a person fits in
+LEAST = 0.5  # the least width, metres, of a free rectangle of the floor that counts as a support
 
 
 def _rectangle(support: Support) -> Body:
@@ -29,8 +27,7 @@ def measure_support(plan: Plan, support: Support) -> Support:
     z = support.centre[2]
     above = [b for b in plan.bodies if b.low > z + 0.005]
     hanging = _under(above, support)
-    # metres along the back edge
-    for trim in (0.03, 0.06):
+    for trim in (0.03, 0.06):  # metres along the back edge
         shorter = _trim_support(support, trim)
         clear = _under(above, shorter)
         if clear > hanging + 0.2 and shorter.half[1] > 0.06:

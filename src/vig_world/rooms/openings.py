@@ -9,12 +9,9 @@ from vig_world.assets.textures import noise
 from vig_world.assets.things import Material, Support
 from vig_world.rooms.shell import Opening, Part, quads
 
-CURTAIN = 0.13
-"""Metres that curtains stand off the wall."""
-NOSE = 0.05
-"""Most metres that a sill juts out."""
-SILL = 0.03
-"""Thickness of a sill, metres."""
+CURTAIN = 0.13  # metres that curtains stand off the wall
+NOSE = 0.05  # most metres that a sill juts out
+SILL = 0.03  # thickness of a sill, metres
 
 
 def door(rng: np.random.Generator, opening: Opening, paint: Material) -> list[Part]:

@@ -13,12 +13,10 @@ from vig_world.rooms.shell import Part, Wall, walls_of
 
 Array = np.ndarray
 Make = Callable[[str, np.random.Generator], Furniture]
-Box = tuple[float, float, float, float, float, float]
-"""x0, y0, x1, y1, z0, z1."""
+Box = tuple[float, float, float, float, float, float]  # x0, y0, x1, y1, z0, z1
 
 TOUCH = 1e-4
-HEADROOM = 1.9
-"""Metres above the floor that stay free where people walk."""
+HEADROOM = 1.9  # metres above the floor that stay free where people walk
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,7 @@ from vig_world.mesh import Mesh
 
 Array = np.ndarray
 Part = tuple[Mesh, Material]
-Hole = tuple[float, float, float, float]
-"""x0, y0, x1, y1 of an opening in a wall."""
+Hole = tuple[float, float, float, float]  # x0, y0, x1, y1 of an opening in a wall
 
 
 @dataclass(frozen=True)

@@ -20,8 +20,7 @@ STANDS = 0.6 * (RADIUS - BEND)
 SEGMENTS, STEPS = 48, 8
 TEXTURED = ("cloth", "paint", "wood", "marble", "terrazzo", "weave", "concrete", "plaster")
 """Kinds of textures of those that are not of one colour."""
-EMPTY = "empty"
-"""The kind of empty halls."""
+EMPTY = "empty"  # the kind of empty halls
 HALF, SHORTER, CEILING = 4.0, 0.8, 0.8
 """Half the longer side, metres, of the smallest hall; over that, the least half of the other side and the
 height of the ceiling."""

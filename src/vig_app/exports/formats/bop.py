@@ -17,8 +17,7 @@ from vig.photo.masks import box_of
 from vig.record import read_explanation
 from vig_app.exports.run import OBJECT_ID, SCENE_NUMBERS, ExportedRun
 
-MILLIMETRES = 1000.0
-"""Millimetres in a metre."""
+MILLIMETRES = 1000.0  # millimetres in a metre
 MODEL = f"bop/models/obj_{OBJECT_ID:06}.ply"
 FILES = ("bop/scene_camera.json", "bop/scene_gt.json", "bop/scene_gt_info.json", MODEL)
 RUN_FILES = ("bop.csv",)

@@ -18,8 +18,7 @@ from vig_app.exports.annotations import AnnotatedPhoto, Annotation
 from vig_app.exports.formats.bop import bop_box
 
 FILES = ("coco.json",)
-Fields = Callable[[Annotation], dict[str, Any]]
-"""Fields of an annotation that depend on its masks."""
+Fields = Callable[[Annotation], dict[str, Any]]  # fields of an annotation that depend on its masks
 
 
 def write_photos(folder: Path, photos: Sequence[AnnotatedPhoto], class_ids: Mapping[str, int]) -> None:

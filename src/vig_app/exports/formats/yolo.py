@@ -20,8 +20,7 @@ FILES = tuple(
     for kind in ("segments", "boxes")
     for file in ("data.yaml", "labels/train/*.txt", "labels/val/*.txt", "images/train/*", "images/val/*")
 )
-EVERY = 5
-"""One photo of so many is for validation."""
+EVERY = 5  # one photo of so many is for validation
 
 
 def write_photos(folder: Path, photos: Sequence[AnnotatedPhoto], class_ids: Mapping[str, int]) -> None:

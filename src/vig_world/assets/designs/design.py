@@ -85,7 +85,6 @@ class TeapotDesign:
 
 
 _CATALOGUE = load_catalogue(TeapotDesign, __package__)
-TRAINING_DESIGNS = _CATALOGUE["train"]
-"""The shape model is learned from these."""
+TRAINING_DESIGNS = _CATALOGUE["train"]  # the shape model is learned from these
 HELD_OUT_DESIGNS = _CATALOGUE["test"]
 VALIDATION_DESIGNS = _CATALOGUE["validation"]

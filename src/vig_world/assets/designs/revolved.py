@@ -124,8 +124,7 @@ def lid_vertices(design: TeapotDesign) -> np.ndarray:
     d = design
     rim_radius, rim_height = rim(d)
     radius = rim_radius + d.lid_overhang
-    # how deep the lid's edge reaches below the rim's top
-    seat = rim_height - 0.003
+    seat = rim_height - 0.003  # how deep the lid's edge reaches below the rim's top
     edge = rim_height + d.lid_thickness
     top = edge + d.lid_height
     dome_edge = np.array([radius - 0.25 * d.lid_thickness, edge])

@@ -34,8 +34,7 @@ TEAPOT_FACES: np.ndarray = np.concatenate(
 ).astype(np.int32)
 """Triangles (F, 3) of every teapot, counter-clockwise from outside; five closed surfaces (body with foot)."""
 
-TEAPOT_PARTS: np.ndarray = _parts()
-"""Part of each vertex (V,), an index into PART_NAMES."""
+TEAPOT_PARTS: np.ndarray = _parts()  # part of each vertex (V,), an index into PART_NAMES
 
 MIRROR: np.ndarray = np.concatenate(
     [loft.mirror() + offset for loft, offset in zip(_LOFTS, _OFFSETS[:-1], strict=True)]

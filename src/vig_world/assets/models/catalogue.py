@@ -30,11 +30,9 @@ from vig_world.assets.things import (
 from vig_world.dataset.spec import Split
 
 FOLDER = Path(__file__).parent
-STEPS = 4095
-"""Steps of a coordinate over the extent of a model's bounding box."""
+STEPS = 4095  # steps of a coordinate over the extent of a model's bounding box
 KINDS = tuple(ROUGHNESS)
-SLOTS = ("", "wood", "top", "fabric")
-"""Kinds and slots of parts, by their numbers in the file."""
+SLOTS = ("", "wood", "top", "fabric")  # kinds and slots of parts, by their numbers in the file
 
 
 @dataclass(frozen=True)

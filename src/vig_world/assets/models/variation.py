@@ -10,8 +10,7 @@ from vig_world.mesh import Mesh, face_normals
 
 STRETCH = 0.1
 """Range of the factor by which each axis of a prop differs from the model's; half as much of furniture."""
-SIZE = 0.15
-"""Range of the factor of a prop's size."""
+SIZE = 0.15  # range of the factor of a prop's size
 OWN_COLOURS, TEXTURED = 0.45, 0.25
 """Shares of props with the model's colours, and with a procedural texture; the others are of one or two
 colours of any household thing."""

@@ -55,7 +55,6 @@ class MugDesign:
 
 
 _CATALOGUE = load_catalogue(MugDesign, __package__)
-TRAINING_MUGS = _CATALOGUE["train"]
-"""The shape model is learned from these."""
+TRAINING_MUGS = _CATALOGUE["train"]  # the shape model is learned from these
 HELD_OUT_MUGS = _CATALOGUE["test"]
 VALIDATION_MUGS = _CATALOGUE["validation"]

@@ -15,8 +15,7 @@ from vig_world.assets.mugs.design import MugDesign
 from vig_world.assets.mugs.wall import Profile
 
 AROUND = 16
-RINGS = 26
-"""The handle's own rings, between the two loops of the wall."""
+RINGS = 26  # the handle's own rings, between the two loops of the wall
 _ANGLE = 2.0 * np.pi * np.arange(AROUND) / AROUND
 _FINE = np.linspace(0.0, 1.0, 400)
 _ENDS, _BENDS = 0.3, 0.45

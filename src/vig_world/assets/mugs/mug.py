@@ -12,8 +12,7 @@ from vig_world.assets.mugs.design import MugDesign
 from vig_world.assets.mugs.handle import AROUND, RINGS, half_sizes, handle_rings, section
 from vig_world.assets.mugs.wall import Profile, inside, outside, rim, underside
 
-PART_NAMES = ("body", "rim", "inside", "handle")
-"""Painted coats cover the first two."""
+PART_NAMES = ("body", "rim", "inside", "handle")  # painted coats cover the first two
 
 _COLUMNS = 44
 _UNDERSIDE, _RIM, _INSIDE = 7, 4, 11
@@ -21,8 +20,7 @@ _SPANS = (5, 4, 6, 4, 3)
 """Rows of faces of the outer wall: below the lower loop, beside it, between, beside the upper one, above."""
 _WALL = sum(_SPANS) + 1
 _LOFT = Loft((1, 11, 22, *[_COLUMNS] * (4 + _WALL + _RIM + _INSIDE), 22, 11, 1))
-_HALF = AROUND // 8
-"""Columns of faces from a loop's middle to its side."""
+_HALF = AROUND // 8  # columns of faces from a loop's middle to its side
 _GATHERED = 1.5
 """Power by which the lowest rows, and those at the floor, gather where the wall is round."""
 _DOWN = np.linspace(1.0, 0.0, _INSIDE) ** _GATHERED
@@ -91,8 +89,7 @@ def _mirror() -> np.ndarray:
 MUG_FACES: np.ndarray = _faces()
 """Triangles (F, 3) of every mug, counter-clockwise from outside. A face's first vertex gives its part."""
 
-MUG_PARTS: np.ndarray = _parts()
-"""Part of each vertex (V,), an index into PART_NAMES."""
+MUG_PARTS: np.ndarray = _parts()  # part of each vertex (V,), an index into PART_NAMES
 
 MUG_MIRROR: np.ndarray = _mirror()
 """Mirror image in y of each vertex (V,): `v[MUG_MIRROR] * (1, -1, 1) == v` exactly, for every design."""

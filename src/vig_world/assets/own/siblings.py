@@ -11,8 +11,7 @@ from PIL import Image
 from vig.io.checks import name_stand_in, read_bytes
 from vig_world.assets.own.surfaces import TooManyPixelsError, open_picture
 
-MOST_BYTES = 512 * 2**20
-"""Bytes of a file that is read, at most."""
+MOST_BYTES = 512 * 2**20  # bytes of a file that is read, at most
 
 
 def readings(name: bytes) -> list[str]:

@@ -8,11 +8,9 @@ from vig_world.assets.things import Support
 from vig_world.mesh import face_normals
 
 LEAST_SIDE = 0.15
-LEAST_CLEARANCE = 0.2
-"""Least side and free height of a support, metres."""
+LEAST_CLEARANCE = 0.2  # least side and free height of a support, metres
 _CELL = 0.02
-_LEVEL = 0.01
-"""Metres by which heights on one support may differ from its own."""
+_LEVEL = 0.01  # metres by which heights on one support may differ from its own
 _REACH = 0.3
 
 

@@ -10,10 +10,8 @@ from vig.scene import linear_from_srgb
 from vig_world.assets.textures import BRIGHTEST, DARKEST
 
 MOST_TEXELS = 256
-MOST_PIXELS = 50_000_000
-"""Most pixels of a picture, before it is reduced."""
-GREY = 0.5
-"""Albedo where a file has no readable colour."""
+MOST_PIXELS = 50_000_000  # most pixels of a picture, before it is reduced
+GREY = 0.5  # albedo where a file has no readable colour
 
 
 @dataclass(frozen=True, eq=False)

@@ -55,8 +55,7 @@ def paint(room: PanoramaRoom, height: int) -> Array:
     bright = np.zeros(3)
     for index, source in enumerate(sources):
         arriving = _arriving(source, lifted, normals)
-        # only the strongest cast shadows
-        if index < 6:
+        if index < 6:  # only the strongest cast shadows
             lit = np.nonzero(arriving[:, 1])[0]
             arriving[lit] *= visible_points(lifted[lit], source.centre + 0.01 * source.normal, room.boxes)[
                 :, None

@@ -16,8 +16,7 @@ Generator = np.random.Generator
 OUTWARD = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], np.float32)
 """Outward normals of the room's six sides, in their order."""
 CEILING, FLOOR = 4, 5
-_CLEAR = 0.45
-"""Metres round the viewpoint that stay empty."""
+_CLEAR = 0.45  # metres round the viewpoint that stay empty
 _DAYLIGHT = np.array([[1.0, 0.96, 0.88], [0.80, 0.92, 1.10], [0.95, 1.0, 1.05]], np.float32)
 _LAMPLIGHT = np.array([[1.25, 0.95, 0.55], [1.1, 0.98, 0.8], [0.95, 1.0, 1.05]], np.float32)
 _SUNLIGHT = np.array([1.15, 0.98, 0.8], np.float32)

@@ -26,8 +26,7 @@ class TextureKind:
     periodic: bool
 
 
-KINDS: dict[str, TextureKind] = {}
-"""Every kind of texture by name."""
+KINDS: dict[str, TextureKind] = {}  # every kind of texture by name
 
 
 def kind(

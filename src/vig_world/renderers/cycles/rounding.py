@@ -2,10 +2,8 @@
 
 import numpy as np
 
-CUTS = 4
-"""Parts into which each edge of a curved face is cut."""
-SAME = 0.999
-"""Cosine of the angle below which two faces have one normal where they meet."""
+CUTS = 4  # parts into which each edge of a curved face is cut
+SAME = 0.999  # cosine of the angle below which two faces have one normal where they meet
 LEAST_BEND, MOST_BEND = 1e-5, 0.6
 """Metres by which an edge bends at least; and most of it, of its length, before it is left as it is."""
 

@@ -13,8 +13,7 @@ from vig.io.errors import UserError
 
 SUFFIX = ".sh3f"
 PROPERTIES = "PluginFurnitureCatalog.properties"
-MOST_SIDE = 10_000.0
-"""Centimetres of a model's side."""
+MOST_SIDE = 10_000.0  # centimetres of a model's side
 
 
 @dataclass(frozen=True)
