@@ -1,7 +1,5 @@
 """Checks of arrays and tensors, whose errors state the expectation and the argument."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -17,7 +15,7 @@ def check_indices(name: str, indices: Any, count: int, least: int = 0) -> None:
         raise ValueError(f"{name} must be from {least} to {count - 1}; they are from {low} to {high}")
 
 
-def check_table(name: str, table: torch.Tensor, shape: tuple[int | None, ...]) -> None:
+def check_table(name: str, table: "torch.Tensor", shape: tuple[int | None, ...]) -> None:
     """Raise ValueError unless a table is int32, of a shape (None: any size), on the processor."""
     if type(table).__module__.split(".")[0] != "torch":
         raise ValueError(f"{name} must be a torch tensor; got a {type(table).__name__}")
@@ -26,7 +24,7 @@ def check_table(name: str, table: torch.Tensor, shape: tuple[int | None, ...]) -
         raise ValueError(f"{name} must be int32 on the processor; got {table.dtype} on {table.device}")
 
 
-def check_floats(**tensors: tuple[torch.Tensor, tuple[int | None, ...]]) -> None:
+def check_floats(**tensors: "tuple[torch.Tensor, tuple[int | None, ...]]") -> None:
     """Raise ValueError unless tensors have their shapes (None: any size) and one type, float32 or float64."""
     first = next(iter(tensors.values()))[0]
     for name, (tensor, shape) in tensors.items():
@@ -35,7 +33,7 @@ def check_floats(**tensors: tuple[torch.Tensor, tuple[int | None, ...]]) -> None
             raise ValueError(f"{name} must be float32 or float64, all of one type; got {tensor.dtype}")
 
 
-def _check_shape(name: str, tensor: torch.Tensor, shape: tuple[int | None, ...]) -> None:
+def _check_shape(name: str, tensor: "torch.Tensor", shape: tuple[int | None, ...]) -> None:
     fits = tensor.ndim == len(shape) and all(
         want in (None, have) for want, have in zip(shape, tensor.shape, strict=True)
     )

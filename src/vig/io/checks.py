@@ -26,8 +26,7 @@ MOST_JSON = 16 << 20  # bytes of a JSON file, unless its reader has another limi
 MOST_TABLE = 1 << 30  # bytes of a JSON file with an entry for each of many photos
 MOST_TENSORS = 1 << 30  # bytes of a safetensors file
 
-_LEARNING = threading.RLock()
-"""Held where msgspec learns types, as it does not expect two threads there."""
+_LEARNING = threading.RLock()  # held where msgspec learns types, as it does not expect two threads there
 if hasattr(os, "register_at_fork"):  # a child has no thread that could release it
     os.register_at_fork(
         before=_LEARNING.acquire, after_in_parent=_LEARNING.release, after_in_child=_LEARNING.release

@@ -7,8 +7,7 @@ from pathlib import Path
 
 from vig.io.errors import UserError
 
-SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".off", ".stl")
-"""Endings of the mesh files that are read."""
+SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".off", ".stl")  # endings of the mesh files that are read
 GROUP = "vig.meshes"
 """Entry points of functions that make a class pack of a mesh file: path, length, `say`, up in, folder out."""
 

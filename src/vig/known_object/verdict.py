@@ -16,8 +16,7 @@ ODDS, BOX_ODDS = (-1.75, 0.19, 0.66, 1.05), (-3.33, 0.04, -0.01, 1.28)
 """Log odds that a pose is right, its points a tenth of the diameter off at most: constant, per score, per
 lead over every other pose, per log of 1 + keypoints; with a mask, and without. Fitted to photos of HOPE under
 two of its lights."""
-TRUSTED = 0.91
-"""Probability from which a pose with a mask is trusted: .53 of these were, .95 of them right."""
+TRUSTED = 0.91  # probability from which a pose with a mask is trusted: .53 of these were, .95 of them right
 
 
 def judge(

@@ -25,8 +25,7 @@ from vig.parallel.internals import process_of
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-AHEAD = 2
-"""Items handed out at once to each process: enough that none waits, and few copies of their arrays."""
+AHEAD = 2  # items handed out at once to each process: enough that none waits, and few copies of their arrays
 WINDOW = 16  # items of each process by which one may be ahead of the oldest that is not done
 ATTEMPTS = 3  # processes that may die of one item
 RENEWED_AFTER = 4000

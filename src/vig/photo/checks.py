@@ -12,8 +12,7 @@ MAX_PIXELS = 250_000_000
 """Pixels of a photo, at most: phones have 200 megapixels, whose 8-bit RGB takes 2 GB to decode."""
 ADDRESS = re.compile(r"[A-Za-z][\w+.-]+:/")
 """Beginning of an address such as http://, from which a path loses a slash."""
-MAX_FLOAT_PIXELS = 100_000_000
-"""Pixels of one that is kept as floats, of 16 bits, with transparency or HDR."""
+MAX_FLOAT_PIXELS = 100_000_000  # pixels of one that is kept as floats, of 16 bits, with transparency or HDR
 
 
 def existing_file(path: str | Path) -> Path:

@@ -15,8 +15,7 @@ from vig.photo.formats import Codes
 from vig.scene.light import linear_from_srgb
 
 D65 = (0.3127, 0.329)
-REC709: tuple[float, ...] = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, *D65)
-"""x and y of red, green, blue and white."""
+REC709: tuple[float, ...] = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, *D65)  # x and y of red, green, blue and white
 # Sets that differ from Rec. 709's by less than two photos of one thing do (BT.601, EBU) count as it.
 _PRIMARIES = {
     4: (0.67, 0.33, 0.21, 0.71, 0.14, 0.08, 0.31, 0.316),

@@ -14,8 +14,7 @@ from vig.photo.checks import MAX_FLOAT_PIXELS, check_pixels, check_size, head_of
 from vig.photo.colour import SRGB, Profile, encoding_of, in_srgb
 from vig.scene.light import linear_from_srgb
 
-MID_GREY = 0.18
-"""Linear reflectance of a photographer's grey card, which shows through transparent pixels."""
+MID_GREY = 0.18  # linear reflectance of a photographer's grey card, which shows through transparent pixels
 LINEAR: np.ndarray = linear_from_srgb(np.arange(256) / 255).astype(np.float32)
 """Linear light of each byte of sRGB."""
 PHOTO = "a photo (JPEG, PNG, WebP, TIFF, ...)"

@@ -12,8 +12,7 @@ FINER = 4  # distances are kept at so many points a pixel of the map
 SMOOTH = 0.5  # pixels of the map within which staircases are smoothed
 REACH = 12  # pixels of the map up to which distances are measured; farther away they stay at that
 BESIDE = 5  # points from which distances are smoothed
-SMALLEST_PICTURE = 320
-"""Pixels of the longer side of the smallest pictures on which outlines are drawn."""
+SMALLEST_PICTURE = 320  # pixels of the longer side of the smallest pictures on which outlines are drawn
 
 
 def line_width(height: float, width: float) -> float:

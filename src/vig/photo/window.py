@@ -1,7 +1,5 @@
 """The object's square window in a photo of any size: cutting it out and mapping results back."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -77,7 +75,7 @@ class Window:
     lens: Intrinsics | None = None
 
     @staticmethod
-    def of(width: int, height: int, box: tuple[float, float, float, float] | None = None) -> Window:
+    def of(width: int, height: int, box: tuple[float, float, float, float] | None = None) -> "Window":
         """Return the window of a box (x, y, w, h) round the whole object, or of the whole photo.
 
         The box may leave the photo, as one round an object that the photo cuts off does.
@@ -102,7 +100,7 @@ class Window:
         return Window.round_box(box)
 
     @staticmethod
-    def round_box(box: tuple[float, float, float, float], roll: float = 0.0) -> Window:
+    def round_box(box: tuple[float, float, float, float], roll: float = 0.0) -> "Window":
         """Return the window of a box (x, y, w, h) wherever it lies."""
         x, y, w, h = box
         side = WINDOW_OVER_BOX * max(w, h)
@@ -196,7 +194,7 @@ class Window:
             )
         return matrix
 
-    def scale(self, factor: float) -> Window:
+    def scale(self, factor: float) -> "Window":
         """Return the same window of the photo `factor` times as wide and high."""
         lens = self.lens and self.lens.scale(factor)
         return Window(self.left * factor, self.top * factor, self.side * factor, self.roll, lens)
@@ -264,7 +262,7 @@ class Window:
         drawn[:, (across < 0) | (across >= len(image))] = outside
         return drawn
 
-    def warp_to(self, image: np.ndarray, there: Window, outside: float = 0.0) -> np.ndarray:
+    def warp_to(self, image: np.ndarray, there: "Window", outside: float = 0.0) -> np.ndarray:
         """Return a map (S, S) of this window as another window of the photo shows it, float32.
 
         Where that lies beyond this window it is `outside`.

@@ -1,7 +1,5 @@
 """A pinhole camera on a sphere round the object's axis."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import Any
@@ -71,14 +69,14 @@ class Camera:
         target_height: float = 0.0,
         camera_distance_ratio: float = 1.0,
         distance: float = DISTANCE,
-    ) -> Camera:
+    ) -> "Camera":
         """Return the paper's camera for a square image of `size` pixels: f = 1.12 x width, at 0.4 m or
         another distance; or both `camera_distance_ratio` times as much, the same with less perspective.
         """
         focal, middle = camera_distance_ratio * FOCAL_OVER_WIDTH * size, size / 2
         return Camera(size, size, focal, middle, middle, camera_distance_ratio * distance, target_height)
 
-    def scale(self, factor: float) -> Camera:
+    def scale(self, factor: float) -> "Camera":
         """Return the same camera for an image `factor` times as wide and high."""
         return replace(
             self,
@@ -90,7 +88,7 @@ class Camera:
             focal_y=self.focal_y and self.focal_y * factor,
         )
 
-    def apply_framing(self, shift_x: float, shift_y: float, log_scale: float, roll: float = 0.0) -> Camera:
+    def apply_framing(self, shift_x: float, shift_y: float, log_scale: float, roll: float = 0.0) -> "Camera":
         """Return this camera with its image shifted (in widths, right and down), and magnified and turned
         about its principal point (clockwise, radians).
         """

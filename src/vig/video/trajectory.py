@@ -15,8 +15,7 @@ from vig.video.following import SLOWING, Sighting, window_at
 from vig.video.smoothing import BINS, LikeliestPath, smooth
 
 MOST_SPREAD = math.radians(12.0)  # standard deviation of azimuth about one view, at most
-FAR = math.radians(25.0)
-"""A frame whose own view is farther from the chosen one is fitted again near that."""
+FAR = math.radians(25.0)  # a frame whose own view is farther from the chosen one is fitted again near that
 TURN = math.radians(0.7)
 """Standard deviation of the change of the speed of azimuth from frame to frame, radians."""
 SHIFT = 0.003  # standard deviation of that of place, in sides of the box, and log size

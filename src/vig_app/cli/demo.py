@@ -29,8 +29,7 @@ from vig_app.report.html import write_page
 from vig_app.report.sheet import write_sheets
 from vig_app.results import row_of_record
 
-NUMBERS = ("hidden", "azimuth", "elevation", "albedo", "shape error", "mask IoU")
-"""Columns of the table."""
+NUMBERS = ("hidden", "azimuth", "elevation", "albedo", "shape error", "mask IoU")  # columns of the table
 COMMANDS_TO_TRY = (
     "vig fit photo.jpg                  # a teapot of yours (or --class mug); see vig-fit/photo/report.html",
     "vig fit {photo} --elevation {elevation:.0f}     # tell what you know; docs/hints.md",

@@ -27,8 +27,7 @@ FRAMES = "frames"  # folder of the frames of videos within that of the results
 EXPORTS = (Path(file).parts[0] for files in run_formats().values() for file in files)
 TAKEN = {"report.html", sheet_name(0), LEDGER, FRAMES, *TABLES, *EXPORTS}
 """Names within a run's folder that no photo's folder may have."""
-SYSTEM_FILES = {"Thumbs.db", "desktop.ini", "__MACOSX"}
-"""Files that systems put into folders of photos."""
+SYSTEM_FILES = {"Thumbs.db", "desktop.ini", "__MACOSX"}  # files that systems put into folders of photos
 
 
 def photos_of(images: tuple[Path, ...], out: Path) -> list[Path]:

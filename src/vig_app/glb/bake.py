@@ -22,8 +22,7 @@ from vig_renderer.edges import smooth_normals
 
 SEEN, MIRRORED, INVENTED = 255, 128, 0  # values of the map of where a texel's colour is from
 LEAST_FACING = 0.15, 0.45  # cosine of normal and sight
-BLEEDS = 2
-"""Pixels of the window beside an outline that may show things beyond it, and do not count."""
+BLEEDS = 2  # pixels of the window beside an outline that may show things beyond it, and do not count
 BORDER = 7  # pixels beside an outline from which colours count in full
 NEAR = 0.02
 """Distance of a texel from the surface in a pixel up to which it has its colour, over the object's length."""

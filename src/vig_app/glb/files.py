@@ -25,8 +25,7 @@ from vig_renderer.edges import smooth_normals
 
 LOOKS_BACK = np.diag([1.0, -1.0, -1.0, 1.0])
 """Cameras of glTF, USD and nerfstudio look along -Z with Y up, those of OpenCV along +Z with Y down."""
-MOST_SCALED = 1.5
-"""Greatest scale of an object of a scene, so that it stands on the ground of the others."""
+MOST_SCALED = 1.5  # greatest scale of an object of a scene, so that it stands on the ground of the others
 FLOATS, WHOLE = 5126, 5125
 VERTICES, CORNERS = 34962, 34963
 LINEAR, MIPMAPS, CLAMPED = 9729, 9987, 33071

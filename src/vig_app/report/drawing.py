@@ -17,8 +17,7 @@ from vig_app.pictures import part_albedo
 from vig_app.report import words
 
 STEPS = 8  # steps of the fit that a page shows at most
-NEAREST = 0.5
-"""Near plane, of the depth of the object's nearest vertex; it ends as much beyond the farthest."""
+NEAREST = 0.5  # near plane, of the depth of the object's nearest vertex; it ends as much beyond the farthest
 
 
 @dataclass(frozen=True)

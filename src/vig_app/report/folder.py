@@ -28,8 +28,7 @@ FILES = (
 """Files of an explanation's folder; the first in any case."""
 OPTIONAL_FILES = ("texture_seen.png",)  # files that it holds only on request
 TEXTURED = {"object.glb", *OPTIONAL_FILES}  # files that need the texture
-PICTURE_SIDE = 2048
-"""Pixels of overlay.png's longer side at most, unless its full size is asked for."""
+PICTURE_SIDE = 2048  # pixels of overlay.png's longer side at most, unless its full size is asked for
 
 
 def save_explanation(

@@ -19,8 +19,7 @@ from vig_app.corrections import CORRECTIONS
 from vig_app.runs.work import Rows, RunSettings, Task, beside_folder, failure_rows, lost_row, prepare
 
 Item = TypeVar("Item")
-Sent = tuple[Task, bytes, bytes | None]
-"""A task, its photo's bytes and its mask's, as a node gets them."""
+Sent = tuple[Task, bytes, bytes | None]  # a task, its photo's bytes and its mask's, as a node gets them
 
 
 def rows_of_cluster(

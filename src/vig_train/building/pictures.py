@@ -14,8 +14,7 @@ from vig_world.mesh import vertex_normals
 
 ASIDE = (0.35, -1.0, 0.45)  # direction from which meshes are shown, not of unit length
 ABOVE = (0.0, -0.02, 1.0)  # direction of the view from above
-LIGHT = np.array([0.3, -0.5, -0.8]) / math.sqrt(0.98)
-"""Direction of the light in the camera's frame."""
+LIGHT = np.array([0.3, -0.5, -0.8]) / math.sqrt(0.98)  # direction of the light in the camera's frame
 
 Drawable = tuple[np.ndarray, np.ndarray]  # vertices (V, 3) and faces (F, 3)
 

@@ -1,7 +1,5 @@
 """Poses of meshes: all brought into one pose, upright, with the front to +X."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable
@@ -42,7 +40,7 @@ class PointCloud:
     spacing: float
 
     @staticmethod
-    def from_surface(surface: SurfaceSample) -> PointCloud:
+    def from_surface(surface: SurfaceSample) -> "PointCloud":
         """Make one about the mean of its points; the unit is their root mean square distance from it."""
         # Nearest points are searched among 2,000.
         some = surface.some(2000)
@@ -52,13 +50,13 @@ class PointCloud:
         tree = cKDTree(features)
         return PointCloud(points, some.normals, tree, float(tree.query(features, 2)[0][:, 1].mean()))
 
-    def distance(self, other: PointCloud, rotation: np.ndarray) -> float:
+    def distance(self, other: "PointCloud", rotation: np.ndarray) -> float:
         """Return the mean distance, both ways, to another cloud turned by a rotation (3, 3)."""
         there, back = self.distances(other, rotation), other.distances(self, rotation.T)
         # Truncated at .3 root mean square radii, so that a part of one mesh alone cannot dominate.
         return float(sum(0.5 * np.minimum(each, 0.3).mean() for each in (there, back)))
 
-    def distances(self, other: PointCloud, rotation: np.ndarray) -> np.ndarray:
+    def distances(self, other: "PointCloud", rotation: np.ndarray) -> np.ndarray:
         """Return distances (M,) of another cloud's points, turned by a rotation (3, 3), to the nearest."""
         # The nearest point is searched for about 250 of the other's points.
         step = max(1, len(other.points) // 250)
@@ -67,7 +65,7 @@ class PointCloud:
         )
         return np.asarray(self.tree.query(features)[0])
 
-    def refine_rotation(self, other: PointCloud, rotation: np.ndarray) -> np.ndarray:
+    def refine_rotation(self, other: "PointCloud", rotation: np.ndarray) -> np.ndarray:
         """Return the rotation (3, 3) near a start that brings another cloud nearest, by ICP.
 
         Pairs are weighted by the Geman-McClure weight of their distance, w = 1 / (1 + (d / 0.15)^2)^2; the

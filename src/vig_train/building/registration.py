@@ -50,8 +50,7 @@ STAGES = (
     RegistrationStage(250, (0.005, 0.0005), (0.2, 0.1), 8, 0.4),
     RegistrationStage(900, (0.01, 0.001), (0.1, 0.05), 6, 0.3, free_sliding=False),
 )
-TANGENTIAL_WEIGHT = 0.03
-"""s, the weight of distances along the surface over that of distances to it."""
+TANGENTIAL_WEIGHT = 0.03  # s, the weight of distances along the surface over that of distances to it
 NORMAL_WEIGHT = 0.05
 """Sizes of the object for which a difference of normals of length one counts in nearest-point search."""
 

@@ -11,8 +11,7 @@ from vig_train.building.surface import SurfaceSample, sample_surface
 from vig_world.mesh import vertex_normals
 from vig_world.rotations import about_z
 
-MIRROR_Y = np.array([1.0, -1.0, 1.0])
-"""Factor on points or normals (..., 3) that mirrors them in y = 0."""
+MIRROR_Y = np.array([1.0, -1.0, 1.0])  # factor on points or normals (..., 3) that mirrors them in y = 0
 TURN_COUNT = 36  # turns of 10 degrees, over which a shape is averaged
 
 

@@ -14,8 +14,7 @@ from vig_train.building.surface import SurfaceSample, neighbour_mean, sample_poi
 from vig_world.mesh import face_edges, vertex_normals
 
 TEMPLATE_VERTICES = 2600  # vertices of a template, about
-MAX_ROUNDS = 30
-"""Rounds of Lloyd's algorithm; also the most rounds in which flawed clusters are split."""
+MAX_ROUNDS = 30  # rounds of Lloyd's algorithm; also the most rounds in which flawed clusters are split
 
 
 def remesh(

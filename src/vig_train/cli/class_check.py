@@ -74,8 +74,7 @@ class PhotoErrors:
         return self.elevation_deg if np.isnan(self.azimuth_deg) else self.azimuth_deg
 
 
-CheckRow = dict[str, Any]
-"""A row of the table, of N photos; None where nothing is known, as JSON has no NaN."""
+CheckRow = dict[str, Any]  # a row of the table, of N photos; None where nothing is known, as JSON has no NaN
 
 
 def check_class(settings: CheckClass) -> int:

@@ -1,7 +1,5 @@
 """Fits of many photos, kept on disk in chunks, so that a run that was killed continues."""
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 import json
@@ -31,8 +29,7 @@ from vig_world.dataset import Dataset
 
 CHUNK_PHOTOS = 50  # photos per file of the cache
 MASKS = ("masks", "masks_by_pixel")
-MIN_PHOTOS_FOR_PROCESSES = 150
-"""Fewest photos for which processes are used: starting them takes seconds."""
+MIN_PHOTOS_FOR_PROCESSES = 150  # fewest photos for which processes are used: starting them takes seconds
 
 
 @dataclass(frozen=True)
@@ -59,7 +56,7 @@ class Fits:
     verdicts: tuple[str, ...]
 
     @staticmethod
-    def of(fits: list[Fit], silhouette_masks: bool) -> Fits:
+    def of(fits: list[Fit], silhouette_masks: bool) -> "Fits":
         """Stack single fits; whole: the silhouette is the mask."""
         return Fits(
             np.concatenate([fit.latents.to_vector().astype(np.float32) for fit in fits]),
@@ -72,7 +69,7 @@ class Fits:
         )
 
     @staticmethod
-    def concatenate(parts: list[Fits]) -> Fits:
+    def concatenate(parts: "list[Fits]") -> "Fits":
         """Concatenate."""
         names = [field.name for field in fields(Fits) if field.name != "verdicts"]
         arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
@@ -160,7 +157,7 @@ class FitRun:
         return Fits.concatenate([part for part in parts if part is not None])
 
     def _fit_photos(
-        self, photos: list[PhotoArrays], settings: ExplainSettings, workers: int
+        self, photos: "list[PhotoArrays]", settings: ExplainSettings, workers: int
     ) -> Generator[tuple[int, Fits]]:
         """Yield numbers of photos and their fits, as they are done."""
         shared = self.object_class, settings
@@ -180,8 +177,7 @@ class FitRun:
                 yield from enumerate(map_on_threads(_photo_fitter(shared), photos))
 
 
-PhotoArrays = tuple[np.ndarray, ...]
-"""A photo (H, W, 3), linear RGB, then the arrays of its prediction."""
+PhotoArrays = tuple[np.ndarray, ...]  # a photo (H, W, 3), linear RGB, then the arrays of its prediction
 
 
 def _photo_fitter(shared: tuple[ObjectClass, ExplainSettings]) -> Callable[[PhotoArrays], Fits]:

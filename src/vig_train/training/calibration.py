@@ -19,8 +19,7 @@ from vig_train.network.weights import as_tensors, save_tensors
 from vig_train.training.examples import Examples
 from vig_world.dataset import Dataset
 
-MIN_IMAGES = 50
-"""Fewest images on which a network is calibrated: 90 % quantiles of fewer are too uncertain."""
+MIN_IMAGES = 50  # fewest images on which a network is calibrated: 90 % quantiles of fewer are too uncertain
 
 
 @dataclass(frozen=True)

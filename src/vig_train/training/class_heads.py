@@ -23,10 +23,8 @@ from vig_train.training.loop import Trainer
 from vig_train.training.losses import LOSS_WEIGHTS, dense_losses
 
 HEADS = ("azimuth", "numbers", "others")  # the network's dense heads
-PACKED_MATRICES = ("dense.2.weight", "recalled.weight")
-"""Matrices of the network that are written in 4 bits."""
-EPOCHS = 20
-"""Passes over the features; of 12, 20 and 40 twenty was best on real cars, of one network."""
+PACKED_MATRICES = ("dense.2.weight", "recalled.weight")  # matrices of the network that are written in 4 bits
+EPOCHS = 20  # passes over the features; of 12, 20 and 40 twenty was best on real cars, of one network
 
 
 class _Member(nn.Module):

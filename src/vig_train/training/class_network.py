@@ -35,8 +35,7 @@ CHUNK = 128  # images of a file
 PASSES = 2  # augmentations of each image whose features are kept
 PIXEL_CHUNKS = 128  # files that keep their images, for the decoder; the others keep features alone
 LEARNING_RATE = 2e-3  # the highest, of heads and decoder alike
-DECODER_PARTS = ("recalled", "deep", "side", "merge", "mask")
-"""Parts of the network that make up the decoder."""
+DECODER_PARTS = ("recalled", "deep", "side", "merge", "mask")  # parts of the network that make up the decoder
 CHECKPOINT_STEPS = 50  # steps of the decoder between checkpoints
 PLAIN_DECODER = Path(__file__).with_name("plain_decoder.safetensors")
 """The mask's decoder of a network of teapots, on the same trunk."""

@@ -3,8 +3,6 @@
 Pictures of several objects go through the trunk once; the map is trained on its features.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable, Iterator
@@ -46,13 +44,13 @@ class MapTargets(TensorRows):
     near: torch.Tensor
 
     @staticmethod
-    def stack(parts: list[MapTargets]) -> MapTargets:
+    def stack(parts: "list[MapTargets]") -> "MapTargets":
         """Stack."""
         return MapTargets(
             *(torch.stack(values) for values in zip(*(vars(part).values() for part in parts), strict=True))
         )
 
-    def mirror(self) -> MapTargets:
+    def mirror(self) -> "MapTargets":
         """Return the targets of pictures flipped left to right."""
         flipped = MapTargets(*(value.flip(-1) for value in vars(self).values()))
         return replace(flipped, box=flipped.box * flipped.box.new_tensor([-1, 1, 1, 1])[:, None, None])

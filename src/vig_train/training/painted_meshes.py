@@ -12,8 +12,7 @@ from vig_world.raster.rasterize import rasterize
 from vig_world.raster.view import View
 from vig_world.renderers.coated import Appearance, Mirrored, fresnel_of
 
-DARK = 0.06
-"""Albedo up to which a material counts as dark, such as tyres and windows: it mostly stays dark."""
+DARK = 0.06  # albedo up to which a material counts as dark, such as tyres and windows: it mostly stays dark
 
 
 @dataclass(frozen=True)

@@ -141,10 +141,8 @@ def _draw_fixture(
     return _draw_candidate(stage, kind, level, [name], *draws, ends=(ends[0] * scale, ends[1] * scale))
 
 
-reaching = partial(_draw_fixture, kind="arm", ends=(-0.2, 0.3))
-"""A bare hand and its arm before the object."""
-branch = partial(_draw_fixture, kind="twig", ends=(-0.3, 0.2))
-"""A leafy twig that reaches into the frame."""
+reaching = partial(_draw_fixture, kind="arm", ends=(-0.2, 0.3))  # a bare hand and its arm before the object
+branch = partial(_draw_fixture, kind="twig", ends=(-0.3, 0.2))  # a leafy twig that reaches into the frame
 board = partial(_draw_fixture, kind="board", ends=(-0.3, 0.3))
 """The end of a board: level above the object, as of a shelf, or its broad side to the camera."""
 

@@ -21,8 +21,7 @@ LEAST_GAP = 0.25
 """Least depth of the object, over the standard camera's distance: the camera keeps off the largest shapes."""
 ROLL, ROLLED, MOST_ROLL = 0.05, 0.1, 0.5
 """Standard deviation of the roll, radians; the share of those rolled by any angle up to the last."""
-SCALE, SHIFT = 0.1, 0.04
-"""Standard deviations of the log size, and of the place, of the content of boxes."""
+SCALE, SHIFT = 0.1, 0.04  # standard deviations of the log size, and of the place, of the content of boxes
 
 
 @dataclass(frozen=True)

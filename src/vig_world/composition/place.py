@@ -24,16 +24,14 @@ ZONE_WEIGHTS = {
     "bedside": 1.0, "washing": 0.7, "floor": 0.3,
 }  # fmt: skip
 """Relative frequency of each zone of a room as the object's place, for classes that name none."""
-PROPOSALS = {False: 48, True: 200}
-"""Places drawn at a time; more where the room is to hide the object."""
+PROPOSALS = {False: 48, True: 200}  # places drawn at a time; more where the room is to hide the object
 EYE_CLEARANCE = 0.06  # metres between the camera and walls or furniture
 LOWEST_EYE = 0.02  # metres above the floor
 MOST_NEAR = 0.02  # share of the frame in which something may be nearer than `Actor.nearest`
 EDGE = 0.01  # metres between the object's outline and the edge of its support
 COVERED, LOW_COVER = 12.0, 0.7
 """Supports with less clearance, metres, are likelier by this factor where the room is to hide the object."""
-NEAR_RAY = 0.05
-"""Metres from a piece of furniture within which the line of sight counts as meeting it."""
+NEAR_RAY = 0.05  # metres from a piece of furniture within which the line of sight counts as meeting it
 BEYOND = unfurnished.RADIUS * math.cos(math.pi / unfurnished.SEGMENTS) - math.sqrt(2) * unfurnished.STANDS
 """Metres from the object, wherever it stands on a seamless ground, within which there is no wall."""
 

@@ -13,8 +13,7 @@ with optional_import("world"):
     import pyarrow.parquet as pq
 
 MOST_TABLE = 1 << 30  # bytes of the table's file
-MOST_IN_LIST, MOST_TEXT = 256, 16_384
-"""Limits of each sample: entries of a list, bytes of each text column."""
+MOST_IN_LIST, MOST_TEXT = 256, 16_384  # limits of each sample: entries of a list, bytes of each text column
 
 _TYPES = {
     name: pa.list_(pa.string()) if kind == "list" else pa.type_for_alias(kind)

@@ -15,8 +15,7 @@ from vig_world.raster.view import View
 
 CORNERS = tuple(f"corner_{number:03b}" for number in range(8))
 """Corners of the box along the object's axes: 1 stands for the greater x, y, z, in this order."""
-EDGES = tuple((i, i | bit) for i in range(8) for bit in (4, 2, 1) if not i & bit)
-"""Pairs of corners."""
+EDGES = tuple((i, i | bit) for i in range(8) for bit in (4, 2, 1) if not i & bit)  # pairs of corners
 OUTSIDE, HIDDEN, SEEN = 0, 1, 2  # COCO's numbers of visibility
 
 

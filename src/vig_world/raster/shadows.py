@@ -14,12 +14,10 @@ import numpy as np
 from vig.scene.light import COSINE_LOBE, sh_basis
 from vig_native import engine
 
-BOUNCE = 0.25
-"""Share of the blocked light that returns by reflection, from the blocker or its surroundings."""
+BOUNCE = 0.25  # share of the blocked light that returns by reflection, from the blocker or its surroundings
 
 MOST_CELLS = 72
-REACH = 0.5
-"""Metres of height over which a blocker's effect fades to 1 / e: rooms are closed, and yet light."""
+REACH = 0.5  # metres of height over which a blocker's effect fades to 1 / e: rooms are closed, and yet light
 
 
 def ambient_occlusion(vertices: np.ndarray, faces: np.ndarray) -> dict[str, np.ndarray]:

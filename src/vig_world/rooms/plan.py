@@ -1,7 +1,5 @@
 """Places furniture in a room without collisions and with free aisles."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -30,7 +28,7 @@ class Body:
     square: bool
 
     @staticmethod
-    def of(box: Box, offset: tuple[float, float, float] = (0.0, 0.0, 0.0), turn: float = 0.0) -> Body:
+    def of(box: Box, offset: tuple[float, float, float] = (0.0, 0.0, 0.0), turn: float = 0.0) -> "Body":
         """Return a box turned about +Z and then shifted."""
         x0, y0, x1, y1, z0, z1 = box
         c, s = float(np.cos(turn)), float(np.sin(turn))
@@ -42,7 +40,7 @@ class Body:
         bounds = (min(xs), min(ys), max(xs), max(ys))
         return Body(np.array(flat), z0 + offset[2], z1 + offset[2], bounds, abs(c * s) < 1e-6)
 
-    def meets(self, other: Body) -> bool:
+    def meets(self, other: "Body") -> bool:
         """Return whether the two overlap."""
         if self.low >= other.high - TOUCH or other.low >= self.high - TOUCH:
             return False
@@ -123,7 +121,7 @@ class FurniturePiece:
     boxes: list[Box]
 
     @staticmethod
-    def of(furniture: Furniture) -> FurniturePiece:
+    def of(furniture: Furniture) -> "FurniturePiece":
         """Return the piece with its measures taken."""
         return FurniturePiece(furniture, *extent(furniture), boxes_of(furniture))
 

@@ -15,8 +15,7 @@ from vig_world.rooms.shell import shell
 RADIUS, BEND, WALL, HEIGHT = 3.2, 0.7, 1.9, 3.0
 """Metres on a seamless ground: radius of the floor and of its bend into the wall; heights of the wall and
 of the nominal ceiling."""
-STANDS = 0.6 * (RADIUS - BEND)
-"""Metres along either axis within which things stand on a seamless ground."""
+STANDS = 0.6 * (RADIUS - BEND)  # metres along either axis within which things stand on a seamless ground
 SEGMENTS, STEPS = 48, 8
 TEXTURED = ("cloth", "paint", "wood", "marble", "terrazzo", "weave", "concrete", "plaster")
 """Kinds of textures of those that are not of one colour."""
@@ -24,8 +23,7 @@ EMPTY = "empty"  # the kind of empty halls
 HALF, SHORTER, CEILING = 4.0, 0.8, 0.8
 """Half the longer side, metres, of the smallest hall; over that, the least half of the other side and the
 height of the ceiling."""
-SPACE = 2.2
-"""Metres from the middle of the smallest hall within which the camera and the object have space."""
+SPACE = 2.2  # metres from the middle of the smallest hall within which the camera and the object have space
 
 
 def draw_sweep(rng: np.random.Generator) -> Layout:

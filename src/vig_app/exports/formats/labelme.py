@@ -16,8 +16,7 @@ from vig.io.files import write_json
 from vig_app.exports.annotations import AnnotatedPhoto, polygons_of
 
 FILES = ("labelme/*.json",)
-VERSION = f"5.5.0 (vig {__version__})"
-"""The version of the format, which labelme replaces by its own."""
+VERSION = f"5.5.0 (vig {__version__})"  # the version of the format, which labelme replaces by its own
 
 
 def write_photos(folder: Path, photos: Sequence[AnnotatedPhoto], class_ids: Mapping[str, int]) -> None:

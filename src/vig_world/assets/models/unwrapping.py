@@ -6,8 +6,7 @@ from scipy.sparse.csgraph import connected_components
 
 from vig_world.mesh import Mesh, face_normals
 
-LEVEL = 0.95
-"""Length of the mean normal of a patch, over that of a plane, above which it counts as plane."""
+LEVEL = 0.95  # length of the mean normal of a patch, over that of a plane, above which it counts as plane
 
 
 def unwrap(vertices: np.ndarray, faces: np.ndarray, uv: np.ndarray | None = None) -> Mesh:

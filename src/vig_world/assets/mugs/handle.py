@@ -18,8 +18,7 @@ AROUND = 16
 RINGS = 26  # the handle's own rings, between the two loops of the wall
 _ANGLE = 2.0 * np.pi * np.arange(AROUND) / AROUND
 _FINE = np.linspace(0.0, 1.0, 400)
-_ENDS, _BENDS = 0.3, 0.45
-"""Degrees to which rings gather at the ends and where the line bends; 0: evenly."""
+_ENDS, _BENDS = 0.3, 0.45  # degrees to which rings gather at the ends and where the line bends; 0: evenly
 
 
 def section(squareness: float) -> np.ndarray:

@@ -21,8 +21,7 @@ _SPANS = (5, 4, 6, 4, 3)
 _WALL = sum(_SPANS) + 1
 _LOFT = Loft((1, 11, 22, *[_COLUMNS] * (4 + _WALL + _RIM + _INSIDE), 22, 11, 1))
 _HALF = AROUND // 8  # columns of faces from a loop's middle to its side
-_GATHERED = 1.5
-"""Power by which the lowest rows, and those at the floor, gather where the wall is round."""
+_GATHERED = 1.5  # power by which the lowest rows, and those at the floor, gather where the wall is round
 _DOWN = np.linspace(1.0, 0.0, _INSIDE) ** _GATHERED
 """Fractions of the inner wall at its rings, from the rim down."""
 

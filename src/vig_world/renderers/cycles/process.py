@@ -15,8 +15,7 @@ import numpy as np
 
 from vig_world.renderers.cycles.blender import wire
 
-GRACE = 10.0
-"""Seconds that a worker may take longer than its own alarm before it is killed from here."""
+GRACE = 10.0  # seconds that a worker may take longer than its own alarm before it is killed from here
 
 
 class WorkerDiedError(Exception):

@@ -22,8 +22,7 @@ from vig_world.assets.own.furniture_families import family_of_thing
 from vig_world.assets.own.load import PICTURES
 from vig_world.assets.own.settings import FILE as SETTINGS_FILE
 
-FORMAT = 1
-"""Version of unpacked folders, to be raised with any change of them; those of another are not used."""
+FORMAT = 1  # version of unpacked folders, to be raised with any change of them; those of another are not used
 MOST_ENTRY = 256 << 20  # bytes of one file of a catalogue, unpacked
 MOST_UNPACKED = 4 << 30  # bytes of all files that are unpacked at once
 _LONGEST_NAME = 60

@@ -33,8 +33,7 @@ REMEDIES = {
     INSTANCING: "export the instances as meshes of their own",
     "KHR_texture_basisu": "save its textures as PNG or JPEG",
 }
-WITHIN = 0.01
-"""Share of its extent by which a mesh of Draco may exceed the bounds that its accessors state."""
+WITHIN = 0.01  # share of its extent by which a mesh of Draco may exceed the bounds that its accessors state
 
 
 def read_gltf(data: bytes, siblings: Siblings, leave_out_copies: bool = True) -> list[SurfaceMesh]:
