@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from vig.io.checks import check_indices
+from vig.io.checks import check_arrays, check_indices
 
 
 @dataclass(frozen=True)
@@ -22,17 +22,10 @@ class Mesh:
     uv: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        if self.vertices.ndim != 2 or self.vertices.shape[1] != 3:
-            raise ValueError(f"vertices must be (V, 3); got {self.vertices.shape}")
-        if self.faces.ndim != 2 or self.faces.shape[1] != 3:
-            raise ValueError(f"faces must be (F, 3); got {self.faces.shape}")
-        if self.uv is not None and self.uv.shape != (len(self.vertices), 2):
-            raise ValueError(f"uv must be ({len(self.vertices)}, 2); got {self.uv.shape}")
-        if self.vertices.dtype.kind != "f" or self.faces.dtype.kind not in "iu":
-            raise ValueError(
-                f"vertices must be floating and faces whole numbers;"
-                f" got {self.vertices.dtype} and {self.faces.dtype}"
-            )
+        whole, floats = "int32 int64 uint32", "float32 float64"
+        kinds = {"vertices": (floats, ("V", 3)), "faces": (whole, ("F", 3)), "uv": (floats, ("V", 2))}
+        arrays = {name: array for name, array in vars(self).items() if array is not None}
+        check_arrays(arrays, {name: kinds[name] for name in arrays})
         check_indices("faces", self.faces, len(self.vertices))
 
 

@@ -1,10 +1,9 @@
 """`vig train`: a recognition network trained on datasets."""
 
 import json
-import math
 from collections.abc import Sequence
 from dataclasses import replace
-from math import inf
+from math import ceil, inf
 from pathlib import Path
 
 from vig.io.errors import UserError
@@ -53,31 +52,30 @@ def train(settings: Train) -> int:
         )
     if settings.map_alone:
         path = _train_map(settings, datasets, drawing, object_class.mirror)
-        if settings.json:
-            print(json.dumps({"weights": str(path), "folder": str(settings.out)}))
-        else:
-            _end(settings.out, path)
-        return 0
-    chosen = TrainingSettings(
-        seed=settings.seed,
-        epochs=settings.epochs,
-        symmetry=object_class.symmetry,
-        mirror=object_class.mirror,
-        drawing=drawing,
-        start=settings.start or PACKAGED / "teapot" / "recognition.safetensors",
-        trunk_only=settings.start is None,
-        frozen=settings.frozen,
-        mask_alone=settings.mask_alone,
-        batch=settings.batch,
-        network=NetworkSettings(context=CONTEXT if settings.mask_alone else ()),
-        learning_rate=settings.rate,
-    )
-    log = TrainingLog(settings.out)
-    path = train_network(datasets, settings.out, chosen, report, log.add, not settings.json)
-    if settings.json:
-        print(json.dumps({"weights": str(path), "log": lines, "folder": str(settings.out)}))
     else:
-        _end(settings.out, path)
+        chosen = TrainingSettings(
+            seed=settings.seed,
+            epochs=settings.epochs,
+            symmetry=object_class.symmetry,
+            mirror=object_class.mirror,
+            drawing=drawing,
+            start=settings.start or PACKAGED / "teapot" / "recognition.safetensors",
+            trunk_only=settings.start is None,
+            frozen=settings.frozen,
+            mask_alone=settings.mask_alone,
+            batch=settings.batch,
+            network=NetworkSettings(context=CONTEXT if settings.mask_alone else ()),
+            learning_rate=settings.rate,
+        )
+        log = TrainingLog(settings.out)
+        path = train_network(datasets, settings.out, chosen, report, log.add, not settings.json)
+    if settings.json:
+        described = {} if settings.map_alone else {"log": lines}
+        print(json.dumps({"weights": str(path), **described, "folder": str(settings.out)}))
+    else:
+        print(path)
+        next_steps = f"vig calibrate DATASETS --weights {path}, then vig evaluate --weights ..."
+        end(settings.out, f"trained: next, {next_steps}")
     return 0
 
 
@@ -124,11 +122,6 @@ def _check_combination(settings: Train, object_class: ObjectClass) -> None:
             raise UserError(f"expected {message}")
 
 
-def _end(folder: Path, weights: Path) -> None:
-    print(weights)
-    end(folder, f"trained: next, vig calibrate DATASETS --weights {weights}, then vig evaluate --weights ...")
-
-
 def _train_map(settings: Train, datasets: Sequence[Dataset], drawing: Drawing | None, mirror: bool) -> Path:
     """Return weights with a new map, trained on all images of datasets and of the studio's distinct ones.
 
@@ -143,7 +136,7 @@ def _train_map(settings: Train, datasets: Sequence[Dataset], drawing: Drawing | 
         for folder in folders:
             own = folder == drawing.object_class
             # A third as many images of each other class.
-            count = drawing.distinct if own else math.ceil((1 / 3) * drawing.distinct)
+            count = drawing.distinct if own else ceil((1 / 3) * drawing.distinct)
             drawn = replace(drawing, object_class=folder, distinct=count)
             with Meter(drawn.distinct, 0, not settings.json, "images") as meter:
                 part = drawn_once(drawn, settings.out, settings.seed, meter.advance)

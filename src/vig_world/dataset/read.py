@@ -144,8 +144,7 @@ class Dataset:
             lines = read_specs(
                 self.folder, read_info(self.folder.parent)["splits"][self.folder.name]["count"]
             )
-            specs = [SceneSpec.from_json(line) for line in lines[: len(self)]]
-        return specs
+            return [SceneSpec.from_json(line) for line in lines[: len(self)]]
 
 
 def read_dataset(path: str | Path, split: str | None = "train") -> Dataset:

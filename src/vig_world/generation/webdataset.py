@@ -33,13 +33,14 @@ def export_webdataset(root: str | Path, out: str | Path, split: str | None = Non
     labels = _labels(root, split)
     for number, start in enumerate(range(0, len(dataset), shard)):
         indices = range(start, min(start + shard, len(dataset)))
-        with atomic_write(out / f"{split}-{number:06d}.tar") as temporary:
-            with tarfile.open(temporary, "w", format=tarfile.USTAR_FORMAT) as tar:
-                for index in indices:
-                    for kind, path in image_paths(dataset.folder, index, dataset.normals).items():
-                        data = image_bytes(dataset.folder, path, dataset.size)
-                        _add(tar, f"{index:06d}.{kind}.png", data)
-                    _add(tar, f"{index:06d}.json", json.dumps(labels[index]).encode())
+        with (
+            atomic_write(out / f"{split}-{number:06d}.tar") as temporary,
+            tarfile.open(temporary, "w", format=tarfile.USTAR_FORMAT) as tar,
+        ):
+            for index in indices:
+                for kind, path in image_paths(dataset.folder, index, dataset.normals).items():
+                    _add(tar, f"{index:06d}.{kind}.png", image_bytes(dataset.folder, path, dataset.size))
+                _add(tar, f"{index:06d}.json", json.dumps(labels[index]).encode())
     return out
 
 
