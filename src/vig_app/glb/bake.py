@@ -123,8 +123,7 @@ class _Shown:
         visible = shown.visible[part]
         if explanation.others is not None:
             visible = visible & (others_in_window(explanation, PANEL)[part] < 0.5)
-        # a jump in depth between neighbouring pixels is an outline within the object
-        layers[3] = _inside(visible, depth, 0.03 * length)
+        layers[3] = _inside(visible, depth, 0.03 * length)  # depth jumps at outlines within the object
         layers[3] *= _ramp(_facing(shown.normals[part], camera, part), LEAST_FACING)
         layers[3] *= _ramp(light, least_irradiance)
         layers[4] = 1 / depth

@@ -15,12 +15,8 @@ DECORATED, METAL = 0.5, 0.08  # shares of painted and of metal objects
 LEVEL, LOW = math.radians(15.0), math.radians(42.0)
 """Elevation below which most photographs are taken, and most of the others."""
 LEVEL_SHARE, LOW_SHARE = 0.55, 0.33
-FARTHEST, HIGHEST = 2.5, 2.5
-"""Metres from the camera to the object, and above its support, that rooms have space for."""
 LEAST_GAP = 0.25
 """Least depth of the object, over the standard camera's distance: the camera keeps off the largest shapes."""
-ROLL, ROLLED, MOST_ROLL = 0.05, 0.1, 0.5
-"""Standard deviation of the roll, radians; the share of those rolled by any angle up to the last."""
 SCALE, SHIFT = 0.1, 0.04  # standard deviations of the log size, and of the place, of the content of boxes
 
 
@@ -48,12 +44,13 @@ def draw_manner(
         elevation = rng.uniform(LEVEL, LOW) if low else rng.uniform(LOW, 0.49 * math.pi)
     coat = draw_coat(rng, len(model.part_names), DECORATED, METAL)
     away = object_class.viewing_distance
-    longest = max(1.0, min(6.0, FARTHEST / away))
+    space = 2.5  # metres from the camera to the object, and above its support, that rooms have
+    longest = max(1.0, min(6.0, space / away))
     farther = math.exp(rng.uniform(math.log(0.9), math.log(longest))) if rng.random() < 0.7 else 1.0
     if elevation > 0:
-        highest = (HIGHEST - object_class.target_height) / (away * math.sin(elevation))
+        highest = (space - object_class.target_height) / (away * math.sin(elevation))
         farther = min(farther, max(0.9, highest))
-    roll = rng.uniform(-MOST_ROLL, MOST_ROLL) if rng.random() < ROLLED else rng.normal(0, ROLL)
+    roll = rng.uniform(-0.5, 0.5) if rng.random() < 0.1 else rng.normal(0, 0.05)  # radians
     lens, angles = Lens(farther, float(roll)), (azimuth, float(elevation))
     if (gap := _gap(lens, object_class, vertices, *angles)) < LEAST_GAP:
         lens = replace(lens, farther=farther + LEAST_GAP - gap)

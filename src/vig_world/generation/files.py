@@ -54,8 +54,7 @@ def read_scene(folder: Path, count: int) -> list[dict[str, Any]]:
     """Return BOP's entries of each of `count` samples: camera, gt and gt_info. ValueError when damaged."""
     tables = {}
     for key in ("camera", "gt", "gt_info"):
-        # bytes of each sample's labels
-        table = read_json(inside(folder, f"{SCENE}/scene_{key}.json"), 4096 * count)
+        table = read_json(inside(folder, f"{SCENE}/scene_{key}.json"), 4096 * count)  # bytes
         kind = dict[str, dict[str, Any]] if key == "camera" else dict[str, tuple[dict[str, Any], ...]]
         decode(kind, table)
         if len(table) != count:
