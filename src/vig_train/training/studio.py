@@ -17,7 +17,7 @@ import torch
 from vig.photo import Window
 from vig.renderer.drawing import vertex_irradiance
 from vig.scene import EXPOSURE_L00, IMAGE_SIZE, SHAPE_LIMIT, Camera, Latents, ObjectClass, ShapeModel
-from vig_train.training.cutouts import model_cutouts
+from vig_train.training.cutouts import ModelCutouts, model_cutouts
 from vig_train.training.grounds import cast_shadow, draw_ground
 from vig_train.training.layers import Environment, Layer, continue_border, photograph, place_of
 from vig_train.training.painted_meshes import appearance, draw_paint
@@ -203,7 +203,8 @@ class Studio:
         picture = layer.over(picture)
         visible = layer.cover.copy()
         if rng.random() < settings.occluded:
-            picture, visible = self._occlude(rng, picture, layer.cover, colours, place)
+            things = (self.split, colours, place, True, self._props)
+            picture, visible = occlude(rng, picture, layer.cover, settings.most_hidden, things)
         hidden = layer.cover - visible
         if absent:
             visible, hidden = np.zeros_like(visible), np.zeros_like(hidden)
@@ -219,28 +220,6 @@ class Studio:
             np.round(255 * hidden).astype(np.uint8),
             number,
         )
-
-    def _occlude(
-        self,
-        rng: np.random.Generator,
-        picture: np.ndarray,
-        cover: np.ndarray,
-        colours: list[np.ndarray],
-        place: tuple[float, float, float],
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Put things before the object; return the picture (H, W, 3) and the rest of its cover (H, W)."""
-        visible, full_area = cover, max(float(cover.sum()), 1e-6)
-        target_share = 1 - rng.uniform(0, self.settings.most_hidden)
-        # At most five things in front of the object.
-        for _ in range(5):
-            occluder = draw_thing(rng, self.split, colours, place, True, self._props)
-            remaining = visible * (1 - occluder.cover)
-            if remaining.sum() < (1 - self.settings.most_hidden) * full_area:
-                continue
-            picture, visible = occluder.over(picture), remaining
-            if visible.sum() < target_share * full_area:
-                break
-        return picture, visible
 
     def _model(self, rng: np.random.Generator) -> tuple[int, StudioModel | None]:
         """Return the model of the object, with its number; 0 and None where the class has none."""
@@ -374,6 +353,36 @@ class Studio:
             appearance = replace(appearance, colour=0.85 * transmitted + 0.15 * appearance.colour)
         mean = appearance.albedo.mean(0) if len(appearance.albedo) else np.mean(coat.colours, axis=0)
         return Layer(*appearance.average(SUPERSAMPLING)), mean
+
+
+def occlude(
+    rng: np.random.Generator,
+    picture: np.ndarray,
+    cover: np.ndarray,
+    most_hidden: float,
+    things: tuple[Split, list[np.ndarray], tuple[float, float, float], bool, ModelCutouts | None],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Put things before an object; return the picture (H, W, 3) and the rest of the object's cover (H, W).
+
+    Args:
+        rng: Source of all randomness.
+        picture: (H, W, 3) with the object.
+        cover: (H, W) of the object.
+        most_hidden: Share of it that is hidden, at most.
+        things: Further arguments of `draw_thing`.
+    """
+    visible, full_area = cover, max(float(cover.sum()), 1e-6)
+    target_share = 1 - rng.uniform(0, most_hidden)
+    # At most five things in front of the object.
+    for _ in range(5):
+        occluder = draw_thing(rng, *things)
+        remaining = visible * (1 - occluder.cover)
+        if remaining.sum() < (1 - most_hidden) * full_area:
+            continue
+        picture, visible = occluder.over(picture), remaining
+        if visible.sum() < target_share * full_area:
+            break
+    return picture, visible
 
 
 @lru_cache(maxsize=8)
