@@ -37,8 +37,8 @@ from vig_train.training.cutouts import model_cutouts, render_view
 from vig_train.training.examples import Examples
 from vig_train.training.grounds import cast_shadow, draw_ground
 from vig_train.training.layers import Layer, continue_border, photograph, place_of
-from vig_train.training.studio import Studio, StudioSettings, occlude
-from vig_train.training.things import draw_thing
+from vig_train.training.studio import Studio, StudioSettings
+from vig_train.training.things import draw_thing, occlude
 from vig_train.training.training import TrainingSettings, train_on_examples
 from vig_world import Split
 from vig_world.assets.coats import any_colour
@@ -109,8 +109,8 @@ class ManyKinds:
         picture = layer.over(picture)
         visible = layer.cover
         if rng.random() < settings.occluded:
-            things = (self.split, colours, place, True, self.models)
-            picture, visible = occlude(rng, picture, layer.cover, settings.most_hidden, things)
+            things = (self.split, colours, place, self.models)
+            picture, visible = occlude(rng, picture, layer.cover, settings.most_hidden, *things)
         image = photograph(rng, picture)
         if rng.random() < settings.continued:
             image = continue_border(rng, image, layer.cover > 0)

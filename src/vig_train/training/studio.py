@@ -17,11 +17,11 @@ import torch
 from vig.photo import Window
 from vig.renderer.drawing import vertex_irradiance
 from vig.scene import EXPOSURE_L00, IMAGE_SIZE, SHAPE_LIMIT, Camera, Latents, ObjectClass, ShapeModel
-from vig_train.training.cutouts import ModelCutouts, model_cutouts
+from vig_train.training.cutouts import model_cutouts
 from vig_train.training.grounds import cast_shadow, draw_ground
 from vig_train.training.layers import Environment, Layer, continue_border, photograph, place_of
 from vig_train.training.painted_meshes import appearance, draw_paint
-from vig_train.training.things import draw_instead, draw_thing
+from vig_train.training.things import draw_instead, draw_thing, occlude
 from vig_world.assets.coats import any_colour, draw_coat
 from vig_world.assets.held_out import held_out_designs_of
 from vig_world.assets.source_meshes import SourceMesh, source_meshes_of
@@ -203,8 +203,8 @@ class Studio:
         picture = layer.over(picture)
         visible = layer.cover.copy()
         if rng.random() < settings.occluded:
-            things = (self.split, colours, place, True, self._props)
-            picture, visible = occlude(rng, picture, layer.cover, settings.most_hidden, things)
+            things = (self.split, colours, place, self._props)
+            picture, visible = occlude(rng, picture, layer.cover, settings.most_hidden, *things)
         hidden = layer.cover - visible
         if absent:
             visible, hidden = np.zeros_like(visible), np.zeros_like(hidden)
@@ -353,36 +353,6 @@ class Studio:
             appearance = replace(appearance, colour=0.85 * transmitted + 0.15 * appearance.colour)
         mean = appearance.albedo.mean(0) if len(appearance.albedo) else np.mean(coat.colours, axis=0)
         return Layer(*appearance.average(SUPERSAMPLING)), mean
-
-
-def occlude(
-    rng: np.random.Generator,
-    picture: np.ndarray,
-    cover: np.ndarray,
-    most_hidden: float,
-    things: tuple[Split, list[np.ndarray], tuple[float, float, float], bool, ModelCutouts | None],
-) -> tuple[np.ndarray, np.ndarray]:
-    """Put things before an object; return the picture (H, W, 3) and the rest of the object's cover (H, W).
-
-    Args:
-        rng: Source of all randomness.
-        picture: (H, W, 3) with the object.
-        cover: (H, W) of the object.
-        most_hidden: Share of it that is hidden, at most.
-        things: Further arguments of `draw_thing`.
-    """
-    visible, full_area = cover, max(float(cover.sum()), 1e-6)
-    target_share = 1 - rng.uniform(0, most_hidden)
-    # At most five things in front of the object.
-    for _ in range(5):
-        occluder = draw_thing(rng, *things)
-        remaining = visible * (1 - occluder.cover)
-        if remaining.sum() < (1 - most_hidden) * full_area:
-            continue
-        picture, visible = occluder.over(picture), remaining
-        if visible.sum() < target_share * full_area:
-            break
-    return picture, visible
 
 
 @lru_cache(maxsize=8)
