@@ -1,7 +1,5 @@
 """Damaged datasets: everything that reads one returns sane arrays or refuses in one line."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Random designs: a function of the seed, sound, of every kind, each of its own."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The packaged mug class: found by name, made of the code's designs, near designs it has not seen."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What a user says of the object, and that it makes wrong fits right."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

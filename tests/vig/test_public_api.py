@@ -1,7 +1,5 @@
 """The library as its users meet it: `import vig`, a photo of any size in, a folder out."""
 
-from __future__ import annotations
-
 import io
 import json
 import math

@@ -2,8 +2,6 @@
 one names it.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

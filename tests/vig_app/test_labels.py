@@ -1,7 +1,5 @@
 """Labels of annotation tools as hints: what each format states, and what is wrong with some."""
 
-from __future__ import annotations
-
 import base64
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The table of a run, read again and in the result files of BOP and COCO."""
 
-from __future__ import annotations
-
 import csv
 import errno
 import importlib.util

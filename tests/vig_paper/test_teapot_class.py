@@ -1,7 +1,5 @@
 """The paper's class: what the pack holds, and what its scenes show."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

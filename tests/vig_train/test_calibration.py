@@ -1,7 +1,5 @@
 """Trust is learned from features, and deviations are widened until nine in ten intervals hold."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The pose of a known textured object, in any rotation, against poses that pictures were drawn with."""
 
-from __future__ import annotations
-
 import json
 import sys
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Several objects in one photo: what hides what, masks that exclude each other, files, and the command."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What a script is answered: one JSON object on standard output, and the exit codes of docs/api.md."""
 
-from __future__ import annotations
-
 import ast
 import json
 import re

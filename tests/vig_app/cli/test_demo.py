@@ -1,7 +1,5 @@
 """`vig demo` as its user meets it."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

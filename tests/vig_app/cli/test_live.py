@@ -1,7 +1,5 @@
 """`vig fit --track --live`: files and pipes in place of cameras."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os

@@ -1,7 +1,5 @@
 """`vig fit` of videos, and with `--track`."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Explanations in the formats of other tools, read as those tools do."""
 
-from __future__ import annotations
-
 import io
 import json
 from dataclasses import replace

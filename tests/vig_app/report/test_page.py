@@ -1,7 +1,5 @@
 """report.html: what it holds, and that a browser shows it."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json

@@ -1,7 +1,5 @@
 """A run over photos: what is done stays, what is half done does not, the rest is said."""
 
-from __future__ import annotations
-
 import csv
 import errno
 import io

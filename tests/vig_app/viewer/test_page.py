@@ -1,7 +1,5 @@
 """The page of `vig view` in a browser: what is drawn on it becomes hints, at every size, light and dark."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """`vig view`: what a session takes and takes back, and what its server answers."""
 
-from __future__ import annotations
-
 import http.client
 import json
 import math

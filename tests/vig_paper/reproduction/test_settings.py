@@ -1,7 +1,5 @@
 """The three scales, numbers that make no run, and `vig reproduce` as its user types it."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

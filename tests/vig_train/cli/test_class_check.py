@@ -1,7 +1,5 @@
 """`vig class check`: errors on labelled photos."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`vig train`: which network is trained, for how long."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

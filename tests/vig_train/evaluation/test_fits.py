@@ -1,7 +1,5 @@
 """Fits kept on disk: taken from there when nothing changed, made again when anything did."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Methods run over a small dataset with a network that has learned nothing."""
 
-from __future__ import annotations
-
 import csv
 import json
 import math

@@ -1,7 +1,5 @@
 """Cut-outs, of packaged props and of models in files: of one split each, none of the class's like."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

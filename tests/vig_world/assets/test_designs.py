@@ -1,7 +1,5 @@
 """Teapot designs: closed, outward, symmetric, well proportioned; linear combinations stay teapots."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

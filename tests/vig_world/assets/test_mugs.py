@@ -1,7 +1,5 @@
 """Mug designs: one closed surface with one hole, outward, symmetric, hollow, well proportioned."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import replace
 

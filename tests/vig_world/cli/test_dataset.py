@@ -1,7 +1,5 @@
 """`vig dataset VERB` as its user meets it."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

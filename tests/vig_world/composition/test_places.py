@@ -1,7 +1,5 @@
 """Places of the object and of what hides it, as native code proposes them, beside plain references."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """Scenes of things long, flat, tall, tiny and huge: none is drawn anew, and latents keep distributions."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 

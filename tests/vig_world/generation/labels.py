@@ -1,7 +1,5 @@
 """Consistency of a sample's labels, pictures and spec: each fact is recomputed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path

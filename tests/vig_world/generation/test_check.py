@@ -1,7 +1,5 @@
 """`check_dataset` calls a whole dataset clean, and names every kind of damage."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json

@@ -1,7 +1,5 @@
 """The same job on a Ray cluster; skipped where Ray is not installed, but for the line that says so."""
 
-from __future__ import annotations
-
 import builtins
 import hashlib
 from pathlib import Path
