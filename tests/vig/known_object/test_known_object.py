@@ -13,6 +13,7 @@ import pytest
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
+from tests.support import run_vig
 from tests.toys import toy
 from vig import Explainer, Hints, Tracker, track
 from vig.inference import PixelLabel, Verdict
@@ -22,7 +23,6 @@ from vig.known_object.picture import WEIGHTS, Picture
 from vig.known_object.search import Poses, Stage
 from vig.scene.light import linear_from_srgb, srgb8_from_linear
 from vig.several import explain_found, explain_together
-from vig_app.cli.main import main
 from vig_native import engine
 
 WIDTH, HEIGHT, FOCAL = 320, 240, 400.0
@@ -462,12 +462,6 @@ def test_a_whole_photo_is_searched(packed) -> None:
         explain_found(photo[:40, :40], explainers, 4)
 
 
-def ended(command: list[str]) -> object:
-    with pytest.raises(SystemExit) as ending:
-        main(command)
-    return ending.value.code
-
-
 def test_meshes_of_a_folder_are_found(packed, tmp_path: Path, monkeypatch, capsys) -> None:
     """By the command line; copies, plain meshes and other files are left out."""
     pytest.importorskip("cv2")
@@ -490,18 +484,18 @@ def test_meshes_of_a_folder_are_found(packed, tmp_path: Path, monkeypatch, capsy
     Image.fromarray(photo).save("photo.png")
     lens = "--K", "1200,1200,450,375"
     command = ["fit", "photo.png", "--meshes", "meshes", *lens, "--files", "mask.png", "--out", "found"]
-    assert ended(command) == 0
+    assert run_vig(*command) == 0
     said = capsys.readouterr()
     assert "'copy.glb' is left out: it is the same as 'a.glb'" in said.err
     assert "'plain.glb' is left out: it has one colour" in said.err and "x.txt" not in said.err
     assert [path.name for path in Path("found/photo").glob("*-*")] == ["1-a"]
     boxes = {"photo.png": [{"box": box_round(mask), "class": "a"}]}
     Path("boxes.json").write_text(json.dumps(boxes, default=float))
-    assert ended([*command[:-1], "boxed", "--boxes", "boxes.json"]) == 0
+    assert run_vig(*command[:-1], "boxed", "--boxes", "boxes.json") == 0
     for out in ("found", "boxed"):
         written = json.loads(Path(out, "photo", "1-a", "explanation.json").read_text())
         assert off(np.array(written["pinhole"]["camera_from_object"]), pose)[0] < 5
     boxes["photo.png"][0]["class"] = "c"
     Path("boxes.json").write_text(json.dumps(boxes, default=float))
-    assert ended([*command, "--boxes", "boxes.json"]) == 2
+    assert run_vig(*command, "--boxes", "boxes.json") == 2
     assert "expected --boxes with the names of meshes, a, b; got 'c'" in capsys.readouterr().err

@@ -15,11 +15,11 @@ from typing import Any
 import pytest
 from PIL import Image
 
-from tests.support import TEAPOT
+from tests.support import TEAPOT, run_vig
 from vig.scene.object_class import PACKAGED
 from vig_app.cli import main as module
 from vig_app.cli.common import ExitCode, verbs_of_packages
-from vig_app.cli.main import VERBS, main
+from vig_app.cli.main import VERBS
 from vig_app.cli.options import FitCommand, RunOptions
 from vig_app.examples import example_photos
 
@@ -33,10 +33,9 @@ def told(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, dict[st
     """Exit code, the one object on standard output, and standard error of a command with --json."""
 
     def run(*arguments: object) -> tuple[int, dict[str, Any], str]:
-        with pytest.raises(SystemExit) as ended:
-            main([*map(str, arguments), "--json"])
+        code = run_vig(*arguments, "--json")
         out, err = capsys.readouterr()
-        return int(str(ended.value.code)), json.loads(out), err
+        return code, json.loads(out), err
 
     return run
 

@@ -22,9 +22,9 @@ from PIL import Image
 
 import vig
 from tests.nodes import needs_ray, two_nodes
+from tests.support import run_vig
 from vig.io.errors import UserError
 from vig_app.cli import fit as fit_verb
-from vig_app.cli.main import main
 from vig_app.cli.photos import photos_of, result_folders
 from vig_app.examples import example_photos
 from vig_app.exports import export_run
@@ -50,9 +50,7 @@ def photos(tmp_path: Path) -> Path:
 
 
 def fitted(*arguments: object) -> int:
-    with pytest.raises(SystemExit) as ended:
-        main(["fit", *BOX, *map(str, arguments)])
-    return int(ended.value.code or 0)
+    return run_vig("fit", *BOX, *arguments)
 
 
 def rows_of(out: Path) -> list[dict[str, str]]:

@@ -14,10 +14,9 @@ import pytest
 from PIL import Image
 
 import vig
-from tests.support import LOW_CONTRAST
+from tests.support import LOW_CONTRAST, run_vig
 from vig.inference import PixelLabel
 from vig.io.errors import UserError
-from vig_app.cli.main import main
 from vig_app.corrections import State
 from vig_app.examples import example_photos
 from vig_app.results import read_results, write_table
@@ -42,9 +41,7 @@ def large_photo(path: Path, number: int = 3) -> Path:
 
 
 def fit(*arguments: str | Path, code: int = 0) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main(["fit", *map(str, arguments)])
-    assert ended.value.code == code
+    assert run_vig("fit", *arguments) == code
 
 
 def fitted(folder: Path) -> Path:

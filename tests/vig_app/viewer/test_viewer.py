@@ -17,10 +17,10 @@ import pytest
 from PIL import Image
 
 import vig
+from tests.support import run_vig
 from vig.hints import Stroke
 from vig.inference import PixelLabel
 from vig.io.errors import UserError
-from vig_app.cli.main import main
 from vig_app.corrections import State
 from vig_app.examples import example_photos
 from vig_app.results import write_table
@@ -65,12 +65,10 @@ def test_a_result_of_vig_fit_can_be_resumed(session: Session, tmp_path: Path) ->
         (["--pose", str(tmp_path / "p.json")], False),
     ):
         (tmp_path / "p.json").write_text(json.dumps(np.eye(4).tolist()))
-        with pytest.raises(SystemExit):
-            main([*arguments, *further, "--out", str(tmp_path / f"out{resumable}")])
+        run_vig(*arguments, *further, "--out", tmp_path / f"out{resumable}")
         folder = tmp_path / f"out{resumable}" / "photo"
         assert (folder / "corrections.json").exists() == resumable
-    with pytest.raises(SystemExit):  # into the folder of the first
-        main([*arguments, "--pose", str(tmp_path / "p.json"), "--out", str(tmp_path / "outAgain")])
+    run_vig(*arguments, "--pose", tmp_path / "p.json", "--out", tmp_path / "outAgain")
     assert not (tmp_path / "outAgain" / "photo" / "corrections.json").exists()
     photo, object_class, state = State.read(tmp_path / "outTrue" / "photo")
     assert photo.samefile(session.path) and object_class == "teapot"
@@ -386,9 +384,7 @@ def test_what_vig_view_refuses(
     monkeypatch.chdir(large_photo(tmp_path).parent)
     Path("result").mkdir()
     write_table(Path("run"), [{"photo": "gone.png", "folder": "gone", "error": "gone"}])
-    with pytest.raises(SystemExit) as ended:
-        main(["view", *arguments])
-    assert ended.value.code == 2 and message in capsys.readouterr().err
+    assert run_vig("view", *arguments) == 2 and message in capsys.readouterr().err
 
 
 def test_a_box_that_vig_found_is_no_users(explainer: vig.Explainer, tmp_path: Path) -> None:
