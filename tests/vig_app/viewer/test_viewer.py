@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
 
 import vig
 from tests.support import run_vig
+from tests.vig_app.viewer.conftest import large_photo
 from vig.hints import Stroke
 from vig.inference import PixelLabel
 from vig.io.errors import UserError
@@ -31,29 +31,10 @@ from vig_app.viewer.walk import Walk
 
 
 @pytest.fixture(scope="module")
-def explainer() -> vig.Explainer:
-    return vig.Explainer("teapot")
-
-
-def large_photo(folder: Path) -> Path:
-    """An example in the middle of a larger photo."""
-    large = Image.new("RGB", (400, 300), (120, 120, 120))
-    with Image.open(example_photos()[3].photo) as small:
-        large.paste(small, (120, 70))
-    large.save(folder / "photo.png")
-    return folder / "photo.png"
-
-
-@pytest.fixture
-def session(explainer: vig.Explainer, tmp_path: Path) -> Session:
-    return Session(explainer, large_photo(tmp_path))
-
-
-@pytest.fixture(scope="module")
 def untouched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Viewer]:
     """One for all tests of refusals, which leave it as it is."""
     folder = tmp_path_factory.mktemp("untouched")
-    served = Viewer(Walk.of_photo(large_photo(folder), "teapot", folder / "saved"), port=8451)
+    served = Viewer(Walk.of_photo(large_photo(folder / "photo.png"), "teapot", folder / "saved"), port=8451)
     yield served
     served.stop()
 
@@ -207,13 +188,6 @@ def test_a_result_in_a_linked_folder_finds_its_photo(session: Session, tmp_path:
     session.save(tmp_path / "link" / "result")
     photo, object_class, _ = State.read(tmp_path / "link" / "result")
     assert photo.samefile(session.path) and object_class == "teapot"
-
-
-@pytest.fixture
-def viewer(session: Session, tmp_path: Path) -> Iterator[Viewer]:
-    served = Viewer(Walk.of_photo(session.path, "teapot", tmp_path / "saved"), port=8441)
-    yield served
-    served.stop()
 
 
 def asked(viewer: Viewer, method: str, path: str, body: Any = None, **headers: str) -> tuple[int, Any]:
@@ -373,15 +347,9 @@ def test_a_folder_of_results_is_opened_whatever_it_holds(session: Session, tmp_p
         (["result", "--class", "mug"], "has one. Leave it out"),
         (["result", "--out", "other"], "has one. Leave it out"),
     ],
-)
-def test_what_vig_view_refuses(
-    tmp_path: Path,
-    arguments: list[str],
-    message: str,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.chdir(large_photo(tmp_path).parent)
+)  # fmt: skip
+def test_what_vig_view_refuses(tmp_path, arguments: list[str], message: str, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(large_photo(tmp_path / "photo.png").parent)
     Path("result").mkdir()
     write_table(Path("run"), [{"photo": "gone.png", "folder": "gone", "error": "gone"}])
     assert run_vig("view", *arguments) == 2 and message in capsys.readouterr().err
