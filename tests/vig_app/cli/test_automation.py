@@ -156,22 +156,16 @@ def test_the_schema(told: Callable[..., Any]) -> None:
     assert code == ExitCode.DONE and "Explanation" in result["$defs"]
 
 
-def test_a_fault_has_a_traceback_and_an_exit_code(
-    told: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_faults_and_interruptions_have_exit_codes(told: Callable[..., Any], monkeypatch) -> None:
+    """And a fault a traceback."""
+    raised: list[BaseException] = [KeyboardInterrupt(), RuntimeError("no such\nkernel")]
+
     def broken(self: object, settings: object) -> int:
-        raise RuntimeError("no such\nkernel")
+        raise raised.pop()
 
     monkeypatch.setattr(module.Verb, "run", broken)
     code, result, err = told("doctor")
     assert code == ExitCode.FAULT and "Traceback" in err and "RuntimeError: no such kernel" in result["error"]
-
-
-def test_an_interruption(told: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    def stopped(self: object, settings: object) -> int:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(module.Verb, "run", stopped)
     code, result, _ = told("doctor")
     assert code == ExitCode.INTERRUPTED and result["error"].startswith("interrupted")
 

@@ -24,11 +24,6 @@ PLACE_GOOD, PLACE_TOO_SMALL = engine.PLACE_GOOD, engine.PLACE_TOO_SMALL
 PLACE_EYE, PLACE_OPEN = engine.PLACE_EYE, engine.PLACE_OPEN
 
 
-@pytest.fixture(scope="module")
-def library() -> Library:
-    return Library("validation")
-
-
 def actor_at(object_class: ObjectClass, elevation: float) -> Actor:
     vertices = standing_vertices(np.zeros(object_class.shape_model.modes), NO_DESIGN, object_class)
     view = View.through(Lens(), object_class, AZIMUTH, elevation, LAYOUT_SIZE)

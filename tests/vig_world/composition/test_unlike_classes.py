@@ -48,11 +48,6 @@ def stretched(name: str) -> ObjectClass:
 
 
 @pytest.fixture(scope="module")
-def library() -> Library:
-    return Library("validation")
-
-
-@pytest.fixture(scope="module")
 def specs(library: Library) -> dict[str, list[SceneSpec]]:
     return {name: [sample(library, stretched(name), SEED, index) for index in range(COUNT)] for name in SIZES}
 
