@@ -122,7 +122,7 @@ def test_a_map_is_added_to_weights_of_which_the_rest_stays(
     """Of images of the studio alone, which the folder keeps; the map of before goes."""
     start, out = TRUNK, tmp_path / "w"
     monkeypatch.setattr(verb, "MAP_PICTURES", 16)
-    given = ["--studio", "8", "--distinct", "60", "--map-alone", "--start", str(start), "--out", str(out)]
+    given = ["--studio", "8", "--distinct", "24", "--map-alone", "--start", str(start), "--out", str(out)]
     given += ["--others", "mug"]
     assert run_vig("train", "--class", TEAPOT, "--dataset", "--json", *given) == 0
     (before, _), (after, metadata) = (read_tensors(path, "pt") for path in (start, out / start.name))
