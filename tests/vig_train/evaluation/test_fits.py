@@ -10,7 +10,7 @@ from safetensors.numpy import load_file
 
 from tests.nodes import needs_ray, two_nodes
 from tests.support import run_vig
-from vig.inference import FitCalibration
+from vig.inference import ExplainSettings, FitCalibration
 from vig.inference.calibration import CONFIDENCE_FEATURES
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.support import TEAPOT, run_vig
-from vig.inference import explain_one
+from vig.inference import ExplainSettings, explain_one
 from vig.io.errors import UserError
 from vig.likelihood import GAUSSIAN, SPATIAL
 from vig.recognition import Recognizer
