@@ -1,7 +1,5 @@
 """The packaged teapot, seeded photos of it whose explanation is known, and a small dataset."""
 
-from __future__ import annotations
-
 import signal
 from contextlib import suppress
 from dataclasses import dataclass

@@ -4,8 +4,6 @@
 that run in several processes must take turns.
 """
 
-from __future__ import annotations
-
 import fcntl
 import importlib.util
 import tempfile

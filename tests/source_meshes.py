@@ -1,7 +1,5 @@
 """Meshes with materials, as a user's files have them."""
 
-from __future__ import annotations
-
 import numpy as np
 import trimesh
 

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from vig.recognition import NetworkSettings
 from vig.scene import Latents, latent_layout, point_layout
@@ -23,6 +24,15 @@ def points_of(latents: Latents, framing: np.ndarray | None = None) -> np.ndarray
     if framing is not None:
         points[:, POINT["framing"]] = framing
     return points
+
+
+def run_vig(*arguments: object) -> int:
+    """The exit code of `vig` with arguments, run in this process."""
+    from vig_app.cli.main import main  # which sets signals up, and reads every verb
+
+    with pytest.raises(SystemExit) as ended:
+        main([str(argument) for argument in arguments])
+    return int(str(ended.value.code or 0))
 
 
 def assert_close(

@@ -1,7 +1,5 @@
 """The Dockerfile's steps as far as they can be checked without an engine; tools/dockerfile.py does them."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

@@ -1,7 +1,5 @@
 """examples/vig.ipynb runs from top to bottom, and shows what it says."""
 
-from __future__ import annotations
-
 import ast
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A release: versions that agree, links that work on a package index, a workflow without a password."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

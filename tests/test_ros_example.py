@@ -1,7 +1,5 @@
 """The ROS 2 node of the examples, with stand-ins for rclpy and the message definitions that rosbags has."""
 
-from __future__ import annotations
-
 import dataclasses
 import importlib.util
 import sys

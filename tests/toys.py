@@ -1,7 +1,5 @@
 """Classes made by code: boxes with a fin, boxes with two, and posts, each with three shape components."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Groups of objects: the same for the same seed, labels that agree, objects that overlap and are seen."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

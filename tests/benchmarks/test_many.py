@@ -1,7 +1,5 @@
 """The files that are no photos: each is refused, with a line that names it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

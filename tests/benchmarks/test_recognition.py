@@ -1,7 +1,5 @@
 """The benchmark of recognition: rates of the threads asked for, which stay as they were."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from benchmarks.recognition import rates

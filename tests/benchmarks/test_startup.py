@@ -1,7 +1,5 @@
 """Times of single commands: their arguments and what becomes of the measurements."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

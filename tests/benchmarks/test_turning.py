@@ -1,7 +1,5 @@
 """Videos of a turning object: it turns, all else stays, and what hides it passes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Seeded damage to files, and what must come of reading them: a value, or one line for the user."""
 
-from __future__ import annotations
-
 import copy
 import json
 import resource

@@ -1,7 +1,5 @@
 """Damaged photos, panoramas, masks, cameras and boxes: what they hold, or one line."""
 
-from __future__ import annotations
-
 import json
 import zlib
 from collections.abc import Iterator

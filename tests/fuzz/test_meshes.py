@@ -1,7 +1,5 @@
 """Damaged meshes of users: pieces whose faces name their vertices, or one line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

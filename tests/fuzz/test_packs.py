@@ -1,7 +1,5 @@
 """Damaged class packs, weights and calibrations: read to what can be drawn, or refused in a line."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import struct

@@ -8,8 +8,6 @@ Explanations are those of the packaged examples and of four photos of this folde
 pixels, labels, scenes and latents of 20 samples are held by their SHA-256.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import json

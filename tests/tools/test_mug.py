@@ -1,19 +1,17 @@
 """The packaged mug class: found by name, made of the code's designs, near designs it has not seen."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from tools.classes.mug import DRAWN_DESIGNS, MODES, TRAINING_SCENE_DESIGNS
 from tools.classes.mug import mug as coded_mug
-from tools.classes.shapes import relative_distance
+from tools.classes.shapes import CodedClass, relative_distance
 from tools.classes.soundness import crossings
 from vig.scene import ObjectClass
 from vig.scene.symmetry import Symmetry
 from vig_world.assets.held_out import held_out_designs_of
 from vig_world.assets.mugs.design import HELD_OUT_MUGS, VALIDATION_MUGS
-from vig_world.assets.mugs.mug import MUG_FACES, MUG_PARTS, PART_NAMES
+from vig_world.assets.mugs.mug import MUG_FACES, MUG_PARTS, PART_NAMES, mug_vertices
 from vig_world.assets.target import draw_shape, shape_vertices
 from vig_world.composition.place import zone_weights
 
@@ -21,6 +19,14 @@ from vig_world.composition.place import zone_weights
 @pytest.fixture(scope="module")
 def mug() -> ObjectClass:
     return ObjectClass.load("mug")
+
+
+@pytest.fixture(scope="module")
+def coded() -> CodedClass:
+    """The class by its code, without most of the designs of which only its shape model is learned."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tools.classes.mug.DRAWN_DESIGNS", 1)
+        return coded_mug.__wrapped__()
 
 
 def test_the_pack_is_found_by_its_name(mug: ObjectClass) -> None:
@@ -39,7 +45,7 @@ def test_the_pack_holds_the_designs_of_the_code(mug: ObjectClass) -> None:
     held = held_out_designs_of(mug)
     assert held is not None and TRAINING_SCENE_DESIGNS <= DRAWN_DESIGNS
     assert held.splits == ("test",) * 10 + ("validation",) * 10 + ("train",) * (112 + TRAINING_SCENE_DESIGNS)
-    named = coded_mug().vertices_of(HELD_OUT_MUGS + VALIDATION_MUGS)
+    named = np.stack([mug_vertices(design) for design in HELD_OUT_MUGS + VALIDATION_MUGS])
     np.testing.assert_allclose(held.vertices[: len(named)], named, atol=1e-6)
     assert (
         held.names[:2] == ("harvest", "cottage") and held.names[-1] == f"drawn 0.{TRAINING_SCENE_DESIGNS - 1}"
@@ -50,19 +56,18 @@ def test_the_pack_holds_the_designs_of_the_code(mug: ObjectClass) -> None:
 
 
 @pytest.mark.slow
-def test_the_designs_are_those_that_the_builder_draws(mug: ObjectClass) -> None:
-    held, drawn = held_out_designs_of(mug), coded_mug().scenes
+def test_the_designs_are_those_that_the_builder_draws(mug: ObjectClass, coded: CodedClass) -> None:
+    held, drawn = held_out_designs_of(mug), coded.scenes
     assert held is not None
     designs = [(design.name, split) for split, of_split in drawn.items() for design in of_split]
     assert list(zip(held.names, held.splits, strict=True)) == designs
-    np.testing.assert_allclose(held.vertices[-40:], coded_mug().vertices_of(drawn["train"][-40:]), atol=1e-6)
+    np.testing.assert_allclose(held.vertices[-40:], coded.vertices_of(drawn["train"][-40:]), atol=1e-6)
 
 
 @pytest.mark.parametrize("designs", [HELD_OUT_MUGS, VALIDATION_MUGS], ids=["test", "validation"])
 def test_designs_beyond_training_are_within_a_hundredth_of_their_size(mug: ObjectClass, designs) -> None:
-    errors = [
-        relative_distance(mug.shape_model, coded_mug().vertices_of(designs), count) for count in (4, 8, MODES)
-    ]
+    vertices = np.stack([mug_vertices(design) for design in designs])
+    errors = [relative_distance(mug.shape_model, vertices, count) for count in (4, 8, MODES)]
     assert errors[0] > errors[1] > errors[2] and errors[2] < 0.01
 
 

@@ -1,7 +1,5 @@
 """What `flaws` finds, and that no named design has any."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

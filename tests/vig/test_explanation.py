@@ -1,7 +1,5 @@
 """What is written for the user of one fit."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What a user says of the object, and that it makes wrong fits right."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace
@@ -14,6 +12,7 @@ import torch
 from PIL import Image
 
 import vig
+from tests.support import run_vig
 from vig.hints import Hints, checked_pose, view_of
 from vig.inference import Objective, PixelLabel, PlaceTerm, objective_of, resolve
 from vig.io.errors import UserError
@@ -23,7 +22,6 @@ from vig.photo.masks import read_mask
 from vig.recognition import Prediction
 from vig.scene import ObjectClass
 from vig_app.cli.hints import mask_of, parse_point, read_marks, read_pose
-from vig_app.cli.main import main
 from vig_app.examples import Example, example_photos
 
 HIDDEN = 3
@@ -333,9 +331,7 @@ def test_the_command_line_takes_hints(
     Image.new("L", (150, 150), 255).save(tmp_path / "mask.png")
     photo = str(example.photo)
     arguments = ["--out", str(tmp_path / "out"), "--elevation", "25", "--visible"]
-    with pytest.raises(SystemExit) as ended:
-        main(["fit", photo, *arguments, "--points", "spout=40,60"])
-    assert not ended.value.code
+    assert run_vig("fit", photo, *arguments, "--points", "spout=40,60") == 0
     said = json.loads((tmp_path / "out" / example.photo.stem / "explanation.json").read_text())
     assert said["hints"] == {"visible": True, "points": {"spout": [40.0, 60.0]}, "elevation_deg": 25.0}
     for more, told in (
@@ -344,9 +340,7 @@ def test_the_command_line_takes_hints(
         ([photo, "--mask", str(tmp_path / "mask.png")], "expected --mask FOLDER for 2 photos"),
     ):
         capsys.readouterr()
-        with pytest.raises(SystemExit) as ended:
-            main(["fit", photo, *more, *arguments])
-        assert ended.value.code == 2 and told in capsys.readouterr().err
+        assert run_vig("fit", photo, *more, *arguments) == 2 and told in capsys.readouterr().err
 
 
 POSE = np.array([[0.0, 1, 0, 0.02], [0.6, 0, -0.8, 0.01], [-0.8, 0, -0.6, 0.7], [0, 0, 0, 1]])

@@ -1,7 +1,5 @@
 """The core explains photos without the application, and finds what that makes by entry points."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import tomllib

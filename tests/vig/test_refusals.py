@@ -1,7 +1,5 @@
 """Every public function refuses what it cannot use in one line: what it expected, what came, what to do."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

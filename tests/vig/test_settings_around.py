@@ -1,7 +1,5 @@
 """Settings of torch and numpy by a program, under which the library's answers stay the same."""
 
-from __future__ import annotations
-
 import shutil
 import threading
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Labels of annotation tools as hints: what each format states, and what is wrong with some."""
 
-from __future__ import annotations
-
 import base64
 import json
 from pathlib import Path
@@ -10,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.support import run_vig
 from vig.io.errors import UserError
 from vig.photo.images import png_bytes
 from vig.photo.masks import run_lengths
 from vig_app.cli.boxes import labels_of as labels_for
-from vig_app.cli.main import main
 from vig_app.cli.options import PlaceOptions
 from vig_app.examples import example_photos
 from vig_app.labels import Label, _decode_runs, fill_polygon, read_labels
@@ -251,11 +249,9 @@ def test_a_run_goes_on_past_labels_that_cannot_be_used(
     }
     (tmp_path / "labels.json").write_text(json.dumps(content))
     arguments = ["fit", *map(str, photos), "--labels", str(tmp_path / "labels.json"), "--json"]
-    with pytest.raises(SystemExit) as ended:
-        main([*arguments, "--out", str(tmp_path / "out"), "--files", "mask.png"])
+    assert run_vig(*arguments, "--out", tmp_path / "out", "--files", "mask.png") == 1
     printed = capsys.readouterr()
     answer = json.loads(printed.out)
-    assert ended.value.code == 1
     assert [result["box"] is not None for result in answer["results"].values()] == [True]
     size, count, crossing = answer["errors"].values()
     assert (
@@ -264,9 +260,8 @@ def test_a_run_goes_on_past_labels_that_cannot_be_used(
     assert "crosses itself" in crossing
     assert "labels of others than teapot passed over: dog" in printed.err
     for option in (["--class", "mug"], ["--box", "1,2,30,40"]):
-        with pytest.raises(SystemExit) as ended:
-            main([*arguments, *option, "--out", str(tmp_path / "other")])
-        assert ended.value.code == 2 and not (tmp_path / "other").exists()
+        assert run_vig(*arguments, *option, "--out", tmp_path / "other") == 2
+        assert not (tmp_path / "other").exists()
     assert "expected labels of mug" in capsys.readouterr().err
 
 

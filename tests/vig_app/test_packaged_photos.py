@@ -1,7 +1,5 @@
 """The packaged photos, examples and those of the demo: complete, in range, and true to themselves."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

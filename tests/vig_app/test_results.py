@@ -1,7 +1,5 @@
 """The table of a run, read again and in the result files of BOP and COCO."""
 
-from __future__ import annotations
-
 import csv
 import errno
 import importlib.util
@@ -17,8 +15,8 @@ import trimesh
 from PIL import Image
 
 import vig
+from tests.support import run_vig
 from vig.io.errors import UserError
-from vig_app.cli.main import main
 from vig_app.examples import example_photos
 from vig_app.exports import export_run
 from vig_app.results import COLUMNS, RowsOnDisk, kind_of, read_results, write_table
@@ -160,9 +158,7 @@ def test_a_run_without_a_result_makes_valid_files(tmp_path: Path) -> None:
 
 def test_the_command_writes_both(results: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for arguments, code in (([str(results)], 0), ([str(tmp_path)], 2)):
-        with pytest.raises(SystemExit) as ended:
-            main(["export", *arguments, "--to", "bop", "coco", "--out", str(tmp_path / "files")])
-        assert (ended.value.code or 0) == code
+        assert run_vig("export", *arguments, "--to", "bop", "coco", "--out", tmp_path / "files") == code
     output = capsys.readouterr()
     names = ("bop.csv", "coco.json", "")
     assert output.out.split() == [str(tmp_path / "files" / name) for name in names]

@@ -1,7 +1,5 @@
 """explanation.json is what its schema says."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import fields
 from pathlib import Path

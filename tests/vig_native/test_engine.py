@@ -1,7 +1,5 @@
 """The native library as a module: what it refuses, and that every instruction set gives the same bits."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import platform

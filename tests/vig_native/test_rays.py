@@ -1,7 +1,5 @@
 """Rays of the native library beside brute force: what they meet, where, from which side; what they block."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the world's binding refuses: arrays of another shape, type or order, and numbers beyond them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

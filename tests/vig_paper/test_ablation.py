@@ -1,7 +1,5 @@
 """What each ablation switches off, and how a variant is compared with the default."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any

@@ -1,13 +1,12 @@
 """The paper's class: what the pack holds, and what its scenes show."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tools.classes.paper_teapot import COMPONENTS, paper_teapot
+from tools.classes.teapot import teapot
 from vig.scene import SHAPE_LIMIT, ObjectClass
 from vig_paper.teapot_class import PACK, copy_class
 from vig_world.assets.held_out import held_out_designs_of
@@ -15,8 +14,10 @@ from vig_world.assets.target import NO_DESIGN, draw_shape
 
 
 def test_the_pack_is_what_the_code_builds(monkeypatch: pytest.MonkeyPatch) -> None:
-    light = np.eye(9)[0], np.eye(9)  # that of all panoramas takes 20 s and is not compared
-    monkeypatch.setattr("tools.classes.shapes.light_prior", lambda: light)
+    """But for the light of all panoramas and for random designs, which take long and are not in it."""
+    monkeypatch.setattr("tools.classes.shapes.light_prior", lambda: (np.eye(9)[0], np.eye(9)))
+    monkeypatch.setattr("tools.classes.teapot.drawn_designs", lambda *given, **named: ())
+    monkeypatch.setattr("tools.classes.paper_teapot.teapot", teapot.__wrapped__)
     pack, built = ObjectClass.load(PACK), paper_teapot().build()
     assert pack.name == built.name == "teapot-paper"
     np.testing.assert_allclose(pack.shape_model.mean, built.shape_model.mean, atol=1e-6)

@@ -1,7 +1,5 @@
 """Seeded scenes for the renderer's tests."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

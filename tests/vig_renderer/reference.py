@@ -3,8 +3,6 @@
 Derivatives are autograd's own. `find` asks the library for the same.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

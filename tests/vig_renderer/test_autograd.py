@@ -1,22 +1,18 @@
 """Renderings within what torch offers: batches of cotangents, inference mode, pickle."""
 
-from __future__ import annotations
-
 import copy
 import io
 import pickle
 from collections.abc import Callable
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
 
+from tests.vig_renderer.conftest import World
 from vig_renderer import Rendering, Scene, render
-
-if TYPE_CHECKING:
-    from conftest import World
 
 Draw = Callable[[torch.Tensor], Rendering]
 

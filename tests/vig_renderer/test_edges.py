@@ -1,7 +1,5 @@
 """Occlusion edges: which are seen, and what coverage they make of it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

@@ -1,7 +1,5 @@
 """Barycentrics, interpolation and textures: values, both kinds of derivative, against the references."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,24 +1,20 @@
 """The native stages beside the same in plain torch: pictures, and gradients of every input."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
 from torch.utils._python_dispatch import TorchDispatchMode
 
+from tests.vig_renderer.conftest import World
 from vig_renderer import MeshObject, Pinhole, Rendering, Scene, Topology, render, rendering
-
-if TYPE_CHECKING:
-    from conftest import World
 
 Build = Callable[[dict[str, torch.Tensor]], Scene | list[Scene]]
 IMAGES = ("rgb", "coverage", "visible_masks", "full_masks", "depth", "normals")

@@ -1,7 +1,5 @@
 """Wrong shapes, types and indices are refused before a kernel reads beyond an array."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,16 +1,14 @@
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from dataclasses import fields, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 import torch
 import trimesh
 
+from tests.vig_renderer.conftest import World
 from vig.scene import Camera, ObjectClass
 from vig_renderer import (
     DirectionalLight,
@@ -25,9 +23,6 @@ from vig_renderer import (
 )
 from vig_renderer.shading import smooth_normals
 from vig_world.raster.rasterize import rasterize
-
-if TYPE_CHECKING:
-    from conftest import World
 
 SCENES = int(os.environ.get("VIG_GRADIENT_SCENES", "2"))
 """Random scenes whose every input is checked against central differences."""

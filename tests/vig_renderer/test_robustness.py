@@ -1,7 +1,5 @@
 """Strange scenes: finite images, finite gradients."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from dataclasses import replace

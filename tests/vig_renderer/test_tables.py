@@ -1,7 +1,5 @@
 """Tables of faces, edges and levels that somebody writes to while a rendering still needs them."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from dataclasses import dataclass
@@ -27,7 +25,7 @@ class Triangle:
     texture: Pyramid
 
     @staticmethod
-    def make() -> Triangle:
+    def make() -> "Triangle":
         edges = Topology.of(np.array([[0, 1, 2]]), CORNERS).edges.numpy()
         arrays = {"faces": np.array([[0, 1, 2]], np.int32), "texture_faces": np.array([[0, 1, 2]], np.int32)}
         arrays |= {"edges": edges}

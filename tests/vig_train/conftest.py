@@ -1,7 +1,5 @@
 """A small dataset, an untrained network, and the results of the methods on them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

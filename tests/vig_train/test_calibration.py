@@ -1,7 +1,5 @@
 """Trust is learned from features, and deviations are widened until nine in ten intervals hold."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -13,14 +11,13 @@ import pytest
 from safetensors.numpy import load_file, save_file
 
 import vig
-from tests.support import TEAPOT
+from tests.support import TEAPOT, run_vig
 from vig.inference import ExplainSettings, FitCalibration, Verdict, explain_one
 from vig.inference.calibration import CONFIDENCE_FEATURES, LEAST_DEVIATION, residual
 from vig.io.errors import UserError
 from vig.photo.pinhole import sight_axes
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass, Symmetry, linear_from_srgb
-from vig_app.cli.main import main
 from vig_app.examples import example_photos
 from vig_train.calibration import learning
 from vig_train.calibration.learning import (
@@ -487,9 +484,7 @@ def test_fits_are_calibrated_from_what_they_say_uncalibrated(
 
 
 def run(capsys, *arguments: object) -> tuple[int, str, str]:
-    with pytest.raises(SystemExit) as ended:
-        main(["calibrate", "--class", str(TEAPOT), *(str(argument) for argument in arguments)])
-    return ended.value.code, *capsys.readouterr()
+    return run_vig("calibrate", "--class", TEAPOT, *arguments), *capsys.readouterr()
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,5 @@
 """The packaged mug: photos of designs, rooms and lights that its training never saw."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """What people look at of a training and of a network's calibration."""
 
-from __future__ import annotations
-
 import csv
 import math
 import re

@@ -1,7 +1,5 @@
 """run.json: begun once, gone on with under the same settings only."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A class that is no teapot, from its pack to an explanation, at a tiny scale."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from pathlib import Path

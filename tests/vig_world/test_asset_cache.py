@@ -1,7 +1,5 @@
 """Assets on disk: the same as those made, whatever the folder holds."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 from pathlib import Path
 

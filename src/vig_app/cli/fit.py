@@ -150,9 +150,9 @@ def _line(row: dict[str, Any]) -> str:
     if row["verdict"] == "absent":
         return f"absent: {name_of(row)}; {row['reason']} ({when})"
     hidden, mask_confidence = row["hidden_fraction"], row["mask_confidence"]
-    trust = ", trusted" if row["mask_trusted"] else ", not trusted"
+    trust = " trusted," if row["mask_trusted"] else " not trusted,"
     trust = "" if row["mask_trusted"] == row["view_trusted"] else trust  # the verdict is of the view
-    mask = "" if mask_confidence is None else f" (mask {mask_confidence:.0%} likely right{trust})"
+    mask = "" if mask_confidence is None else f" (mask{trust} {mask_confidence:.0%} likely right)"
     visible = "nothing seen" if hidden is None else f"{hidden:.0%} hidden{mask}"
     if row["focal_from"] == "assumed":
         visible += ", distance unknown (focal length assumed)"

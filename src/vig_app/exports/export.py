@@ -28,10 +28,12 @@ def run_formats() -> dict[str, tuple[str, ...]]:
 def export_explanation(
     explanation: "Explanation", folder: str | Path, formats: Sequence[str], photo: str
 ) -> Path:
-    """Write the files of `Explanation.export`."""
+    """Write the files of `Explanation.export`; of an absent object those of masks and boxes, without any."""
     _check(formats)
     for name in formats:
-        if hasattr(_module(name), "write_photos"):
+        if not hasattr(_module(name), "write_photos") and str(explanation.verdict) == "absent":
+            _remove(Path(folder), name, _module(name).FILES)
+        elif hasattr(_module(name), "write_photos"):
             from vig_app.exports.annotations import one_photo  # help lists formats, and needs no results
 
             _module(name).write_photos(Path(folder), *one_photo(explanation, photo))
@@ -76,16 +78,19 @@ def export_run(
 def remove_exports(folder: Path, of_run: bool = False) -> None:
     """Remove the exports of an earlier explanation, or run, and folders that held nothing else."""
     for name in FORMATS:
-        module = _module(name)
-        for file in run_formats().get(name, ()) if of_run else module.FILES:
-            for path in folder.glob(file):
-                if hasattr(module, "is_edited") and module.is_edited(path):
-                    continue
-                path.unlink()
-                for parent in path.parents:
-                    if parent == folder or any(parent.iterdir()):
-                        break
-                    parent.rmdir()
+        _remove(folder, name, run_formats().get(name, ()) if of_run else _module(name).FILES)
+
+
+def _remove(folder: Path, name: str, files: Sequence[str]) -> None:
+    """Remove files of a format, but for those that were edited, and folders that held nothing else."""
+    for path in (path for file in files for path in folder.glob(file)):
+        if hasattr(_module(name), "is_edited") and _module(name).is_edited(path):
+            continue
+        path.unlink()
+        for parent in path.parents:
+            if parent == folder or any(parent.iterdir()):
+                break
+            parent.rmdir()
 
 
 def formats_in(folder: Path, of_run: bool = False) -> tuple[str, ...]:

@@ -56,7 +56,9 @@ class PhotoLabel(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class PhotoErrors:
-    """Errors on one photo: degrees, IoU of the outline and visible pixels, verdict; NaN without a label."""
+    """Errors on one photo: degrees, IoU of the outline and visible pixels; NaN without a label. Its verdict,
+    and the confidence that its view is right.
+    """
 
     photo: str
     shape: str
@@ -67,6 +69,7 @@ class PhotoErrors:
     visible_iou: float
     verdict: str
     features: np.ndarray = field(default_factory=lambda: np.zeros(len(CONFIDENCE_FEATURES)))
+    confidence: float = np.nan
 
     @property
     def view_deg(self) -> float:
@@ -93,7 +96,7 @@ def check_class(settings: CheckClass) -> int:
             f" {len(labels)} labels and '{settings.pack}'. Copy a packaged class to calibrate it."
         )
     with contextlib.redirect_stdout(sys.stderr) if settings.json else contextlib.nullcontext():
-        errors = _errors(settings, object_class, labels)
+        errors = errors_on_photos(settings, object_class, labels)
     if settings.calibrate and len(errors) < 30:
         raise UserError(
             f"expected 30 labelled photos or more that can be used; got {len(errors)}. Label more."
@@ -140,9 +143,10 @@ def read_labels(folder: Path, path: Path) -> list[PhotoLabel]:
     return labels
 
 
-def _errors(
+def errors_on_photos(
     settings: CheckClass, object_class: ObjectClass, labels: Sequence[PhotoLabel]
 ) -> list[PhotoErrors]:
+    """Return errors on each photo that can be used; others are named. UserError where there is none."""
     explainer = Explainer(object_class)
     skipped: dict[int, UserError] = {}
     boxes = [None if settings.find else label.box for label in labels]
@@ -196,6 +200,7 @@ def errors_of(
         visible,
         str(explanation.verdict),
         explanation.fit.confidence_features,
+        explanation.confidence,
     )
 
 
@@ -225,7 +230,21 @@ def row_of(name: str, errors: Sequence[PhotoErrors], tolerance: float) -> CheckR
         **{key: _median_known(columns[key]) for key in ("elevation_deg", "outline_iou", "visible_iou")},
         "trusted": int(trusted.sum()),
         "trusted_right": float((view[trusted] <= tolerance).mean()) if trusted.any() else None,
+        "calibration_error": expected_calibration_error(columns["confidence"], view <= tolerance),
     }
+
+
+def expected_calibration_error(confidence: np.ndarray, right: np.ndarray) -> float | None:
+    """Return the expected calibration error (Naeini et al. 2015) of N confidences in [0, 1], or None.
+
+    Over ten equal bins of confidence, the mean difference between it and the share that is right (N,) bool,
+    weighted by the photos in each. Photos without a confidence (NaN) do not count; None where all are so.
+    """
+    known = np.isfinite(confidence)
+    if not known.any():
+        return None
+    gaps = np.bincount(np.minimum(10 * confidence[known], 9).astype(int), (confidence - right)[known], 10)
+    return float(np.abs(gaps).sum() / known.sum())
 
 
 def recalibrate(path: Path, errors: Sequence[PhotoErrors], tolerance: float) -> str:
@@ -283,7 +302,8 @@ def table_of(rows: Sequence[CheckRow], settings: CheckClass) -> str:
     """Return the table in Markdown, with a line of explanation."""
     lines = [
         f"Labelled photos, {'found by vig' if settings.find else 'with their boxes'}; a trusted view is right"
-        f" within {settings.tolerance:g} degrees; balanced: views from right, left, elsewhere count alike.",
+        f" within {settings.tolerance:g} degrees; balanced: views from right, left, elsewhere count alike;"
+        " ECE: expected calibration error of the confidence, over ten bins.",
         "",
     ]
     columns = {
@@ -296,6 +316,7 @@ def table_of(rows: Sequence[CheckRow], settings: CheckClass) -> str:
         "visible IoU": ("{:.2f}", "visible_iou"),
         "trusted": ("{}", "trusted"),
         "right": ("{:.2f}", "trusted_right"),
+        "ECE": ("{:.2f}", "calibration_error"),
     }
     table = [
         [row["photos"], str(row["count"])]

@@ -143,6 +143,10 @@ class ModelCutouts:
                 return cutouts[number]
         raise UserError(f"{self.root}: expected models that can be drawn; {_MOST_FAILURES} could not.")
 
+    def thing(self, name: str) -> Prop | None:
+        """Return the model of a file, of the catalogue's size; None where it cannot be read."""
+        return _model(self.root, name)
+
 
 @functools.cache
 def model_cutouts(source: str, split: Split, class_name: str) -> ModelCutouts:
@@ -178,16 +182,13 @@ def _split_of(name: str) -> Split:
 @functools.lru_cache(maxsize=2048)
 def _cutouts(root: Path, name: str) -> tuple[Image.Image, ...]:
     """Return all cut-outs of a model; none where it cannot be read."""
-    path = root / name
-    seed = hashlib.sha256(name.encode() + path.read_bytes()).digest()
+    seed = hashlib.sha256(name.encode() + (root / name).read_bytes()).digest()
 
     def make() -> list[Image.Image]:
-        try:
-            settings = settings_of(root, path, {})
-            parts, _ = standing_parts(path, load(root, path, settings.nodes).pieces, settings, _ANY_SIZE)
-        except UserError:
+        shown = _model(root, name)
+        if shown is None:
             return []
-        shown, rng = prop("model", *parts), np.random.default_rng(list(seed[:16]))
+        rng = np.random.default_rng(list(seed[:16]))
         # Some lie, at any angle.
         rolls = [rng.uniform(0, 2 * math.pi) * (rng.random() < 0.15) for _ in range(VIEWS)]
         return [render_cutout(rng, shown, roll) for roll in rolls]
@@ -195,23 +196,55 @@ def _cutouts(root: Path, name: str) -> tuple[Image.Image, ...]:
     return _made_once(f"model/{seed.hex()[:24]}", make)
 
 
+@functools.lru_cache(maxsize=2048)
+def _model(root: Path, name: str) -> Prop | None:
+    """Return a model as a thing; None where it cannot be read."""
+    path = root / name
+    try:
+        settings = settings_of(root, path, {})
+        parts, _ = standing_parts(path, load(root, path, settings.nodes).pieces, settings, _ANY_SIZE)
+    except UserError:
+        return None
+    return prop("model", *parts)
+
+
 def render_cutout(rng: np.random.Generator, shown_prop: Prop, roll: float) -> Image.Image:
     """Draw a thing, turned at random about the vertical: RGBA, sRGB, as large as its outline.
 
     roll: the camera's, radians.
     """
-    meshes = [mesh for mesh, _ in shown_prop.parts]
+    from_above = rng.random() < 0.25
+    azimuth = rng.uniform(0, 2 * math.pi)
+    elevation = math.radians(rng.uniform(30, 85) if from_above else rng.uniform(-5, 30))
+    # A cut-out is drawn in a picture of 112 pixels.
+    mean = render_view(rng, shown_prop, (azimuth, elevation, roll), 112)
+    display = srgb_from_linear((mean[..., :3] / np.maximum(mean[..., 3:], 1e-6)).clip(0, 1))
+    image = Image.fromarray((np.concatenate([display, mean[..., 3:]], axis=2) * 255).round().astype(np.uint8))
+    return image.crop(image.getchannel("A").getbbox() or (0, 0, 1, 1))
+
+
+def render_view(
+    rng: np.random.Generator, shown: Prop, view: tuple[float, float, float], side: int, distance: float = 4.0
+) -> np.ndarray:
+    """Draw a view of a thing in some light: (side, side, 4), linear RGB times coverage, and coverage.
+
+    Args:
+        rng: Source of the light.
+        shown: The thing.
+        view: Azimuth, elevation and roll of the camera, radians.
+        side: Pixels.
+        distance: The camera's, in reaches of the thing from the middle of its box.
+    """
+    meshes = [mesh for mesh, _ in shown.parts]
     points, faces = stack_meshes(meshes)
     owner = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
     points = points - (points.min(0) + points.max(0)) / 2
     reach = float(np.linalg.norm(points, axis=1).max())
-    # A cut-out is drawn in a picture of 112 pixels.
-    size = 112 * SUPERSAMPLING
-    camera = Camera(size, size, 1.9 * size, size / 2, size / 2, 4.0 * reach, roll=roll)
-    from_above = rng.random() < 0.25
-    matrix = camera.camera_from_world(
-        rng.uniform(0, 2 * math.pi), math.radians(rng.uniform(30, 85) if from_above else rng.uniform(-5, 30))
-    )
+    size = side * SUPERSAMPLING
+    azimuth, elevation, roll = view
+    focal = 1.9 / 4 * distance * size
+    camera = Camera(size, size, focal, size / 2, size / 2, distance * reach, roll=roll)
+    matrix = camera.camera_from_world(azimuth, elevation)
     rotation = matrix[:3, :3]
     fragments = rasterize(points, faces, rotation, matrix[:3, 3], camera)
     covered = fragments.face >= 0
@@ -224,7 +257,7 @@ def render_cutout(rng: np.random.Generator, shown_prop: Prop, roll: float) -> Im
     normal = np.where(normal[:, 2:] > 0, -normal, normal)
     colour = np.empty((len(face), 3), np.float32)
     shine = np.zeros((len(face), 1))
-    for number, (_, surface) in enumerate(shown_prop.parts):
+    for number, (_, surface) in enumerate(shown.parts):
         of_part = owner[face] == number
         height, width = surface.texture.shape[:2]
         u, v = interpolated[of_part, 3], 1 - interpolated[of_part, 4]
@@ -246,7 +279,4 @@ def render_cutout(rng: np.random.Generator, shown_prop: Prop, roll: float) -> Im
         for i in range(SUPERSAMPLING)
         for j in range(SUPERSAMPLING)
     ]
-    mean = np.add.reduce(parts) / len(parts)
-    display = srgb_from_linear((mean[..., :3] / np.maximum(mean[..., 3:], 1e-6)).clip(0, 1))
-    image = Image.fromarray((np.concatenate([display, mean[..., 3:]], axis=2) * 255).round().astype(np.uint8))
-    return image.crop(image.getchannel("A").getbbox() or (0, 0, 1, 1))
+    return np.asarray(np.add.reduce(parts) / len(parts))

@@ -21,7 +21,7 @@ from vig_train.training.cutouts import model_cutouts
 from vig_train.training.grounds import cast_shadow, draw_ground
 from vig_train.training.layers import Environment, Layer, continue_border, photograph, place_of
 from vig_train.training.painted_meshes import appearance, draw_paint
-from vig_train.training.things import draw_instead, draw_thing
+from vig_train.training.things import draw_instead, draw_thing, occlude
 from vig_world.assets.coats import any_colour, draw_coat
 from vig_world.assets.held_out import held_out_designs_of
 from vig_world.assets.source_meshes import SourceMesh, source_meshes_of
@@ -203,7 +203,8 @@ class Studio:
         picture = layer.over(picture)
         visible = layer.cover.copy()
         if rng.random() < settings.occluded:
-            picture, visible = self._occlude(rng, picture, layer.cover, colours, place)
+            things = (self.split, colours, place, self._props)
+            picture, visible = occlude(rng, picture, layer.cover, settings.most_hidden, *things)
         hidden = layer.cover - visible
         if absent:
             visible, hidden = np.zeros_like(visible), np.zeros_like(hidden)
@@ -219,28 +220,6 @@ class Studio:
             np.round(255 * hidden).astype(np.uint8),
             number,
         )
-
-    def _occlude(
-        self,
-        rng: np.random.Generator,
-        picture: np.ndarray,
-        cover: np.ndarray,
-        colours: list[np.ndarray],
-        place: tuple[float, float, float],
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Put things before the object; return the picture (H, W, 3) and the rest of its cover (H, W)."""
-        visible, full_area = cover, max(float(cover.sum()), 1e-6)
-        target_share = 1 - rng.uniform(0, self.settings.most_hidden)
-        # At most five things in front of the object.
-        for _ in range(5):
-            occluder = draw_thing(rng, self.split, colours, place, True, self._props)
-            remaining = visible * (1 - occluder.cover)
-            if remaining.sum() < (1 - self.settings.most_hidden) * full_area:
-                continue
-            picture, visible = occluder.over(picture), remaining
-            if visible.sum() < target_share * full_area:
-                break
-        return picture, visible
 
     def _model(self, rng: np.random.Generator) -> tuple[int, StudioModel | None]:
         """Return the model of the object, with its number; 0 and None where the class has none."""

@@ -88,6 +88,44 @@ def _draw_flat(
     return Layer(shaded.astype(np.float32), cover.astype(np.float32))
 
 
+def occlude(
+    rng: np.random.Generator,
+    picture: np.ndarray,
+    cover: np.ndarray,
+    most_hidden: float,
+    split: Split,
+    colours: list[np.ndarray],
+    place: tuple[float, float, float],
+    models: ModelCutouts | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Put up to five things before an object; see `draw_thing`.
+
+    Args:
+        rng: Source of all randomness.
+        picture: (H, W, 3) with the object.
+        cover: (H, W) of the object.
+        most_hidden: Share of it that is hidden, at most.
+        split: Split of the things.
+        colours: Colours that they may have.
+        place: Middle and size of the object.
+        models: In files, to be drawn as well.
+
+    Returns:
+        The picture, and the rest of the object's cover (H, W).
+    """
+    visible, full_area = cover, max(float(cover.sum()), 1e-6)
+    target_share = 1 - rng.uniform(0, most_hidden)
+    for _ in range(5):
+        occluder = draw_thing(rng, split, colours, place, True, models)
+        remaining = visible * (1 - occluder.cover)
+        if remaining.sum() < (1 - most_hidden) * full_area:
+            continue
+        picture, visible = occluder.over(picture), remaining
+        if visible.sum() < target_share * full_area:
+            break
+    return picture, visible
+
+
 def draw_instead(
     rng: np.random.Generator, split: Split, name: str, vessel: bool, models: ModelCutouts | None = None
 ) -> Layer:

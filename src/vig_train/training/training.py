@@ -140,17 +140,36 @@ def train(
             damaged or of another run.
     """
     check_amounts(settings, datasets)
-    if settings.threads is not None:
-        torch.set_num_threads(settings.threads)
     chosen, held_out = (torch.from_numpy(indices) for indices in hold_out(datasets, settings.validation))
     examples = Examples.concatenate([Examples.of(dataset) for dataset in datasets])
+    fingerprint = settings.fingerprint(datasets)
+    return train_on_examples(examples, chosen, held_out, out, settings, fingerprint, say, record, progress)
+
+
+def train_on_examples(
+    examples: Examples,
+    chosen: torch.Tensor,
+    held_out: torch.Tensor,
+    out: Path,
+    settings: TrainingSettings,
+    fingerprint: str,
+    say: Callable[[str], None] = print,
+    record: Callable[[Epoch], None] = lambda epoch: None,
+    progress: bool = False,
+) -> Path:
+    """Train on chosen examples, validate on others, by their indices; see `train`.
+
+    fingerprint: of settings and data, which a checkpoint must match.
+    """
+    if settings.threads is not None:
+        torch.set_num_threads(settings.threads)
     state, steps = _TrainingState.begin(settings, examples, chosen), len(chosen) // settings.batch
     path, average = Path(out) / WEIGHTS_FILE, state.networks["average"]
     run = TrainingRun(
         state.trainer.optimizer,
         state.networks,
         Path(out) / "checkpoint.safetensors",
-        settings.fingerprint(datasets),
+        fingerprint,
     )
     drawing, once = settings.drawing, None
     if drawing is not None and drawing.distinct:

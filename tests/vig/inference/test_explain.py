@@ -1,7 +1,5 @@
 """A photo whose explanation is known, explained; and what the verdict says when it cannot be."""
 
-from __future__ import annotations
-
 import json
 import math
 import shutil

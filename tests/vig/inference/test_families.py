@@ -1,7 +1,5 @@
 """Families: which one a predicted shape belongs to, and what it is within each, by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A block of latents of one's own: what fits move follows from the layout alone."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """The smooth gain of the shading: a shadow over the object bends neither its shape nor its view."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

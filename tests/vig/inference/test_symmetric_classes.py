@@ -1,7 +1,5 @@
 """Classes that look the same after a turn: their views are counted once, and not called ambiguous for it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

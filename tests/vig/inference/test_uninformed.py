@@ -1,7 +1,5 @@
 """Fits of classes for which no network was trained: a search all round, by the objective alone."""
 
-from __future__ import annotations
-
 import math
 import shutil
 from dataclasses import replace

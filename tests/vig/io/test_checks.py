@@ -1,7 +1,5 @@
 """What is read from others' files is bounded and typed, and every refusal is one line."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from dataclasses import dataclass

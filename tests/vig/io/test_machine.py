@@ -1,7 +1,5 @@
 """Names of machines, read from the files of systems that state them."""
 
-from __future__ import annotations
-
 import platform
 from pathlib import Path
 

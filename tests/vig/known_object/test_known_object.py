@@ -1,11 +1,11 @@
 """The pose of a known textured object, in any rotation, against poses that pictures were drawn with."""
 
-from __future__ import annotations
-
 import json
+import shutil
 import sys
+from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ import pytest
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
+from tests.support import run_vig
 from tests.toys import toy
 from vig import Explainer, Hints, Tracker, track
 from vig.inference import PixelLabel, Verdict
@@ -22,11 +23,11 @@ from vig.known_object.picture import WEIGHTS, Picture
 from vig.known_object.search import Poses, Stage
 from vig.scene.light import linear_from_srgb, srgb8_from_linear
 from vig.several import explain_found, explain_together
-from vig_app.cli.main import main
 from vig_native import engine
 
 WIDTH, HEIGHT, FOCAL = 320, 240, 400.0
 K = np.array([[FOCAL, 0, 150.0], [0, FOCAL, 125.0], [0, 0, 1]])
+K2, K3 = (K * np.array([[scale], [scale], [1]]) for scale in (2, 3))  # of larger photos
 SIDES = np.array([0.12, 0.08, 0.05])
 
 
@@ -58,11 +59,27 @@ def carton(seed: int = 5, cells: int = 4) -> Surface:
 
 
 @pytest.fixture(scope="module")
-def pack(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("carton")
-    toy("fin").save(folder)
-    carton().save(folder)
-    return folder
+def packed(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int, int], Path]:
+    """Packs of cartons by seed and cells, each made once: it keeps the keypoints of its views."""
+
+    @cache
+    def made(seed: int, cells: int) -> Path:
+        folder = tmp_path_factory.mktemp("carton")
+        toy("fin").save(folder)
+        carton(seed, cells).save(folder)
+        return folder
+
+    return made
+
+
+@pytest.fixture(scope="module")
+def pack(packed: Callable[[int, int], Path]) -> Path:
+    return packed(5, 4)
+
+
+@pytest.fixture(scope="module")
+def explainer(pack: Path) -> Explainer:
+    return Explainer(pack)
 
 
 def photo_of(
@@ -105,14 +122,14 @@ def off(found: np.ndarray, true: np.ndarray) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_any_rotation_is_found(pack: Path, seed: int) -> None:
+def test_any_rotation_is_found(explainer: Explainer, seed: int) -> None:
     pose = pose_at(seed)
     photo, mask = photo_of(pose)
-    found = Explainer(pack).explain(photo, box_round(mask), K=K, mask=mask)
+    found = explainer.explain(photo, box_round(mask), K=K, mask=mask)
     turned, moved = off(found.camera_from_object, pose)
     assert turned < 4 and moved < 0.01
     assert (found.mask & mask).sum() > 0.9 * (found.mask | mask).sum()
-    boxed = Explainer(pack).explain(photo, box_round(mask), K=K)
+    boxed = explainer.explain(photo, box_round(mask), K=K)
     assert off(boxed.camera_from_object, pose)[0] < 6 and boxed.verdict is Verdict.AMBIGUOUS
     matrix, pinhole, covariance = found.pinhole_pose()
     np.testing.assert_allclose(matrix, K)
@@ -125,14 +142,14 @@ def test_any_rotation_is_found(pack: Path, seed: int) -> None:
     np.testing.assert_allclose(camera, found.camera_from_object, atol=1e-5)
 
 
-def test_a_covered_object_is_found(pack: Path) -> None:
+def test_a_covered_object_is_found(explainer: Explainer) -> None:
     pose = pose_at(7)
     photo, mask = photo_of(pose)
     box, seen = box_round(mask), mask.copy()
     x, width = int(box[0]), int(box[2])
     photo[:, x + int(0.6 * width) :] = (90, 140, 60)
     seen[:, x + int(0.6 * width) :] = False
-    with_mask = Explainer(pack).explain(photo, box, K=K, hints=Hints(mask=seen))
+    with_mask = explainer.explain(photo, box, K=K, hints=Hints(mask=seen))
     assert off(with_mask.camera_from_object, pose)[0] < 6
     assert with_mask.hidden_fraction == pytest.approx(1 - seen.sum() / mask.sum(), abs=0.08)
 
@@ -153,11 +170,11 @@ def test_the_outline_tells_any_rotation_of_one_colour(tmp_path: Path, seed: int)
     assert found.verdict is Verdict.AMBIGUOUS
 
 
-def test_a_dark_photo_is_as_good(pack: Path) -> None:
+def test_a_dark_photo_is_as_good(explainer: Explainer) -> None:
     pose = pose_at(2)
     photo, mask = photo_of(pose)
     dark = np.rint(photo * 0.12).astype(np.uint8)
-    found = Explainer(pack).explain(dark, box_round(mask), K=K, hints=Hints(mask=mask))
+    found = explainer.explain(dark, box_round(mask), K=K, hints=Hints(mask=mask))
     assert off(found.camera_from_object, pose)[0] < 4
 
 
@@ -213,12 +230,11 @@ def test_numbers_beyond_a_level_of_a_texture_are_refused() -> None:
             )
 
 
-def test_hints_narrow_the_search(pack: Path) -> None:
+def test_hints_narrow_the_search(explainer: Explainer) -> None:
     pose = pose_at(0)  # at an elevation of -28 degrees: near a pole a small turn changes the azimuth by much
     photo, mask = photo_of(pose)
     turned = pose.copy()
     turned[:3, :3] = Rotation.from_rotvec([0.1, -0.1, 0.1]).as_matrix() @ pose[:3, :3]
-    explainer = Explainer(pack)
     from_pose = explainer.explain(photo, box_round(mask), K=K, hints=Hints(pose=turned, mask=mask))
     assert off(from_pose.camera_from_object, pose)[0] < 4
     assert from_pose.verdict is Verdict.AMBIGUOUS and "only the pose" in from_pose.reason
@@ -234,12 +250,12 @@ def test_hints_narrow_the_search(pack: Path) -> None:
 
 
 def test_without_a_place_or_with_a_damaged_surface(
-    pack: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    explainer, pack: Path, tmp_path: Path, monkeypatch
 ) -> None:
     photo, _ = photo_of(pose_at(0))
     with monkeypatch.context() as patch, pytest.raises(UserError, match="expected a box or a mask"):
         patch.setitem(sys.modules, "cv2", None)
-        Explainer(pack).explain(photo)
+        explainer.explain(photo)
     toy("fin").save(tmp_path)
     assert KnownObject.of(Explainer(tmp_path).object_class) is None
     (tmp_path / FILE).write_bytes((pack / FILE).read_bytes()[:-100])
@@ -271,11 +287,11 @@ def test_a_known_object_is_followed_and_found_again_after_it_was_hidden(pack: Pa
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_mask_alone_tells_the_place(pack: Path, seed: int) -> None:
+def test_a_mask_alone_tells_the_place(explainer: Explainer, seed: int) -> None:
     """At any roll, which turns the window of the fit."""
     pose = pose_at(seed)
     photo, mask = photo_of(pose)
-    found = Explainer(pack).explain(photo, K=K, hints=Hints(mask=mask))
+    found = explainer.explain(photo, K=K, hints=Hints(mask=mask))
     assert off(found.camera_from_object, pose)[0] < 4
 
 
@@ -307,11 +323,9 @@ def test_a_place_that_the_lens_does_not_see_is_lost(pack: Path) -> None:
     assert seen.lost and np.isfinite(seen.camera_from_object).all() and seen.mask.shape == mask.shape
 
 
-def test_a_video_is_tracked_both_ways_from_where_the_object_is_found(tmp_path: Path) -> None:
+def test_a_video_is_tracked_both_ways_from_where_the_object_is_found(packed) -> None:
     pytest.importorskip("cv2")
-    surface, start = carton(3, 16), pose_at(3)
-    toy("fin").save(tmp_path)
-    surface.save(tmp_path)
+    pack, surface, start = packed(3, 16), carton(3, 16), pose_at(3)
     frames, poses = [], []
     for number in range(4):
         pose = start.copy()
@@ -320,38 +334,36 @@ def test_a_video_is_tracked_both_ways_from_where_the_object_is_found(tmp_path: P
         poses.append(pose)
     frames[0] = np.full_like(frames[0], 90)
     told: list[int] = []
-    followed = track(
-        frames, tmp_path, K=K * np.array([[3], [3], [1]]), on_frame=lambda number, _: told.append(number)
-    )
+    followed = track(frames, pack, K=K3, on_frame=lambda number, _: told.append(number))
     assert [frame.lost for frame in followed.frames] == [True, False, False, False]
     assert told == [1, 2, 3, 0] and [frame.number for frame in followed.frames] == [0, 1, 2, 3]
     for frame, pose in list(zip(followed.frames, poses, strict=True))[1:]:
         assert off(frame.camera_from_object, pose)[0] < 5
     with pytest.raises(UserError, match="found none"):
-        track([frames[0]] * 2, tmp_path)
+        track([frames[0]] * 2, pack)
 
 
-def test_keypoints_tell_how_likely_a_pose_is(pack: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_keypoints_tell_how_likely_a_pose_is(explainer: Explainer, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where they cannot be had no probability is stated and nothing is trusted."""
     pytest.importorskip("cv2")
     pose = pose_at(2)
     photo, mask = photo_of(pose, None, 2)
-    given = {"box": box_round(mask), "K": K * np.array([[2], [2], [1]])}
-    found = Explainer(pack).explain(photo, **given, hints=Hints(mask=mask))
-    boxed = Explainer(pack).explain(photo, **given)
+    given = {"box": box_round(mask), "K": K2}
+    found = explainer.explain(photo, **given, hints=Hints(mask=mask))
+    boxed = explainer.explain(photo, **given)
     assert found.verdict is Verdict.TRUSTED and 0.91 <= found.confidence <= 1
     assert f"right with a probability of {found.confidence:.0%}" in found.report()
     assert 0 <= boxed.confidence <= 1
     monkeypatch.setattr(Keypoints, "available", lambda: False)
-    without = Explainer(pack).explain(photo, **given, hints=Hints(mask=mask))
+    without = explainer.explain(photo, **given, hints=Hints(mask=mask))
     assert off(without.camera_from_object, pose)[0] < 4 and without.verdict is Verdict.AMBIGUOUS
     assert np.isnan(without.confidence) and "vig[match]" in without.reason
 
 
-def test_the_covariance_is_that_of_the_meshs_own_origin(pack: Path) -> None:
+def test_the_covariance_is_that_of_the_meshs_own_origin(explainer: Explainer) -> None:
     """Against the spread of poses that are drawn by the pose's covariance; millimetres, another origin."""
     photo, mask = photo_of(pose_at(2))
-    found = Explainer(pack).explain(photo, box_round(mask), K=K, mask=mask)
+    found = explainer.explain(photo, box_round(mask), K=K, mask=mask)
     object_from_mesh = np.eye(4)
     object_from_mesh[:3] = (
         0.001 * np.c_[Rotation.from_euler("y", 90, degrees=True).as_matrix(), [40, 70, -90]]
@@ -369,12 +381,10 @@ def test_the_covariance_is_that_of_the_meshs_own_origin(pack: Path) -> None:
     )
 
 
-def test_a_camera_of_another_photo_is_not_trusted_and_none_is_named(tmp_path: Path) -> None:
+def test_a_camera_of_another_photo_is_not_trusted_and_none_is_named(packed) -> None:
     pytest.importorskip("cv2")
-    toy("fin").save(tmp_path)
-    carton(7, 8).save(tmp_path)
     photo, mask = photo_of(pose_at(2), carton(7, 8), 2)
-    explain = partial(Explainer(tmp_path).explain, photo, box_round(mask), mask=mask)
+    explain = partial(Explainer(packed(7, 8)).explain, photo, box_round(mask), mask=mask)
     known, aside, unknown = explain(K=(800, 800, 300, 250)), explain(K=(800, 800, 660, 250)), explain()
     assert known.verdict is unknown.verdict is Verdict.TRUSTED and "K" not in known.reason
     assert "without K its distance is a guess" in unknown.reason
@@ -406,7 +416,7 @@ def test_a_turn_that_looks_the_same_is_no_rival(tmp_path: Path) -> None:
     surface.save(tmp_path)
     pose = pose_at(2)
     photo, mask = photo_of(pose, surface, 2)
-    found = Explainer(tmp_path).explain(photo, box_round(mask), K=K * np.array([[2], [2], [1]]), mask=mask)
+    found = Explainer(tmp_path).explain(photo, box_round(mask), K=K2, mask=mask)
     half = np.eye(4)
     half[:3, :3] = turns[0, 0, 180].as_matrix()
     assert min(off(found.camera_from_object @ turn, pose)[0] for turn in (np.eye(4), half)) < 3
@@ -417,26 +427,22 @@ def test_a_turn_that_looks_the_same_is_no_rival(tmp_path: Path) -> None:
     assert min(others, default=180) > 20
 
 
-def test_a_whole_photo_is_searched(tmp_path: Path) -> None:
+def test_a_whole_photo_is_searched(packed) -> None:
     """Two cartons with fine print, one before the other and each found; with boxes, too."""
     pytest.importorskip("cv2")
     photo, explainers, poses, whole = np.zeros((0,)), [], [], []
     for number, (seed, shift) in enumerate(((3, (-0.02, 0, 0.5)), (8, (0.05, 0.02, 0.7)))):
-        folder, surface = tmp_path / f"carton{number}", carton(seed, 16)
-        toy("fin").save(folder)
-        surface.save(folder)
-        explainers.append(Explainer(folder))
+        explainers.append(Explainer(folder := packed(seed, 16)))
         pose = pose_at(seed)
         pose[:3, 3] = np.array(shift) - pose[:3, :3] @ [0, 0, SIDES[2] / 2]
-        drawn, mask = photo_of(pose, surface, 3)
+        drawn, mask = photo_of(pose, carton(seed, 16), 3)
         photo = drawn if number == 0 else np.where(whole[0][..., None], photo, drawn)
         poses.append(pose)
         whole.append(mask)
     assert (whole[0] & whole[1]).any()
-    lens = K * np.array([[3], [3], [1]])
     for scene in (
-        explain_found(photo, explainers, 4, K=lens),
-        explain_together(photo, explainers, [box_round(mask) for mask in whole], K=lens),
+        explain_found(photo, explainers, 4, K=K3),
+        explain_together(photo, explainers, [box_round(mask) for mask in whole], K=K3),
     ):
         assert len(scene.objects) == 2
         front, back = sorted(scene.objects, key=lambda each: each.camera_from_object[2, 3])
@@ -445,10 +451,10 @@ def test_a_whole_photo_is_searched(tmp_path: Path) -> None:
         assert scene.occludes.sum() == 1
         seen = whole[1] & ~whole[0]
         assert (back.mask & seen).sum() > 0.8 * (back.mask | seen).sum()
-    alone = explainers[0].explain(photo, K=lens)
+    alone = explainers[0].explain(photo, K=K3)
     assert off(alone.camera_from_object, poses[0])[0] < 5 and alone.present > 0.7
-    tracked = Tracker(folder, K=lens)(photo)
-    assert Tracker(folder, K=lens)(np.full_like(photo, 90)) is None
+    tracked = Tracker(folder, K=K3)(photo)
+    assert Tracker(folder, K=K3)(np.full_like(photo, 90)) is None
     assert tracked is not None and off(tracked.camera_from_object, poses[1])[0] < 5
     with pytest.raises(UserError, match="alone"):
         explain_found(photo, [*explainers, Explainer("mug")], 4)
@@ -456,52 +462,40 @@ def test_a_whole_photo_is_searched(tmp_path: Path) -> None:
         explain_found(photo[:40, :40], explainers, 4)
 
 
-def ended(command: list[str]) -> object:
-    with pytest.raises(SystemExit) as ending:
-        main(command)
-    return ending.value.code
-
-
-def test_meshes_of_a_folder_are_found(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_meshes_of_a_folder_are_found(packed, tmp_path: Path, monkeypatch, capsys) -> None:
     """By the command line; copies, plain meshes and other files are left out."""
     pytest.importorskip("cv2")
     monkeypatch.chdir(tmp_path)
     meshes = tmp_path / "meshes"
     meshes.mkdir()
-    for name, content in (
-        ("a.glb", "a"),
-        ("b.glb", "b"),
-        ("copy.glb", "a"),
-        ("plain.glb", "p"),
-        ("x.txt", ""),
-    ):
-        (meshes / name).write_text(content)
+    seeds = {"a.glb": 3, "b.glb": 8, "copy.glb": 3, "plain.glb": 1}
+    for name, seed in seeds.items():
+        (meshes / name).write_text(str(seed))
         folder = tmp_path / "packs" / name
-        toy(Path(name).stem).save(folder)
-        surface = carton({"a.glb": 3, "b.glb": 8, "copy.glb": 3}.get(name, 1), 16)
         if name == "plain.glb":
-            surface = replace(surface, texels=np.full_like(surface.texels, 90))
-        surface.save(folder)
+            replace(carton(1, 16), texels=np.full_like(carton(1, 16).texels, 90)).save(folder)
+        else:
+            shutil.copytree(packed(seed, 16), folder)
+        toy(Path(name).stem).save(folder)
+    (meshes / "x.txt").touch()
     monkeypatch.setattr("vig_app.cli.boxes.pack_of_mesh", lambda file, *_: tmp_path / "packs" / file.name)
     pose = pose_at(3)
     photo, mask = photo_of(pose, carton(3, 16), 3)
     Image.fromarray(photo).save("photo.png")
     lens = "--K", "1200,1200,450,375"
     command = ["fit", "photo.png", "--meshes", "meshes", *lens, "--files", "mask.png", "--out", "found"]
-    assert ended(command) == 0
+    assert run_vig(*command) == 0
     said = capsys.readouterr()
     assert "'copy.glb' is left out: it is the same as 'a.glb'" in said.err
     assert "'plain.glb' is left out: it has one colour" in said.err and "x.txt" not in said.err
     assert [path.name for path in Path("found/photo").glob("*-*")] == ["1-a"]
     boxes = {"photo.png": [{"box": box_round(mask), "class": "a"}]}
     Path("boxes.json").write_text(json.dumps(boxes, default=float))
-    assert ended([*command[:-1], "boxed", "--boxes", "boxes.json"]) == 0
+    assert run_vig(*command[:-1], "boxed", "--boxes", "boxes.json") == 0
     for out in ("found", "boxed"):
         written = json.loads(Path(out, "photo", "1-a", "explanation.json").read_text())
         assert off(np.array(written["pinhole"]["camera_from_object"]), pose)[0] < 5
     boxes["photo.png"][0]["class"] = "c"
     Path("boxes.json").write_text(json.dumps(boxes, default=float))
-    assert ended([*command, "--boxes", "boxes.json"]) == 2
+    assert run_vig(*command, "--boxes", "boxes.json") == 2
     assert "expected --boxes with the names of meshes, a, b; got 'c'" in capsys.readouterr().err

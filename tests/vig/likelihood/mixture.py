@@ -1,7 +1,5 @@
 """Eq. 3 in plain numpy, to which native code is compared."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

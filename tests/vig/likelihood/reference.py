@@ -4,8 +4,6 @@
 Which face each pixel shows, and between which pixels an edge passes, are constants of a brute-force search.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

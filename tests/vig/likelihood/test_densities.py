@@ -1,7 +1,5 @@
 """Every density of the noise: kernels against its reference, and its gradient."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The kernels' whole objective, edges included, beside the plain torch reference on random scenes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

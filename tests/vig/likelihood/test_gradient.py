@@ -1,7 +1,5 @@
 """The derivatives of Eq. 4 against central differences of the same number, in float64."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Native evaluations beside plain torch."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

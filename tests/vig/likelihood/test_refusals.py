@@ -1,7 +1,5 @@
 """Arguments that likelihoods refuse, some of which native code would read beyond."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

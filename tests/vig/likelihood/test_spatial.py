@@ -1,7 +1,5 @@
 """Neighbours that agree: exact on images small enough to try every mask, and what each term is for."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

@@ -1,7 +1,5 @@
 """The density of a photo's own colours, in place of the uniform one."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Work shared out to processes."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 import math

@@ -1,7 +1,5 @@
 """Picture files of every kind for the tests of reading, written byte by byte where no library writes them."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Colour and depth: whatever way a file states them, the same light comes out."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What a file is: photos of several pictures, and what is no photo, by content."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 

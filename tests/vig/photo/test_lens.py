@@ -1,7 +1,5 @@
 """The lens of a photo: what is given, what EXIF data state, and windows that are looked at through it."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

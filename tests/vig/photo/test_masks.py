@@ -1,7 +1,5 @@
 """Masks as tools write them, and the names that they give them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

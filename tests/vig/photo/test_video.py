@@ -1,7 +1,5 @@
 """Videos taken apart into frames: whole, turned, damaged, no videos."""
 
-from __future__ import annotations
-
 import builtins
 import json
 import re

@@ -1,7 +1,5 @@
 """Predictions made by hand: of an upright photo that shows the object."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

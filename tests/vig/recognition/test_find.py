@@ -1,7 +1,5 @@
 """Places of the map, and windows moved onto what the network sees there; with one that sees bright discs."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

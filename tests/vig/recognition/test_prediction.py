@@ -1,7 +1,5 @@
 """Peaks of a distribution over azimuth."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Both of a photo and its mirror image are asked; weights of another network are refused."""
 
-from __future__ import annotations
-
 import copy
 import math
 import pickle

@@ -1,7 +1,5 @@
 """Scenes' functions take arrays and, of a caller who has torch, tensors, by which they are differentiated."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import replace

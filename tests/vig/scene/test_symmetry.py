@@ -1,7 +1,5 @@
 """Views that look the same are one view."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A zoo of small problems with known answers, which every optimiser has to solve."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The native step of Levenberg-Marquardt beside plain algebra."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The native search on photos whose explanation is known; test_zoo.py has every optimiser."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

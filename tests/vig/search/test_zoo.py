@@ -1,7 +1,5 @@
 """Every optimiser on every problem of the zoo (conftest.py), and what each promises of its own."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Several objects in one photo: what hides what, masks that exclude each other, files, and the command."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -12,12 +10,12 @@ from PIL import Image
 
 import vig
 from benchmarks.groups import Group, make_group
+from tests.support import run_vig
 from vig.explanation import Explanation
 from vig.io.errors import UserError
 from vig.several import MOST_OBJECTS, SceneExplanation, explain_found, explain_together, order
 from vig.several.explain import ghosts
 from vig.several.joint import _Refit, _without, _without_cycles
-from vig_app.cli.main import main
 from vig_app.exports import export_run
 from vig_app.results import read_results
 from vig_world.library import Library
@@ -51,13 +49,6 @@ def alone(group: Group, explainers: dict[str, vig.Explainer]) -> list[Explanatio
 
 def boxes_of(group: Group) -> list[tuple[float, float, float, float]]:
     return [(float(x), float(y), float(w), float(h)) for x, y, w, h in group.boxes]
-
-
-def ended(*arguments: str) -> object:
-    """The exit code of a command."""
-    with pytest.raises(SystemExit) as ending:
-        main(list(arguments))
-    return ending.value.code
 
 
 @pytest.fixture
@@ -176,7 +167,7 @@ def test_command_writes_a_folder_for_each_object_and_its_row(photo: Path, scene:
     other = photo.with_name("other.png")
     other.write_text("no photo")
     command = ["fit", str(photo), str(other), "--boxes", str(photo.parent / "boxes.json"), "--out", str(out)]
-    assert ended(*command, "--quiet") == 1
+    assert run_vig(*command, "--quiet") == 1
     told = json.loads((out / "photo" / "scene.json").read_text())
     assert told["objects"] == list(scene.names)
     assert told["before"] == scene.to_dict()["before"]
@@ -192,7 +183,7 @@ def test_command_writes_a_folder_for_each_object_and_its_row(photo: Path, scene:
     assert "is before" in (out / "photo" / "report.html").read_text()
     assert len(export_run(out, ["bop"])[0].read_text().splitlines()) == 1 + len(rows)
     before = (out / "photo" / "scene.json").stat().st_mtime_ns
-    assert ended(*command, "--quiet") == 1
+    assert run_vig(*command, "--quiet") == 1
     assert (out / "photo" / "scene.json").stat().st_mtime_ns == before  # done before
 
 
@@ -261,7 +252,7 @@ def test_a_folder_of_other_boxes_is_not_taken_for_done(photo: Path):
     for given in (two, two[0]["box"], two):
         boxes.write_text(json.dumps({"photo.png": given, "other.png": two[0]["box"]}))
         (out / "photo" / "mine.txt").write_text("stays") if out.exists() else None
-        assert ended(*command) == 0
+        assert run_vig(*command) == 0
         for row in read_results(out):
             written = json.loads((out / row["folder"] / "explanation.json").read_text())
             assert row["azimuth_deg"] == pytest.approx(written["azimuth_deg"])
@@ -294,7 +285,7 @@ def test_bad_input_is_told_in_one_line(
         boxes = photo.parent / "boxes.json"
         boxes.write_text(json.dumps(told))
         arguments = [*arguments, "--boxes", str(boxes)]
-    assert ended("fit", str(photo), "--out", str(photo.parent / "out"), *arguments) == 2
+    assert run_vig("fit", photo, "--out", photo.parent / "out", *arguments) == 2
     error = capsys.readouterr().err
     assert words in error
     assert error.count("\n") == 1

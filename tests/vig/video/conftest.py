@@ -1,7 +1,5 @@
 """Frames of a turning teapot, small and with known views."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

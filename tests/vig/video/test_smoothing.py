@@ -1,7 +1,5 @@
 """The likeliest views of a turning object, and the smoothing of what frames measure."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A teapot through the frames of a video: no other pot, no view from the other side."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Each frame's pose from those before it: behind a globe, lost and found again, before a known camera."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

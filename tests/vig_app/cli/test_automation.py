@@ -1,7 +1,5 @@
 """What a script is answered: one JSON object on standard output, and the exit codes of docs/api.md."""
 
-from __future__ import annotations
-
 import ast
 import json
 import re
@@ -17,11 +15,11 @@ from typing import Any
 import pytest
 from PIL import Image
 
-from tests.support import TEAPOT
+from tests.support import TEAPOT, run_vig
 from vig.scene.object_class import PACKAGED
 from vig_app.cli import main as module
 from vig_app.cli.common import ExitCode, verbs_of_packages
-from vig_app.cli.main import VERBS, main
+from vig_app.cli.main import VERBS
 from vig_app.cli.options import FitCommand, RunOptions
 from vig_app.examples import example_photos
 
@@ -35,10 +33,9 @@ def told(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, dict[st
     """Exit code, the one object on standard output, and standard error of a command with --json."""
 
     def run(*arguments: object) -> tuple[int, dict[str, Any], str]:
-        with pytest.raises(SystemExit) as ended:
-            main([*map(str, arguments), "--json"])
+        code = run_vig(*arguments, "--json")
         out, err = capsys.readouterr()
-        return int(str(ended.value.code)), json.loads(out), err
+        return code, json.loads(out), err
 
     return run
 
@@ -159,22 +156,16 @@ def test_the_schema(told: Callable[..., Any]) -> None:
     assert code == ExitCode.DONE and "Explanation" in result["$defs"]
 
 
-def test_a_fault_has_a_traceback_and_an_exit_code(
-    told: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_faults_and_interruptions_have_exit_codes(told: Callable[..., Any], monkeypatch) -> None:
+    """And a fault a traceback."""
+    raised: list[BaseException] = [KeyboardInterrupt(), RuntimeError("no such\nkernel")]
+
     def broken(self: object, settings: object) -> int:
-        raise RuntimeError("no such\nkernel")
+        raise raised.pop()
 
     monkeypatch.setattr(module.Verb, "run", broken)
     code, result, err = told("doctor")
     assert code == ExitCode.FAULT and "Traceback" in err and "RuntimeError: no such kernel" in result["error"]
-
-
-def test_an_interruption(told: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    def stopped(self: object, settings: object) -> int:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(module.Verb, "run", stopped)
     code, result, _ = told("doctor")
     assert code == ExitCode.INTERRUPTED and result["error"].startswith("interrupted")
 

@@ -1,7 +1,5 @@
 """`vig bop` on a tiny data set in BOP's format: a scene of one image, whose object's model is a PLY file."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

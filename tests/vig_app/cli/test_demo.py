@@ -1,7 +1,5 @@
 """`vig demo` as its user meets it."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex
@@ -12,7 +10,7 @@ from shutil import which
 import pytest
 from PIL import Image
 
-from vig_app.cli.main import main
+from tests.support import run_vig
 from vig_app.cli.results import has_screen
 from vig_app.demo import demo_photos
 
@@ -22,9 +20,7 @@ FILES |= {"thumbnail.jpg"}
 
 
 def run(capsys, *arguments: object) -> str:
-    with pytest.raises(SystemExit) as ended:
-        main(["demo", *(str(argument) for argument in arguments)])
-    assert ended.value.code == 0
+    assert run_vig("demo", *arguments) == 0
     return capsys.readouterr().out
 
 
@@ -66,9 +62,7 @@ def test_every_photo_is_explained_and_the_folder_printed_last(capsys, tmp_path: 
 
 def test_a_file_in_the_way_is_told(capsys, tmp_path: Path) -> None:
     (tmp_path / "demo").write_text("mine")
-    with pytest.raises(SystemExit) as ended:
-        main(["demo", "--out", str(tmp_path / "demo")])
-    assert ended.value.code == 2
+    assert run_vig("demo", "--out", tmp_path / "demo") == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and "is a file" in error
 

@@ -1,7 +1,5 @@
 """`vig fit --track --live`: files and pipes in place of cameras."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os
@@ -17,8 +15,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from tests.support import run_vig
 from tests.vig.photo.test_video import write_with_cover
-from tests.vig_app.cli.test_track import fitted
 from vig.io.errors import UserError
 from vig_app.cli.options import FitCommand
 from vig_app.examples import example_photos
@@ -52,7 +50,7 @@ def rows_of(out: Path) -> list[dict[str, str]]:
 
 def test_a_file_is_tracked_as_a_stream(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source, out = write_stream(tmp_path / "pot.mp4"), tmp_path / "out"
-    assert fitted("--track", "--live", source, "--K", "200,200,75,75", "--out", out) == 0
+    assert run_vig("fit", "--track", "--live", source, "--K", "200,200,75,75", "--out", out) == 0
     output = capsys.readouterr()
     rows = rows_of(out)
     assert tuple(rows[0]) == LIVE_COLUMNS and 1 <= len(rows) <= FRAMES
@@ -77,7 +75,7 @@ def test_a_pipe_is_tracked_to_its_end(tmp_path: Path, capsys: pytest.CaptureFixt
     whole, pipe, out = write_stream(tmp_path / "pot.ts", "mpegts"), tmp_path / "pipe", tmp_path / "out"
     os.mkfifo(pipe)
     threading.Thread(target=lambda: pipe.write_bytes(whole.read_bytes()), daemon=True).start()
-    assert fitted("--track", "--live", pipe, "--json", "--out", out) == 0
+    assert run_vig("fit", "--track", "--live", pipe, "--json", "--out", out) == 0
     result = json.loads(capsys.readouterr().out)
     assert result["folder"] == str(out) and 1 <= result["frames"] == len(rows_of(out)) <= FRAMES
 
@@ -150,7 +148,7 @@ def test_a_signal_ends_with_whole_files(
     monkeypatch.setattr(live, "_line", end)
     out = tmp_path / "out"
     try:
-        assert fitted("--track", "--live", write_stream(tmp_path / "pot.mp4"), "--out", out) == code
+        assert run_vig("fit", "--track", "--live", write_stream(tmp_path / "pot.mp4"), "--out", out) == code
     finally:
         for each, handler in handlers:
             signal.signal(each, handler)
@@ -185,7 +183,7 @@ def test_what_a_kill_leaves_of_the_overlay_plays(tmp_path: Path) -> None:
 def test_what_cannot_be_tracked_live_is_refused_in_a_line(
     arguments: tuple[str, ...], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert fitted(*arguments, "--out", tmp_path / "out") == 2
+    assert run_vig("fit", *arguments, "--out", tmp_path / "out") == 2
     errors = capsys.readouterr().err.strip().splitlines()
     assert len(errors) == 1 and words in errors[0]
 

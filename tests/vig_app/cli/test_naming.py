@@ -1,7 +1,5 @@
 """What files and folders say of photos."""
 
-from __future__ import annotations
-
 import json
 import time
 from pathlib import Path

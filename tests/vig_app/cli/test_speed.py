@@ -1,7 +1,5 @@
 """What `vig doctor` says of speed: each line with what to do."""
 
-from __future__ import annotations
-
 import os
 import tomllib
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """`vig fit` of videos, and with `--track`."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path
@@ -12,21 +10,15 @@ import pyarrow.parquet as parquet
 import pytest
 from PIL import Image
 
+from tests.support import run_vig
 from tests.vig.photo.test_video import write_video
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig_app.cli import fit as fit_verb
-from vig_app.cli.main import main
 from vig_app.corrections import State
 from vig_app.examples import example_photos
 from vig_app.results import TRACK_COLUMNS, write_table
 from vig_app.runs import ledger_of
-
-
-def fitted(*arguments: object) -> int:
-    with pytest.raises(SystemExit) as ended:
-        main(["fit", *map(str, arguments)])
-    return int(ended.value.code or 0)
 
 
 @pytest.fixture
@@ -52,7 +44,7 @@ def test_a_folder_of_frames_is_tracked(
         write_table(out, rows)
 
     monkeypatch.setattr(fit_verb, "write_table", write)
-    assert fitted(frames, "--track", "--out", out, "--K", "200,200,75,75") == 0
+    assert run_vig("fit", frames, "--track", "--out", out, "--K", "200,200,75,75") == 0
     output = capsys.readouterr()
     assert output.out.splitlines()[-1] == str(out)
     assert output.err.splitlines()[-1] == (
@@ -78,7 +70,7 @@ def test_a_folder_of_frames_is_tracked(
     assert (out / "results.csv").exists() and (out / "report.html").exists()
     State(visible=True).write(out / "1", frames / "1.png", ObjectClass.load("teapot"), corrected=True)
     corrected = (out / "1" / "corrections.json").read_bytes()
-    assert fitted(frames, "--track", "--out", out) == 2
+    assert run_vig("fit", frames, "--track", "--out", out) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and f"got corrections.json of 1 in '{out}'. Choose another --out." in error
     assert (out / "1" / "corrections.json").read_bytes() == corrected
@@ -87,11 +79,11 @@ def test_a_folder_of_frames_is_tracked(
 def test_a_video_is_taken_as_its_frames(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Alone; grey ones show no pot, but each is said."""
     video, out = write_video(tmp_path / "grey.avi", count=2), tmp_path / "out"
-    assert fitted(video, "--out", out) == 0
+    assert run_vig("fit", video, "--out", out) == 0
     assert "grey-000000.png" in capsys.readouterr().out
     assert (out / "frames" / "grey" / "grey-000001.png").exists()
     assert (out / "grey-000001" / "explanation.json").exists()
-    assert fitted(video, "--out", out) == 0
+    assert run_vig("fit", video, "--out", out) == 0
     assert capsys.readouterr().out.count("done before") == 2
 
 
@@ -122,6 +114,6 @@ def test_what_cannot_be_tracked_is_refused_in_one_line(
     Path("one").mkdir()
     Path("c.json").write_text(json.dumps({f"{n}.png": [200 + n, 200, 75, 75] for n in range(3)}))
     Path("one/0.png").write_bytes((frames / "0.png").read_bytes())
-    assert fitted(*arguments, "--track") == 2
+    assert run_vig("fit", *arguments, "--track") == 2
     error = capsys.readouterr().err
     assert words in error and error.count("\n") == 1

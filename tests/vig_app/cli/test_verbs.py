@@ -15,9 +15,9 @@ import pytest
 from PIL import Image
 
 import vig
+from tests.support import run_vig
 from vig.likelihood import LIKELIHOODS
 from vig_app.cli.hints import cameras_of
-from vig_app.cli.main import main
 from vig_app.cli.options import CameraOptions, ModelOptions
 from vig_app.corrections import State
 from vig_app.examples import example_photos
@@ -26,9 +26,7 @@ from vig_app.exports import export_run
 
 def refused(capsys, *arguments: object, code: int = 2) -> str:
     """What is said of arguments that cannot be used; with a code of 1, of some photos among others."""
-    with pytest.raises(SystemExit) as caught:
-        main([str(argument) for argument in arguments])
-    assert caught.value.code == code
+    assert run_vig(*arguments) == code
     error = capsys.readouterr().err
     assert "Traceback" not in error
     return error
@@ -47,8 +45,7 @@ def test_help_offers_what_there_is():
 
 @pytest.mark.parametrize("verb", ["fit", "view", "export", "class build", "dataset make", "evaluate"])
 def test_help_states_no_empty_defaults(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        main([*verb.split(), "--help"])
+    run_vig(*verb.split(), "--help")
     words = " ".join(capsys.readouterr().out.replace("│", " ").split())
     assert "default: " in words or verb == "export"
     assert not re.search(r"\{None\}|default: (None|False)?\)", words)
@@ -62,9 +59,7 @@ def test_chosen_files_have_the_mask_of_an_export_and_links_that_lead_somewhere(t
         example.resize((2100, 2100)).save(photos[1])
     files = ["--files", "thumbnail.jpg", "overlay.png", "--export", "coco"]
     command = ["fit", *map(str, photos), *files, "--out", str(tmp_path / "out")]
-    with pytest.raises(SystemExit) as ended:
-        main(command)
-    assert ended.value.code == 0
+    assert run_vig(*command) == 0
     result = tmp_path / "out" / "b"
     sizes = {name: Image.open(result / name).size for name in ("overlay.png", "mask.png")}
     assert sizes == {"overlay.png": (2048, 2048), "mask.png": (2100, 2100)}
@@ -72,8 +67,7 @@ def test_chosen_files_have_the_mask_of_an_export_and_links_that_lead_somewhere(t
     page = (tmp_path / "out" / "report.html").read_text()
     links = set(re.findall('href="([^"#:]+)"', page))
     assert "a/" in links and all((tmp_path / "out" / link).exists() for link in links)
-    with pytest.raises(SystemExit):
-        main([*command, "--full-size"])
+    run_vig(*command, "--full-size")
     assert Image.open(result / "overlay.png").size == (2100, 2100)
 
 
@@ -84,8 +78,7 @@ def test_a_fit_ends_with_what_to_do_next(capsys, tmp_path):
     out = tmp_path / "out"
 
     def said(*options: str | Path) -> str:
-        with pytest.raises(SystemExit):
-            main(["fit", str(tmp_path / "a b.png"), *map(str, options), "--out", str(out)])
+        run_vig("fit", tmp_path / "a b.png", *options, "--out", out)
         output = capsys.readouterr()
         assert output.out.splitlines()[-1] == str(out)
         return output.err.splitlines()[-1]
@@ -123,9 +116,7 @@ def test_a_log_has_a_line_for_each_photo_whatever_is_printed(capsys, photo, tmp_
 
 
 def test_results_are_drawn_on_the_whole_photo(capsys, photo, tmp_path):
-    with pytest.raises(SystemExit) as caught:
-        main(["fit", str(photo), "--box", "40,30,60,50", "--out", str(tmp_path / "out"), "--json"])
-    assert caught.value.code == 0
+    assert run_vig("fit", photo, "--box", "40,30,60,50", "--out", tmp_path / "out", "--json") == 0
     printed = json.loads(capsys.readouterr().out)
     folder = Path(printed["results"][str(photo)]["folder"])
     assert Image.open(folder / "overlay.png").size == (160, 120)
@@ -139,9 +130,7 @@ def test_results_are_drawn_on_the_whole_photo(capsys, photo, tmp_path):
 def fitted(capsys, out: Path, *options: str) -> tuple[dict[str, Any], np.ndarray]:
     """What `vig fit` says of a photo with a third hidden, under options, and its mask."""
     photo = min(example_photos(), key=lambda example: abs(example.occlusion - 0.3)).photo
-    with pytest.raises(SystemExit) as caught:
-        main(["fit", str(photo), "--out", str(out), "--json", *options])
-    assert caught.value.code == 0
+    assert run_vig("fit", photo, "--out", out, "--json", *options) == 0
     described = json.loads(capsys.readouterr().out)["results"][str(photo)]
     return described, np.asarray(Image.open(Path(described["folder"]) / "mask.png"))
 
@@ -238,9 +227,7 @@ def test_boxes_by_name_and_a_folder_of_photos(capsys, tmp_path):
     (folder / "c.png").write_bytes(b"no photo")
     (folder / "notes.txt").write_text("not looked at")
     (tmp_path / "boxes.json").write_text('{"b.png": [110, 50, 130, 110]}')
-    with pytest.raises(SystemExit, match="^1$"):
-        boxes = str(tmp_path / "boxes.json")
-        main(["fit", str(folder), "--boxes", boxes, "--out", str(tmp_path / "o"), "--json"])
+    assert run_vig("fit", folder, "--boxes", tmp_path / "boxes.json", "--out", tmp_path / "o", "--json") == 1
     output = capsys.readouterr()
     results = json.loads(output.out)["results"]
     assert [Path(name).name for name in results] == ["a.png", "b.png"]
@@ -251,14 +238,11 @@ def test_boxes_by_name_and_a_folder_of_photos(capsys, tmp_path):
 
 
 def test_the_version_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main(["--version"])
-    assert not ended.value.code and capsys.readouterr().out == f"vig {vig.__version__}\n"
+    assert run_vig("--version") == 0 and capsys.readouterr().out == f"vig {vig.__version__}\n"
 
 
 def test_a_quiet_fit_prints_its_folder_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        main(["fit", str(example_photos()[0].photo), "--quiet", "--out", str(tmp_path / "out")])
+    run_vig("fit", example_photos()[0].photo, "--quiet", "--out", tmp_path / "out")
     assert capsys.readouterr().out == f"{tmp_path / 'out'}\n"
 
 
@@ -298,8 +282,7 @@ def test_a_photo_fitted_with_its_camera_has_it_in_all_its_files(tmp_path: Path) 
     (tmp_path / "cameras.json").write_text(json.dumps({"7": {"cam_K": [300, 0, 90, 0, 310, 70, 0, 0, 1]}}))
     out = tmp_path / "out"
     options = ["--cameras", str(tmp_path / "cameras.json"), "--out", str(out)]
-    with pytest.raises(SystemExit, match="^0$"):
-        main(["fit", str(photo), str(photo), *options])
+    assert run_vig("fit", photo, photo, *options) == 0
     described = json.loads((out / "7" / "explanation.json").read_text())
     assert (
         described["camera"]["K"] == [[300, 0, 90], [0, 310, 70], [0, 0, 1]]
@@ -316,7 +299,6 @@ def test_a_photo_fitted_with_its_camera_has_it_in_all_its_files(tmp_path: Path) 
 def test_letters_that_a_terminal_has_not_are_escaped(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = io.TextIOWrapper(io.BytesIO(), encoding="latin-1")
     monkeypatch.setattr("sys.stderr", terminal)
-    with pytest.raises(SystemExit) as ended:
-        main(["fit", "Ω.jpg"])
+    assert run_vig("fit", "Ω.jpg") == 2
     terminal.flush()
-    assert ended.value.code == 2 and b"\\u03a9.jpg" in terminal.buffer.getvalue()  # type: ignore[attr-defined]
+    assert b"\\u03a9.jpg" in terminal.buffer.getvalue()  # type: ignore[attr-defined]

@@ -1,7 +1,5 @@
 """Explanations in the formats of other tools, read as those tools do."""
 
-from __future__ import annotations
-
 import io
 import json
 from dataclasses import replace
@@ -14,6 +12,7 @@ import trimesh
 from PIL import Image
 
 import vig
+from vig.inference.presence import judge_presence
 from vig.io.errors import UserError
 from vig.photo.masks import run_lengths
 from vig_app.examples import example_photos
@@ -197,6 +196,18 @@ def test_a_format_names_the_files_that_it_writes(
     assert formats_in(tmp_path) == (name,)
     remove_exports(tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+def test_an_absent_object_has_no_pose_and_what_was_exported_of_it_goes(
+    explanation: vig.Explanation, tmp_path: Path
+) -> None:
+    formats = ("bop", "coco", "nerfstudio")
+    explanation.export(tmp_path, formats)
+    assert json.loads((tmp_path / "coco.json").read_text())["annotations"]
+    absent = replace(explanation, fit=judge_presence(explanation.fit, 0.0, "teapot"))
+    absent.export(tmp_path, formats)
+    assert [path.name for path in tmp_path.iterdir()] == ["coco.json"]
+    assert json.loads((tmp_path / "coco.json").read_text())["annotations"] == []
 
 
 def test_unknown_formats_are_refused(explanation: vig.Explanation, tmp_path: Path) -> None:

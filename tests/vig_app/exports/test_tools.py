@@ -1,7 +1,5 @@
 """Exports read by the libraries of the tools that they are for."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

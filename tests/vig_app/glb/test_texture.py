@@ -1,7 +1,5 @@
 """Textures from photos: painted objects, drawn, and baked again."""
 
-from __future__ import annotations
-
 import io
 import json
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Files of objects and cameras: what stands in them, and how other libraries read it."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """report.html: what it holds, and that a browser shows it."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json
@@ -17,14 +15,13 @@ import pytest
 from PIL import Image
 
 import vig
-from tests.support import LOW_CONTRAST
+from tests.support import LOW_CONTRAST, run_vig
 from vig.inference import OtherView
 from vig.photo.images import as_srgb
 from vig.renderer import render_latents
 from vig.renderer.drawing import draw_latents
 from vig.scene import Latents
 from vig.scene.light import srgb_from_linear
-from vig_app.cli.main import main
 from vig_app.examples import example_photos
 from vig_app.pictures import part_albedo
 from vig_app.report import words
@@ -411,10 +408,9 @@ def test_a_run_has_a_gallery(
     for name in ("two", "one", "several/1-teapot"):
         explanation.save(tmp_path / "run" / name, files=["report.html"])
     out = tmp_path / "gallery"
-    with pytest.raises(SystemExit) as ended:
-        main(["gallery", str(tmp_path / "run"), "--out", str(out), "--json"])
+    assert run_vig("gallery", tmp_path / "run", "--out", out, "--json") == 0
     page = (out / "index.html").read_text()
-    assert ended.value.code == 0 and json.loads(capsys.readouterr().out) == {
+    assert json.loads(capsys.readouterr().out) == {
         "page": str(out / "index.html"), "photos": 3, "folder": str(out),
     }  # fmt: skip
     names = ["one", "two", "several/1-teapot"]
@@ -422,29 +418,24 @@ def test_a_run_has_a_gallery(
     assert re.findall('<strong><a href="([^"]+)">([^<]*)</a></strong>', page) == links
     assert len(data_of(page)) == 3 and all((out / link).is_file() for link, _ in links)
     for bad in (out, tmp_path / "nothing"):
-        with pytest.raises(SystemExit) as ended:
-            main(["gallery", str(bad)])
+        assert run_vig("gallery", bad) == 2
         error = capsys.readouterr().err
-        assert ended.value.code == 2 and error.count("\n") == 1 and str(bad) in error
+        assert error.count("\n") == 1 and str(bad) in error
     path = tmp_path / "run/two/explanation.json"
     whole = json.loads(path.read_text())
     path.write_text(json.dumps(whole | {"hidden_fraction": "0.2"}))
-    with pytest.raises(SystemExit) as ended:
-        main(["gallery", str(tmp_path / "run")])
+    assert run_vig("gallery", tmp_path / "run") == 2
     error = capsys.readouterr().err
-    assert ended.value.code == 2 and error.count("\n") == 1 and f"{path}'; got something else" in error
+    assert error.count("\n") == 1 and f"{path}'; got something else" in error
     assert "got `str` - at `$.hidden_fraction`" in error
     path.write_text(json.dumps(whole))
     (tmp_path / "run/one/report.html").write_text("<p>mine")
-    with pytest.raises(SystemExit) as ended:
-        main(["gallery", str(tmp_path / "run")])
-    assert ended.value.code == 2 and "no photo or no mesh" in capsys.readouterr().err
+    assert run_vig("gallery", tmp_path / "run") == 2 and "no photo or no mesh" in capsys.readouterr().err
 
 
 def test_several_photos_have_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     photos = [str(example.photo) for example in example_photos()[:2]]
-    with pytest.raises(SystemExit):
-        main(["fit", *photos, "--out", str(tmp_path)])
+    run_vig("fit", *photos, "--out", tmp_path)
     links = re.findall('<li><a href="([^"]+)">', (tmp_path / "report.html").read_text())
     assert set(links) == {f"{example.photo.stem}/report.html" for example in example_photos()[:2]}
     assert all((tmp_path / link).is_file() for link in links)

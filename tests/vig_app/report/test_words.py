@@ -1,7 +1,5 @@
 """What a page says in words."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

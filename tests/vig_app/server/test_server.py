@@ -1,7 +1,5 @@
 """`vig serve`: answers, limits, Label Studio's protocol, and nonsense."""
 
-from __future__ import annotations
-
 import asyncio
 import base64
 import socket

@@ -1,12 +1,10 @@
 """The page of `vig view` in a browser: what is drawn on it becomes hints, at every size, light and dark."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,10 +14,10 @@ import pytest
 from PIL import Image
 
 import vig
-from tests.support import LOW_CONTRAST
+from tests.support import LOW_CONTRAST, run_vig
+from tests.vig_app.viewer.conftest import large_photo
 from vig.inference import PixelLabel
 from vig.io.errors import UserError
-from vig_app.cli.main import main
 from vig_app.corrections import State
 from vig_app.examples import example_photos
 from vig_app.results import read_results, write_table
@@ -34,19 +32,17 @@ HOSTILE = (
 )
 
 
-def large_photo(path: Path, number: int = 3) -> Path:
-    """An example in the middle of a larger photo."""
-    large = Image.new("RGB", (400, 300), (120, 120, 120))
-    with Image.open(example_photos()[number].photo) as small:
-        large.paste(small, (120, 70))
-    large.save(path)
+def two_pots(path: Path) -> Path:
+    photo = Image.new("RGB", (560, 300), (120, 120, 120))
+    for number, left in ((3, 60), (0, 330)):
+        with Image.open(example_photos()[number].photo) as small:
+            photo.paste(small, (left, 70))
+    photo.save(path)
     return path
 
 
 def fit(*arguments: str | Path, code: int = 0) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main(["fit", *map(str, arguments)])
-    assert ended.value.code == code
+    assert run_vig("fit", *arguments) == code
 
 
 def fitted(folder: Path) -> Path:
@@ -69,13 +65,6 @@ def run(made_run: Path, tmp_path: Path) -> Path:
     shutil.copytree(made_run / "photos", tmp_path / "photos", copy_function=shutil.copy2)
     shutil.copytree(made_run / "run", tmp_path / "run")
     return tmp_path / "run"
-
-
-@pytest.fixture
-def viewer(tmp_path: Path) -> Iterator[Viewer]:
-    served = Viewer(Walk.of_photo(large_photo(tmp_path / "photo.png"), "teapot", tmp_path / "saved"), 8431)
-    yield served
-    served.stop()
 
 
 class Page:
@@ -304,12 +293,7 @@ def test_a_photos_name_is_shown_as_it_is(browser: Any, tmp_path: Path) -> None:
 
 
 def test_other_objects_of_the_photo_can_be_chosen(browser: Any, tmp_path: Path) -> None:
-    photo = Image.new("RGB", (560, 300), (120, 120, 120))
-    for number, left in ((3, 60), (0, 330)):
-        with Image.open(example_photos()[number].photo) as small:
-            photo.paste(small, (left, 70))
-    photo.save(tmp_path / "two.png")
-    viewer = Viewer(Walk.of_photo(tmp_path / "two.png", "teapot", tmp_path / "saved"), 8431)
+    viewer = Viewer(Walk.of_photo(two_pots(tmp_path / "two.png"), "teapot", tmp_path / "saved"), 8431)
     shown = Page(browser, viewer)
     try:
         shown.page.keyboard.press("1")
@@ -435,12 +419,8 @@ def test_rows_that_others_wrote_meanwhile_stay(run: Path) -> None:
 
 
 def test_one_of_several_objects_is_corrected_and_taken_up(tmp_path: Path) -> None:
-    photo = Image.new("RGB", (560, 300), (120, 120, 120))
-    for number, left in ((3, 60), (0, 330)):
-        with Image.open(example_photos()[number].photo) as small:
-            photo.paste(small, (left, 70))
     (tmp_path / "photos").mkdir()
-    photo.save(tmp_path / "photos" / "two.png")
+    two_pots(tmp_path / "photos" / "two.png")
     large_photo(tmp_path / "photos" / "one.png")
     boxes = {"two.png": [[75, 75, 135, 140], [340, 75, 135, 140]], "one.png": [130, 75, 135, 140]}
     (tmp_path / "boxes.json").write_text(json.dumps(boxes))

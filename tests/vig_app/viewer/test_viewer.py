@@ -1,7 +1,5 @@
 """`vig view`: what a session takes and takes back, and what its server answers."""
 
-from __future__ import annotations
-
 import http.client
 import json
 import math
@@ -16,13 +14,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
 
 import vig
+from tests.support import run_vig
+from tests.vig_app.viewer.conftest import large_photo
 from vig.hints import Stroke
 from vig.inference import PixelLabel
 from vig.io.errors import UserError
-from vig_app.cli.main import main
 from vig_app.corrections import State
 from vig_app.examples import example_photos
 from vig_app.results import write_table
@@ -33,29 +31,10 @@ from vig_app.viewer.walk import Walk
 
 
 @pytest.fixture(scope="module")
-def explainer() -> vig.Explainer:
-    return vig.Explainer("teapot")
-
-
-def large_photo(folder: Path) -> Path:
-    """An example in the middle of a larger photo."""
-    large = Image.new("RGB", (400, 300), (120, 120, 120))
-    with Image.open(example_photos()[3].photo) as small:
-        large.paste(small, (120, 70))
-    large.save(folder / "photo.png")
-    return folder / "photo.png"
-
-
-@pytest.fixture
-def session(explainer: vig.Explainer, tmp_path: Path) -> Session:
-    return Session(explainer, large_photo(tmp_path))
-
-
-@pytest.fixture(scope="module")
 def untouched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Viewer]:
     """One for all tests of refusals, which leave it as it is."""
     folder = tmp_path_factory.mktemp("untouched")
-    served = Viewer(Walk.of_photo(large_photo(folder), "teapot", folder / "saved"), port=8451)
+    served = Viewer(Walk.of_photo(large_photo(folder / "photo.png"), "teapot", folder / "saved"), port=8451)
     yield served
     served.stop()
 
@@ -67,12 +46,10 @@ def test_a_result_of_vig_fit_can_be_resumed(session: Session, tmp_path: Path) ->
         (["--pose", str(tmp_path / "p.json")], False),
     ):
         (tmp_path / "p.json").write_text(json.dumps(np.eye(4).tolist()))
-        with pytest.raises(SystemExit):
-            main([*arguments, *further, "--out", str(tmp_path / f"out{resumable}")])
+        run_vig(*arguments, *further, "--out", tmp_path / f"out{resumable}")
         folder = tmp_path / f"out{resumable}" / "photo"
         assert (folder / "corrections.json").exists() == resumable
-    with pytest.raises(SystemExit):  # into the folder of the first
-        main([*arguments, "--pose", str(tmp_path / "p.json"), "--out", str(tmp_path / "outAgain")])
+    run_vig(*arguments, "--pose", tmp_path / "p.json", "--out", tmp_path / "outAgain")
     assert not (tmp_path / "outAgain" / "photo" / "corrections.json").exists()
     photo, object_class, state = State.read(tmp_path / "outTrue" / "photo")
     assert photo.samefile(session.path) and object_class == "teapot"
@@ -211,13 +188,6 @@ def test_a_result_in_a_linked_folder_finds_its_photo(session: Session, tmp_path:
     session.save(tmp_path / "link" / "result")
     photo, object_class, _ = State.read(tmp_path / "link" / "result")
     assert photo.samefile(session.path) and object_class == "teapot"
-
-
-@pytest.fixture
-def viewer(session: Session, tmp_path: Path) -> Iterator[Viewer]:
-    served = Viewer(Walk.of_photo(session.path, "teapot", tmp_path / "saved"), port=8441)
-    yield served
-    served.stop()
 
 
 def asked(viewer: Viewer, method: str, path: str, body: Any = None, **headers: str) -> tuple[int, Any]:
@@ -377,20 +347,12 @@ def test_a_folder_of_results_is_opened_whatever_it_holds(session: Session, tmp_p
         (["result", "--class", "mug"], "has one. Leave it out"),
         (["result", "--out", "other"], "has one. Leave it out"),
     ],
-)
-def test_what_vig_view_refuses(
-    tmp_path: Path,
-    arguments: list[str],
-    message: str,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.chdir(large_photo(tmp_path).parent)
+)  # fmt: skip
+def test_what_vig_view_refuses(tmp_path, arguments: list[str], message: str, monkeypatch, capsys) -> None:
+    monkeypatch.chdir(large_photo(tmp_path / "photo.png").parent)
     Path("result").mkdir()
     write_table(Path("run"), [{"photo": "gone.png", "folder": "gone", "error": "gone"}])
-    with pytest.raises(SystemExit) as ended:
-        main(["view", *arguments])
-    assert ended.value.code == 2 and message in capsys.readouterr().err
+    assert run_vig("view", *arguments) == 2 and message in capsys.readouterr().err
 
 
 def test_a_box_that_vig_found_is_no_users(explainer: vig.Explainer, tmp_path: Path) -> None:

@@ -1,7 +1,5 @@
 """Figures caught before they are written."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from types import ModuleType
 from typing import Any

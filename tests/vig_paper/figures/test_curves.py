@@ -1,7 +1,5 @@
 """The lines of Figure 3 and of reliability are the numbers that they stand for."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Images are chosen by rule."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Figures 4 and 5, and the pictures in them."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import replace

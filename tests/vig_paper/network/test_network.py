@@ -1,7 +1,5 @@
 """The paper's networks: what each looks at, and what is made of their numbers."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

@@ -1,7 +1,5 @@
 """Training of the paper's networks: it learns, stops in time, and goes on where it stopped."""
 
-from __future__ import annotations
-
 import csv
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A run whose steps only record that they were done."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The page of a run whose tables are made up."""
 
-from __future__ import annotations
-
 import base64
 import re
 from html.parser import HTMLParser

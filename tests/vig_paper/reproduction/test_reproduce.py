@@ -1,7 +1,5 @@
 """The whole of it, from an empty folder to the page, on a handful of photos."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

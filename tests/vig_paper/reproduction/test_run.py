@@ -1,7 +1,5 @@
 """Steps are done once, in order, and again when what they take is made anew."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from pathlib import Path

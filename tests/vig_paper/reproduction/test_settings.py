@@ -1,14 +1,12 @@
 """The three scales, numbers that make no run, and `vig reproduce` as its user types it."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
 import pytest
 
+from tests.support import run_vig
 from vig.io.errors import UserError
-from vig_app.cli.main import main
 from vig_paper.cli.reproduce import SAME_NUMBERS
 from vig_paper.settings import Reproduce, ReproductionSettings
 from vig_train.cli.common import command_line
@@ -60,7 +58,5 @@ def test_the_command_tells_all_that_changes_numbers() -> None:
     ],
 )
 def test_mistakes_are_told_before_anything_is_written(capsys, tmp_path: Path, more, said: str) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main(["reproduce", "--out", str(tmp_path / "r"), *more])
-    assert ended.value.code == 2 and said in capsys.readouterr().err
+    assert run_vig("reproduce", "--out", tmp_path / "r", *more) == 2 and said in capsys.readouterr().err
     assert not (tmp_path / "r").exists()

@@ -1,7 +1,5 @@
 """A class that is built once for all tests of building."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

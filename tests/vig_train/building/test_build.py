@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import shutil
 import sys
 import zipfile
@@ -62,10 +60,7 @@ def test_the_last_line_counts_what_was_refused(
 
 
 def test_without_torch_a_class_has_no_network_and_says_what_gives_it_one(
-    built: tuple[BuildResult, Path],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    built: tuple[BuildResult, Path], tmp_path: Path, monkeypatch, capsys
 ) -> None:
     loaded = "vig_train.class_training", "vig_train.training"
     for name in [name for name in sys.modules if name.startswith(loaded)]:
@@ -323,15 +318,8 @@ def test_the_card_names_the_authors_of_a_catalogues_meshes(
 
 
 def test_the_command_to_run_again_states_what_differs_from_the_defaults() -> None:
-    told = Build(
-        Path("my meshes"),
-        Path("car"),
-        front="-z",
-        turn=("7:90", "8:180"),
-        drop=(5,),
-        materials=False,
-        json=True,
-    )
+    given = {"front": "-z", "turn": ("7:90", "8:180"), "drop": (5,), "materials": False, "json": True}
+    told = Build(Path("my meshes"), Path("car"), **given)
     expected = "vig class build 'my meshes' --out car --front=-z --turn 7:90 8:180 --drop 5 --no-materials"
     assert command_line("vig class build", told, ("meshes",), ("json",)) == expected
 

@@ -1,7 +1,5 @@
 """The part of a class that is dark on most of its meshes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import trimesh

@@ -1,7 +1,5 @@
 """A class of one mesh file, as `vig fit --mesh` makes it."""
 
-from __future__ import annotations
-
 import errno
 import tempfile
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Meshes as people have them: boxes with a fin, in any pose, unit and topology."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`vig class train` from a pack to its card, at a tiny scale."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Fits kept on disk: taken from there when nothing changed, made again when anything did."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -11,11 +9,11 @@ import pytest
 from safetensors.numpy import load_file
 
 from tests.nodes import needs_ray, two_nodes
+from tests.support import run_vig
 from vig.inference import ExplainSettings, FitCalibration
 from vig.inference.calibration import CONFIDENCE_FEATURES
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass
-from vig_app.cli.main import main
 from vig_train.evaluation import fits
 from vig_train.evaluation.protocol import evaluate
 from vig_world.dataset import Dataset
@@ -119,9 +117,9 @@ def test_an_evaluation_on_a_cluster_one_of_whose_nodes_is_killed_has_the_same_fi
     make_dataset(data, 16, 5, split="test", workers=1, progress=False)
     command = ["evaluate", "--dataset", str(data), "--methods", "robust", "gaussian", "--workers", "1"]
     with two_nodes(lambda: len(list(out.glob("fits/*/*.safetensors"))), after=1) as (address, killed):
-        assert ended([*command, "--out", str(out), "--cluster", address]) == 0
+        assert run_vig(*command, "--out", out, "--cluster", address) == 0
     assert killed and killed[0] < 8
-    assert ended([*command, "--out", str(here)]) == 0
+    assert run_vig(*command, "--out", here) == 0
     names = sorted(str(path.relative_to(here)) for path in here.rglob("*") if path.is_file())
     assert len([name for name in names if name.startswith("fits")]) == 16
     assert names == sorted(str(path.relative_to(out)) for path in out.rglob("*") if path.is_file())
@@ -136,12 +134,6 @@ def test_an_evaluation_on_a_cluster_one_of_whose_nodes_is_killed_has_the_same_fi
     for number in ("000004", "000010"):
         (out / "fits" / "spatial" / f"{number}.safetensors").unlink()
     before = (out / "fits" / "spatial" / "000000.safetensors").stat().st_mtime_ns
-    assert ended([*command, "--out", str(out)]) == 0
+    assert run_vig(*command, "--out", out) == 0
     assert (out / "fits" / "spatial" / "000000.safetensors").stat().st_mtime_ns == before
     assert (out / "errors.csv").read_bytes() == (here / "errors.csv").read_bytes()
-
-
-def ended(arguments: list[str]) -> int:
-    with pytest.raises(SystemExit) as exit:
-        main(arguments)
-    return int(exit.value.code or 0)

@@ -1,7 +1,5 @@
 """The paper's numbers, and ours beside them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

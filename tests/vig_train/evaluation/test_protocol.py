@@ -1,7 +1,5 @@
 """Methods run over a small dataset with a network that has learned nothing."""
 
-from __future__ import annotations
-
 import csv
 import json
 import math
@@ -12,13 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.support import TEAPOT
+from tests.support import TEAPOT, run_vig
 from vig.inference import ExplainSettings, explain_one
 from vig.io.errors import UserError
 from vig.likelihood import GAUSSIAN, SPATIAL
 from vig.recognition import Recognizer
 from vig.scene import Latents, ObjectClass, linear_from_srgb
-from vig_app.cli.main import main
 from vig_paper.figures.style import render_explanations
 from vig_train import METHODS
 from vig_train.evaluation.protocol import MASK_HEAD, evaluate, silhouettes
@@ -199,9 +196,7 @@ def test_a_dataset_of_another_class_is_refused(dataset: Dataset, weights: Path, 
 
 
 def run(capsys, *arguments: object) -> tuple[int, str, str]:
-    with pytest.raises(SystemExit) as ended:
-        main(["evaluate", "--class", str(TEAPOT), *(str(argument) for argument in arguments)])
-    return ended.value.code, *capsys.readouterr()
+    return run_vig("evaluate", "--class", TEAPOT, *arguments), *capsys.readouterr()
 
 
 def test_the_command_writes_its_files_and_prints_the_folder_last(

@@ -1,7 +1,5 @@
 """What the recognition model states as its uncertainty, put into the latents' order."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Statistics of errors, on numbers whose answer is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

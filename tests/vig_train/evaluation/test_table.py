@@ -1,7 +1,5 @@
 """The table of medians, and the further statistics."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

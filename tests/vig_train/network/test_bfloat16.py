@@ -1,7 +1,5 @@
 """Private interfaces of libraries: what they tell today, and what happens when they are gone."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 

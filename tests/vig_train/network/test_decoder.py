@@ -1,7 +1,5 @@
 """The mask's decoder that sees the whole image."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 

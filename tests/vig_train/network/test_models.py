@@ -1,7 +1,5 @@
 """The model that is put together does what the network in torch does, whatever its sizes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Sections of a class's card come from several verbs; each replaces its own."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from vig.scene import ObjectClass

@@ -1,7 +1,5 @@
 """What is pasted over the object is hidden in the labels, and the rest stays what it was."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Uncertainties that were stated too small or too large are put right, and the weights carry it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

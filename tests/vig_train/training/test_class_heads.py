@@ -1,7 +1,5 @@
 """Members of a class's network: side by side they give the mean of what each says; packed matrices."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

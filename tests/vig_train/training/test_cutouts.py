@@ -1,7 +1,5 @@
 """Cut-outs, of packaged props and of models in files: of one split each, none of the class's like."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +9,11 @@ from PIL import Image
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig_train.training import cutouts
-from vig_train.training.cutouts import model_cutouts
+from vig_train.training.cutouts import model_cutouts, render_view
 from vig_train.training.studio import Studio, StudioSettings
 from vig_world import SPLITS
-from vig_world.assets.things import Prop, is_of_class
+from vig_world.assets.things import Material, Prop, is_of_class, prop
+from vig_world.mesh import Mesh
 
 BOX = """mtllib paint.mtl
 usemtl red
@@ -52,6 +51,22 @@ def test_a_model_is_of_one_split_and_never_of_the_class(models: Path) -> None:
     assert len(together) == len(set(together)) == 41
     assert "old-teapot.obj" not in together and "tea-cup.obj" in together
     assert len(files[0]) > len(files[1]) and len(files[0]) > len(files[2])
+
+
+def test_a_view_is_from_its_azimuth_and_as_large_at_any_distance() -> None:
+    def wall(y: float, colour: list[float]) -> tuple[Mesh, Material]:
+        corners = np.array([[-1, y, 0], [1, y, 0], [1, y, 2], [-1, y, 2]], np.float32)
+        mesh = Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), np.zeros((4, 2), np.float32))
+        return mesh, Material(np.array([[colour]], np.float32), "plastic", 0.5)
+
+    shown = prop("walls", wall(-1.0, [1, 0, 0]), wall(1.0, [0, 0, 1]))
+
+    def view(azimuth: float, distance: float) -> np.ndarray:
+        return render_view(np.random.default_rng(0), shown, (azimuth, 0.1, 0.0), 64, distance).sum((0, 1))
+
+    front, back = view(0.0, 8.0), view(np.pi, 8.0)
+    assert front[0] > 10 * front[2] and back[2] > 10 * back[0], "fronts of catalogues look along -y"
+    assert view(0.0, 80.0)[3] == pytest.approx(front[3], rel=0.3)
 
 
 def test_cutouts_show_the_material_and_are_the_same_again(models: Path) -> None:

@@ -1,7 +1,5 @@
 """Images of the studio that are drawn once, before a training."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path

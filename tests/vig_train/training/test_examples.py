@@ -1,7 +1,5 @@
 """Whole rooms are held out for validation."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

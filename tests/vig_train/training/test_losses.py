@@ -1,7 +1,5 @@
 """Values of the training losses, by hand."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Training of what finds objects in whole photos: their map, and the presence head."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

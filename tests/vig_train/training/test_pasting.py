@@ -1,7 +1,5 @@
 """Cut-outs hide what they cover, no more than they may, and nothing else changes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

@@ -1,7 +1,5 @@
 """Only the object's visible pixels change, and to what the new albedo says."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vig.scene import linear_from_srgb, srgb8_from_linear

@@ -1,7 +1,5 @@
 """Tests of the user's own meshes as the studio draws them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Drawn images are a pure function of seed and index, and their labels are what an independent look finds."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Training runs, goes on where it stopped as if it never had, and refuses what it cannot use."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Designs with the handle above or straight, with ribs and flat sides: symmetric, outward, as described."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Panoramas of whatever order, primaries, windows, parts and layers; what is no RGB radiance is named."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The packaged models: sound meshes of real sizes, with authors, of one split each, that vary."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

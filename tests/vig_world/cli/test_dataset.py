@@ -1,7 +1,5 @@
 """`vig dataset VERB` as its user meets it."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path
@@ -9,25 +7,22 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from vig_app.cli.main import main
+from tests.support import run_vig
 
 
 def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
     """Exit code, standard output and standard error of `vig dataset ...`."""
-    with pytest.raises(SystemExit) as caught:
-        main(["dataset", *(str(argument) for argument in arguments)])
+    code = run_vig("dataset", *arguments)
     out, err = capsys.readouterr()
     assert "Traceback" not in err
-    return int(str(caught.value.code)), out, err
+    return code, out, err
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("cli") / "d"
-    arguments = ["--out", str(out), "--count", "6", "--split", "test", "--workers", "1", "--json"]
-    with pytest.raises(SystemExit) as caught:
-        main(["dataset", "make", *arguments])
-    assert caught.value.code == 0
+    arguments = ["--out", out, "--count", 6, "--split", "test", "--workers", 1, "--json"]
+    assert run_vig("dataset", "make", *arguments) == 0
     return out
 
 

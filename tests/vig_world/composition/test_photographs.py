@@ -23,11 +23,6 @@ COUNT = 24
 
 
 @pytest.fixture(scope="module")
-def library() -> Library:
-    return Library("validation")
-
-
-@pytest.fixture(scope="module")
 def specs(library: Library, teapot: ObjectClass) -> list[SceneSpec]:
     return [sample(library, teapot, 31, index) for index in range(COUNT)]
 

@@ -1,7 +1,5 @@
 """Places of the object and of what hides it, as native code proposes them, beside plain references."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable
 
@@ -24,11 +22,6 @@ from vig_world.rotations import about_z
 AZIMUTH, LEVEL = 0.7, 0.4
 PLACE_GOOD, PLACE_TOO_SMALL = engine.PLACE_GOOD, engine.PLACE_TOO_SMALL
 PLACE_EYE, PLACE_OPEN = engine.PLACE_EYE, engine.PLACE_OPEN
-
-
-@pytest.fixture(scope="module")
-def library() -> Library:
-    return Library("validation")
 
 
 def actor_at(object_class: ObjectClass, elevation: float) -> Actor:

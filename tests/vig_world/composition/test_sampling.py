@@ -1,12 +1,9 @@
-from __future__ import annotations
-
 from collections import Counter
 from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.support import TEAPOT
 from vig.io.errors import UserError
 from vig.scene import EXPOSURE_L00, ObjectClass, linear_from_srgb
 from vig_world.assets.footprint import Footprint
@@ -27,11 +24,6 @@ COUNT = 16
 @pytest.fixture(scope="module")
 def library() -> Library:
     return Library("train")
-
-
-@pytest.fixture(scope="module")
-def teapot() -> ObjectClass:
-    return ObjectClass.load(TEAPOT)
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,5 @@
 """Scenes of things long, flat, tall, tiny and huge: none is drawn anew, and latents keep distributions."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 
@@ -47,11 +45,6 @@ def stretched(name: str) -> ObjectClass:
         viewing_distance=float(1.5 * size.max()),
         places=places,
     )
-
-
-@pytest.fixture(scope="module")
-def library() -> Library:
-    return Library("validation")
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,7 @@
 """Consistency of a sample's labels, pictures and spec: each fact is recomputed."""
 
-from __future__ import annotations
-
+import hashlib
+import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -198,3 +198,16 @@ def problems_of(root: Path, object_class: ObjectClass) -> list[str]:
         }
         problems += label_problems(item, SceneSpec.from_json(item["spec"]), pictures, object_class)
     return problems
+
+
+def seal(root: Path) -> None:
+    """Write hashes of what is there now, so that only the labels can tell what is wrong."""
+    folder = root / "train"
+    files = sorted(path for path in folder.rglob("*") if path.is_file() and path.name != "files.sha256")
+    lines = [
+        f"{hashlib.sha256(p.read_bytes()).hexdigest()}  {p.relative_to(folder).as_posix()}\n" for p in files
+    ]
+    (folder / "files.sha256").write_text("".join(lines))
+    info = json.loads((root / "info.json").read_text())
+    info["splits"]["train"]["manifest_sha256"] = hashlib.sha256("".join(lines).encode()).hexdigest()
+    (root / "info.json").write_text(json.dumps(info))

@@ -1,7 +1,5 @@
 """What each field of the BOP files means, found again without the code that wrote it."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

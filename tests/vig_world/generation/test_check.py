@@ -1,7 +1,5 @@
 """`check_dataset` calls a whole dataset clean, and names every kind of damage."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json
@@ -15,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 from PIL import Image
 
-from tests.vig_world.generation.labels import problems_of, silhouette
+from tests.vig_world.generation.labels import problems_of, seal, silhouette
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig_world.assets.target import target_vertices
@@ -32,19 +30,6 @@ SCENE = Path("train/000000")
 @pytest.fixture
 def copy(made: Path, tmp_path: Path) -> Path:
     return shutil.copytree(made, tmp_path / "copy")
-
-
-def seal(root: Path) -> None:
-    """Write hashes of what is there now, so that only the labels can tell what is wrong."""
-    folder = root / "train"
-    files = sorted(path for path in folder.rglob("*") if path.is_file() and path.name != "files.sha256")
-    lines = [
-        f"{hashlib.sha256(p.read_bytes()).hexdigest()}  {p.relative_to(folder).as_posix()}\n" for p in files
-    ]
-    (folder / "files.sha256").write_text("".join(lines))
-    info = json.loads((root / "info.json").read_text())
-    info["splits"]["train"]["manifest_sha256"] = hashlib.sha256("".join(lines).encode()).hexdigest()
-    (root / "info.json").write_text(json.dumps(info))
 
 
 def test_a_whole_dataset_is_clean_and_renders_to_the_same_bytes(made: Path, teapot: ObjectClass) -> None:

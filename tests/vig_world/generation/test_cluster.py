@@ -1,15 +1,13 @@
 """The same job on a Ray cluster; skipped where Ray is not installed, but for the line that says so."""
 
-from __future__ import annotations
-
 import builtins
-import hashlib
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from tests.nodes import needs_ray, turn_with_ray, two_nodes
+from tests.vig_world.generation.test_kill import hashes
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig_world.generation.write import make_dataset
@@ -17,14 +15,7 @@ from vig_world.generation.write import make_dataset
 COUNT, SEED = 48, 12
 
 
-def hashes(root: Path) -> dict[str, str]:
-    files = (path for path in root.rglob("*") if path.is_file())
-    return {str(path.relative_to(root)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
-
-
-def test_without_ray_the_remedy_is_told(
-    tmp_path: Path, teapot: ObjectClass, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_ray_the_remedy_is_told(tmp_path: Path, teapot: ObjectClass, monkeypatch) -> None:
     load = builtins.__import__
 
     def no_ray(name: str, *rest: Any) -> Any:

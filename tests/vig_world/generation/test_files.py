@@ -1,7 +1,5 @@
 """Files that the maker of a dataset writes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from vig_world.generation.files import write_picture

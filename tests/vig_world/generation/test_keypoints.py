@@ -1,7 +1,5 @@
 """Keypoints, and the exports that hold them, read back by other readers than vig's."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

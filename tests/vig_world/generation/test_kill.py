@@ -5,8 +5,6 @@ depends on how fast the machine is. Where a run must get somewhere first, it has
 that gives up says how far it got and that the machine was too slow: that is not lost data.
 """
 
-from __future__ import annotations
-
 import hashlib
 import multiprocessing
 import os

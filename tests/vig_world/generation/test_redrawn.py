@@ -1,7 +1,5 @@
 """No sample ends a run: what cannot be made is drawn anew, counted, and, where it is a fault, named."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

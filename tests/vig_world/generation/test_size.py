@@ -1,7 +1,5 @@
 """Datasets of other sizes than the standard one: the same scenes, with every label in the new frame."""
 
-from __future__ import annotations
-
 import json
 import math
 import shutil

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -7,7 +5,6 @@ import numpy as np
 import pytest
 import torch
 
-from tests.support import TEAPOT
 from tests.vig.likelihood.reference import shade
 from vig.likelihood.geometry import Geometry
 from vig.scene import EXPOSURE_L00, Camera, ObjectClass, irradiance, srgb8_from_linear
@@ -29,11 +26,6 @@ EVEN, MOST_LIGHT = 0.6, 1.25
 """As in shade.cc."""
 LIGHT = np.array([EXPOSURE_L00, 0.4, 1.2, -0.5, 0.1, -0.2, 0.2, 0.1, -0.1])
 ABOVE = np.array([EXPOSURE_L00, 0, 1.0, 0, 0, 0, 0, 0, 0])
-
-
-@pytest.fixture(scope="module")
-def teapot() -> ObjectClass:
-    return ObjectClass.load(TEAPOT)
 
 
 def stuff(value: float | np.ndarray, slot: str = "", emission: float = 0.0) -> Material:

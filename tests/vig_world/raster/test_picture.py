@@ -1,7 +1,5 @@
 """What a picture says of the object in it: how much is hidden, and by what."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import io
 import os
 import signal
@@ -12,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support import TEAPOT
 from vig.io.errors import UserError
 from vig.scene import EXPOSURE_L00, ObjectClass, rotate_z
 from vig_world.assets.panoramas.light import project_panorama
@@ -47,11 +44,6 @@ while True:
     wire.send(replies, {{"pid": os.getpid()}}, {{"double": 2 * arrays["x"]}})
 """
 """A worker without Blender: doubles x, dies or sleeps as told."""
-
-
-@pytest.fixture(scope="module")
-def teapot() -> ObjectClass:
-    return ObjectClass.load(TEAPOT)
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,5 @@
 """Meshes rounded by their normals."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import pytest
 
 from vig_world.assets.own.copies import cut_at_level, shape_copies

@@ -1,7 +1,5 @@
 """Materials as programs write them: what is read, or what was taken instead and is said."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -3,8 +3,6 @@
 The shapes are a box of 1 x 2 x 3 (area 22) and a C, 3 x 3 x 1 less a mouth of 2 x 1 (area 2 * 7 + 16 = 30).
 """
 
-from __future__ import annotations
-
 import json
 import struct
 from collections.abc import Callable
