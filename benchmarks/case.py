@@ -3,8 +3,6 @@
 A mesh before a camera, guesses a little apart, and a photo to explain.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

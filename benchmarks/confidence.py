@@ -7,8 +7,6 @@ expected calibration error (ten bins, Naeini et al. 2015), and for each bin the 
 confidence stated, and the share of views right within the tolerance, which is what the confidence states.
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -9,8 +9,6 @@ generator (test split), or are the last ones of `--dataset DIR`. Medians and int
 with the processor time beside it.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass
 from pathlib import Path

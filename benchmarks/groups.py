@@ -3,8 +3,6 @@
 They are drawn by the generator, for `benchmarks.together` and for tests.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence

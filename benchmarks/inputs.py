@@ -1,7 +1,5 @@
 """Photos for benchmarks of fits: rendered from a seed, or the last ones of a dataset."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -8,8 +8,6 @@ are within a tenth of the stated deviation of those under the first set, of equa
 evaluations of a fit.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

@@ -1,7 +1,5 @@
 """What the benchmarks share: timing, metrics with a direction and intervals, and the JSON file."""
 
-from __future__ import annotations
-
 import json
 import os
 import platform

@@ -7,8 +7,6 @@ is seen of it, the box is round the whole of it. With the mask it is told that t
 box alone means.
 """
 
-from __future__ import annotations
-
 import argparse
 import io
 import math

@@ -5,8 +5,6 @@ a process of its own: processor time of all threads and peak memory, less those 
 Loading, finding the object, the fit and all written files are in it. Minimum of several runs.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

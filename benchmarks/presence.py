@@ -12,8 +12,6 @@ With photos: how many have the verdict `absent`, a trusted view and a trusted ma
 with labels of `vig class check` also how many views, and trusted views, are within 25 degrees.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

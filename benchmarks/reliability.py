@@ -8,8 +8,6 @@ of the views that are trusted. The file, written with `--out`, is
 `vig_train.calibration.learning.RELIABILITY_FILE`.
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

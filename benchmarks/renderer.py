@@ -4,8 +4,6 @@ The same teapot, camera and image size for all, in one process, on one thread an
 three image sizes, the measurements interleaved. What is compared and what is not: docs/results.md.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable, Mapping
 from pathlib import Path

@@ -10,8 +10,6 @@ With boxes, {photo: [x, y, w, h]}, of photos beside the file on which objects st
 roll is left after windows were turned. A window that is itself turned sees a rolled photo.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

@@ -5,8 +5,6 @@ hang up; then requests of all kinds of nonsense are sent. Printed are requests a
 of the server's memory from a tenth of the time on, and the answers to the nonsense by their status.
 """
 
-from __future__ import annotations
-
 import argparse
 import http.client
 import os

@@ -5,8 +5,6 @@ without caches (cold; pip has compiled the Python), without a box (find), and `v
 all threads, the minimum of several runs, each in a process of its own.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import resource

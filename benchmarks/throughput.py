@@ -1,7 +1,5 @@
 """Fits per second by threads and size of batch: descents from one start, and whole fits."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field

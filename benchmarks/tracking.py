@@ -9,8 +9,6 @@ one frame to the next; of each video the worst counts. Steps of the tracker are 
 in which the pictures are shown three times as large.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 from dataclasses import dataclass

@@ -9,8 +9,6 @@ it. Found again: of such frames after the object was hidden by .6 or more, those
 At last the tracker sees one frame a hundred times: how far a still object drifts.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Videos of a turning object before a still camera, while its occluders pass from one side to the other."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

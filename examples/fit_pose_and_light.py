@@ -8,8 +8,6 @@ picture: the loss is the plain mean square of the difference in colour. Prints t
 few seconds on one core.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import time

@@ -9,8 +9,6 @@ They are a show, not a benchmark: their scenes were chosen by eye among some 440
 (`--sheet SHEET.png` draws those chosen), as photos that a person would take; the folder's README says more.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

@@ -12,8 +12,6 @@ SEED
 - whose design, eighth of the circle of azimuths, panorama, room and occluders none of the photos before has.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

@@ -3,8 +3,6 @@
 python examples/make_hero.py --out docs/hero.jpg
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

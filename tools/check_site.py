@@ -5,8 +5,6 @@
 `mkdocs build --strict` does not see what notebooks, raw HTML and docstrings link to.
 """
 
-from __future__ import annotations
-
 import sys
 from html.parser import HTMLParser
 from pathlib import Path

@@ -5,8 +5,6 @@ where each absolute path of the image lies: pip installs what the image would, a
 some minutes and 0.5 GB.
 """
 
-from __future__ import annotations
-
 import argparse
 import glob
 import os

@@ -9,8 +9,6 @@ names are those of the folders that `mesh_folder` unpacks. Each model's parts of
 that nothing outside sees are dropped, the rest is decimated and turned to the side from which it is seen.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import io

@@ -8,8 +8,6 @@ is broken: that needs CMake, ninja and `pip install nanobind`. Run by hand: it t
 when more than `MOST_SURVIVORS` survive, or when a text is not found once.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import shutil

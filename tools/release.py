@@ -6,8 +6,6 @@ pyproject.toml and CITATION.cff, and makes pictures and links of README.md, the 
 addresses of that tag: relative ones lead nowhere on a package index. The checkout is built and thrown away.
 """
 
-from __future__ import annotations
-
 import argparse
 import re
 import sys

@@ -1,7 +1,5 @@
 """Print what an extra of pyproject.toml installs, but vig, which would be compiled once more: NAME."""
 
-from __future__ import annotations
-
 import re
 import sys
 import tomllib

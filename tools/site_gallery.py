@@ -1,7 +1,5 @@
 """A hook of mkdocs: the gallery of the packaged photos, beside the page that leads to it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory

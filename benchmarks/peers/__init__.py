@@ -1,7 +1,5 @@
 """Other differentiable renderers on the same problem; each is optional (benchmarks/requirements.txt)."""
 
-from __future__ import annotations
-
 import importlib
 import subprocess
 import sys

@@ -5,8 +5,6 @@ ambient light, silhouettes antialiased over one pixel, a squared pixel error dif
 vertices, pose, light and colour, in float64 on one thread, the only way it runs.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from deodr.differentiable_renderer import Camera, Scene3D, renderScene, renderSceneB
 from deodr.triangulated_mesh import ColoredTriMesh

@@ -5,8 +5,6 @@ directional light, and a squared pixel error differentiated with respect to vert
 The derivative of cast shadows' edges (`sppi`) is off: the other renderers have none, and it costs seconds.
 """
 
-from __future__ import annotations
-
 import drjit as dr
 import mitsuba as mi
 import numpy as np

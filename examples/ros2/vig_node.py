@@ -13,8 +13,6 @@ Nothing is published while the object is lost. Images that come while one is wor
 hold one.
 """
 
-from __future__ import annotations
-
 from copy import copy
 from typing import Any
 

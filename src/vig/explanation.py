@@ -1,7 +1,5 @@
 """The library's answer for a photo."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Random mugs: mixtures of the named ones, body and handle, a pure function of the random stream."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tools.classes.mixing import Mixing, drawn_in_order, first_sound

@@ -1,7 +1,5 @@
 """Random designs: mixtures of the named ones, part by part, a pure function of the random stream."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

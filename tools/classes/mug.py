@@ -4,8 +4,6 @@
 far designs lie from it by the number of components.
 """
 
-from __future__ import annotations
-
 import functools
 
 from tools.classes.drawn_mugs import drawn_mugs

@@ -3,8 +3,6 @@
 `python -m tools.classes.paper_teapot [FOLDER]` builds the pack, by default `vig_paper/teapot`.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from tools.classes.shapes import CodedClass, main

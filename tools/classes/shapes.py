@@ -1,7 +1,5 @@
 """Packaged classes whose shapes are designed by code: their shape models and packs."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace

@@ -1,7 +1,5 @@
 """Checks that designs of any kind share: surfaces that cross, and sizes out of their limits."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

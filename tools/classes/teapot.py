@@ -4,8 +4,6 @@
 prints the variance that it holds.
 """
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

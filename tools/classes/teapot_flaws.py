@@ -1,7 +1,5 @@
 """Flaws of a design: parts detached, folded or in each other's way, and sizes out of proportion."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from tools.classes.soundness import size_flaws

@@ -14,8 +14,6 @@ some five minutes; on two cores and no GPU 20,000 take a quarter of an hour and 
 Heads are to be trained anew on another trunk: weights files name the one that they go with.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import os

@@ -1,7 +1,5 @@
 """Confidence in a selected fit: its masks, its confidence features, the verdict and the deviations."""
 
-from __future__ import annotations
-
 import functools
 import math
 from dataclasses import dataclass

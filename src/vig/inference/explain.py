@@ -1,7 +1,5 @@
 """Fits of photos: starts, refinement, selection, confidence."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Families of shapes: a predicted shape's probability of each of a class's kinds, and the shape in each."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from vig.recognition import Prediction

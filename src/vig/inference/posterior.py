@@ -1,7 +1,5 @@
 """The log posterior of one photo: its pixels' priors, the network's prediction, the class's renderer."""
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """Fits whose place was found in a photo, not given: the photo may not show the object at all."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Settings of a fit, and its result."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 from enum import Enum

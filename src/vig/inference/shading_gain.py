@@ -7,8 +7,6 @@ least squares, in turn with descents of the latents. Even then the residual is n
 to pixel: the noise of the descents is estimated, which may lower the evidence under the pixel model's own.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

@@ -4,8 +4,6 @@ It does what `vig_train.network.network.RecognitionNetwork` does; weights have t
 ONNX Runtime gets only models that are written here: no file in ONNX's format is ever read.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 import struct

@@ -1,7 +1,5 @@
 """A trained recognition network: numpy arrays in, predictions out, computed by ONNX Runtime."""
 
-from __future__ import annotations
-
 import copy
 import functools
 import hashlib

@@ -1,7 +1,5 @@
 """A recognizer in place of a network, for classes that none was trained for."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Weights of recognition networks as their files hold them: packed matrices, a shared trunk."""
 
-from __future__ import annotations
-
 import functools
 import hashlib
 from collections.abc import Mapping

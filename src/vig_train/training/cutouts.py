@@ -1,7 +1,5 @@
 """Cut-outs of solid things, to put pictures together from: packaged props, and models in files."""
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import math

@@ -1,7 +1,5 @@
 """The background of a drawn object, and its shadow there."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

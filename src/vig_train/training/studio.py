@@ -4,8 +4,6 @@ Each holds the object of a class with any surface, in any light, on a plain, set
 things beside and before it, through any lens, and its truth. All is a pure function of a seed and an index.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 from dataclasses import dataclass, replace

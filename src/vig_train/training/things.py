@@ -1,7 +1,5 @@
 """Other things of a drawn picture, behind the object or before it."""
 
-from __future__ import annotations
-
 import functools
 import math
 
