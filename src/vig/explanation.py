@@ -406,6 +406,8 @@ class Explanation:
     def export(self, folder: str | Path, formats: Sequence[str], photo: str = "photo") -> Path:
         """Write the explanation in the formats of other tools, docs/explanation.md; returns the folder.
 
+        Of an absent object no pose, scene or model is written, and one that is there is removed.
+
         Args:
             folder: Folder of `save`, as some formats name its mask.
             formats: Any of "blender", "bop", "coco", "nerfstudio", "ros" and "usd".

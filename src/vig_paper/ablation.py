@@ -231,6 +231,5 @@ def ablation_blocks(table: Mapping[str, Any]) -> list[TableBlock]:
 
 def _difference(test: Mapping[str, Any]) -> str:
     low, high = test["ci95"]
-    min_p = 1e-4  # smaller p values are printed as "p < MIN_P"
-    p = f"p < {min_p:g}" if test["p"] < min_p else f"p = {test['p']:.2g}"
+    p = "p < 0.0001" if test["p"] < 1e-4 else f"p = {test['p']:.2g}"
     return f"{test['median_difference']:+.3g}, {p}\n[{low:+.3g}, {high:+.3g}]"

@@ -22,7 +22,7 @@ class Mesh:
     uv: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        whole, floats = "int32 int64 uint32", "float32 float64"
+        whole, floats = "int8 int16 int32 int64 uint8 uint16 uint32 uint64", "float16 float32 float64"
         kinds = {"vertices": (floats, ("V", 3)), "faces": (whole, ("F", 3)), "uv": (floats, ("V", 2))}
         arrays = {name: array for name, array in vars(self).items() if array is not None}
         check_arrays(arrays, {name: kinds[name] for name in arrays})

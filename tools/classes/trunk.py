@@ -7,7 +7,7 @@ a ground, among other things, mostly covered in part. The network learns where i
 roll and mean colour, and which pixels show it: one head for all kinds, as in Orient Anything (Wang et al.
 2024), so that what the trunk learns holds for kinds that it has not seen. Fronts are those of the catalogues.
 
-OUT/trunk.safetensors is a trunk as `vig.recognition.weights.TRUNK_FILE`. Images are kept in OUT/images, and
+OUT/trunk.safetensors is a trunk as `vig.recognition.weights.TRUNK_FILE`. Images are kept in OUT, and
 the training resumes after each epoch, on a GPU where there is one. Catalogues (`sweethome3d-furniture` of
 Debian, 130 MB; without Scopia's 70 MB) are unpacked once, in three minutes. With 16 cores 100,000 images take
 some five minutes; on two cores and no GPU 20,000 take a quarter of an hour and an epoch of these as long.
@@ -15,6 +15,7 @@ Heads are to be trained anew on another trunk: weights files name the one that t
 """
 
 import argparse
+import functools
 import math
 import os
 from collections.abc import Callable
@@ -58,6 +59,7 @@ class ManyKinds:
     def __init__(self, meshes: str, split: Split, seed: int) -> None:
         self.split, self.seed, self.settings = split, seed, StudioSettings(level=0.35)
         self.models = model_cutouts(meshes, split, "")
+        self.model = functools.cache(self.models.thing)  # some 2 GB of 600 models
         self.props = [(kind, model) for kind, each in packaged_props(split).items() for model in each]
         self.studios = [Studio(ObjectClass.load(name), self.settings, split) for name in CLASSES]
 
@@ -85,7 +87,7 @@ class ManyKinds:
                 family, model = self.props[int(rng.integers(len(self.props)))]
                 shown = Prop(family, vary(model.read(), rng))
             else:
-                shown = self.models.thing(self.models.files[int(rng.integers(len(self.models.files)))])
+                shown = self.model(self.models.files[int(rng.integers(len(self.models.files)))])
             if shown is not None:
                 break
         azimuth = rng.uniform(0, 2 * math.pi)
@@ -94,8 +96,8 @@ class ManyKinds:
         rolled = rng.random() < settings.rolled
         roll = float(rng.uniform(-1, 1) * settings.most_roll if rolled else rng.normal(0, settings.roll))
         # Fronts of catalogues look along -y, those of classes along +x.
-        reach = math.exp(rng.uniform(math.log(2.0), math.log(12)))
-        cutout = render_view(rng, shown, (azimuth - math.pi / 2, elevation, roll), IMAGE_SIZE, reach)
+        distance = math.exp(rng.uniform(math.log(3.2), math.log(12)))  # nearer views leave the picture
+        cutout = render_view(rng, shown, (azimuth - math.pi / 2, elevation, roll), IMAGE_SIZE, distance)
         ground = draw_ground(rng, self.split, roll)
         layer = _placed(rng, cutout)
         place = place_of(layer.cover)
@@ -118,7 +120,7 @@ class ManyKinds:
             "numbers": _numbers(elevation, albedo),
             "roll": np.float32(roll),
             "visible": np.round(255 * visible).astype(np.uint8),
-            "hidden": np.round(255 * (layer.cover - visible)).astype(np.uint8),
+            "hidden": (np.round(255 * layer.cover) - np.round(255 * visible)).astype(np.uint8),
         }
 
 
@@ -136,7 +138,6 @@ def _placed(rng: np.random.Generator, cutout: np.ndarray) -> Layer:
     shift = rng.uniform(-0.25, 0.25, 2) if small else rng.normal(0, 0.05, 2)
     height, width = cutout.shape[:2]
     factor = side * IMAGE_SIZE / max(height, width)
-    # Bilinear sampling of the mean of the covered points, at most half as large: the view is drawn fine.
     scaled = torch.nn.functional.interpolate(
         torch.from_numpy(cutout.transpose(2, 0, 1))[None],
         (max(1, round(height * factor)), max(1, round(width * factor))),
@@ -165,7 +166,9 @@ def _prepare(shared: tuple[str, str, int]) -> Callable[[tuple[Split, int]], None
 
     def work(item: tuple[Split, int]) -> None:
         split, chunk = item
-        many = drawn.setdefault(split, ManyKinds(meshes, split, seed))
+        if split not in drawn:
+            drawn[split] = ManyKinds(meshes, split, seed)
+        many = drawn[split]
         rows = [many.draw(index) for index in range(chunk * CHUNK, (chunk + 1) * CHUNK)]
         columns = {name: torch.from_numpy(np.stack([row[name] for row in rows])) for name in rows[0]}
         save_tensors(_path(Path(folder), item), columns)
@@ -208,7 +211,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     options = parser.parse_args(arguments)
     counts: dict[Split, int] = {"train": options.images, "validation": max(CHUNK, options.images // 20)}
-    drawn = draw(options.out / "images", options.meshes, counts, options.seed, options.workers)
+    source = f"{model_cutouts(options.meshes, 'train', '').fingerprint}-{options.seed}"
+    drawn = draw(options.out / f"images-{source}", options.meshes, counts, options.seed, options.workers)
     settings = TrainingSettings(
         epochs=options.epochs,
         batch=options.batch,
@@ -223,7 +227,7 @@ def main(arguments: list[str] | None = None) -> None:
     train_count, held_out = len(drawn["train"]), len(drawn["validation"])
     chosen, validated = torch.arange(train_count), torch.arange(train_count, train_count + held_out)
     examples = Examples.concatenate([drawn["train"], drawn["validation"]])
-    run = settings.fingerprint([]) + f" {train_count}"
+    run = f"{settings.fingerprint([])} {train_count} {source}"
     path = train_on_examples(examples, chosen, validated, options.out, settings, run, progress=True)
     tensors, _ = read_tensors(path)
     trunk = {name.removeprefix("network."): value for name, value in tensors.items()}

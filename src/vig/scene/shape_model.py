@@ -8,7 +8,8 @@ from vig.io.checks import check_arrays, check_indices
 from vig_renderer.arrays import Array, floating, like
 
 MOST_MODES = 64
-"""Components of a shape model, so that a damaged file cannot ask for any memory; the next two also."""
+"""Components of a shape model, so that a damaged file cannot ask for any memory; so are
+faces and vertices bounded."""
 MOST_FACES = 400_000
 ARRAYS = {
     "mean": ("float32 float64", ("V", 3)),

@@ -18,8 +18,16 @@ MOST_SPREAD = math.radians(12.0)  # standard deviation of azimuth about one view
 FAR = math.radians(25.0)  # a frame whose own view is farther from the chosen one is fitted again near that
 TURN = math.radians(0.7)
 """Standard deviation of the change of the speed of azimuth from frame to frame, radians."""
+TILT = math.radians(0.05)
+"""Standard deviation of the change of the speed of elevation and roll, radians."""
 SHIFT = 0.003  # standard deviation of that of place, in sides of the box, and log size
+TILT_SPEED = math.radians(0.1)
+"""Standard deviation of the speed of elevation and roll in the first frame: cameras are held still."""
 PLACES = [2, 3, 4, 6, 7, 8]  # columns of `Trajectory.numbers` that are neither angles nor roll
+PLACE_NOISE = (0.02, 0.3)
+"""Deviations of one frame's place and log size when all is visible, and their increase when all is hidden."""
+ANGLE_NOISE = (math.radians(3.0), math.radians(30.0))
+"""Deviations of elevation and roll when all is visible, radians, and their increase when all is hidden."""
 
 
 @dataclass(frozen=True)
@@ -93,26 +101,16 @@ class Trajectory:
         spread = np.where(np.abs(off) > FAR, math.inf, [_spread(each) for each in sightings])
         if not np.isfinite(spread[~lost]).any():
             off, spread = np.zeros(len(path)), np.full(len(path), MOST_SPREAD)
-        # Deviations of elevation and roll when all is visible, radians, and their increase when all is
-        # hidden.
-        angle_noise = (math.radians(3.0), math.radians(30.0))
-        angle = angle_noise[0] + angle_noise[1] * hidden
-        # Deviations of one frame's place and log size when all is visible, and their increase when all is
-        # hidden.
-        place_noise = (0.02, 0.3)
-        noise = place_noise[0] + place_noise[1] * hidden
+        angle = ANGLE_NOISE[0] + ANGLE_NOISE[1] * hidden
+        noise = PLACE_NOISE[0] + PLACE_NOISE[1] * hidden
         shifts = side * noise, side * SHIFT, math.inf
-        # Standard deviation of the change of the speed of elevation and roll, radians.
-        tilt = math.radians(0.05)
-        # Standard deviation of the speed of elevation and roll in the first frame: cameras are held still.
-        tilt_speed = math.radians(0.1)
         rows = [  # values, their noise, change of their speed, and its first deviation
             (path + off, spread, TURN, math.inf),
-            ([each.elevation for each in sightings], angle, tilt, tilt_speed),
+            ([each.elevation for each in sightings], angle, TILT, TILT_SPEED),
             ([c.cx for c in cameras], *shifts),
             ([c.cy for c in cameras], *shifts),
             ([math.log(c.focal / c.distance) for c in cameras], noise, SHIFT, math.inf),
-            ([c.roll for c in cameras], angle, tilt, tilt_speed),
+            ([c.roll for c in cameras], angle, TILT, TILT_SPEED),
             (places[:, 0], *shifts),
             (places[:, 1], *shifts),
             (places[:, 2], noise, SHIFT, math.inf),

@@ -28,7 +28,7 @@ def run_formats() -> dict[str, tuple[str, ...]]:
 def export_explanation(
     explanation: "Explanation", folder: str | Path, formats: Sequence[str], photo: str
 ) -> Path:
-    """Write the files of `Explanation.export`; of an absent object those of masks and boxes, without any."""
+    """Write the files of `Explanation.export`; of an absent object no pose, scene or model."""
     _check(formats)
     for name in formats:
         if not hasattr(_module(name), "write_photos") and str(explanation.verdict) == "absent":

@@ -230,6 +230,7 @@ def _states(task: Task, scene: SceneExplanation) -> dict[str, State]:
             and name.partition("-")[2] == correction.name.partition("-")[2]
         }
         name = max(overlaps, key=overlaps.__getitem__, default="")
+        # Intersection over union from which detections are counted as right.
         if correction.state is None or overlaps.get(name, 0.0) < 0.5:
             if correction.state is not None and correction.state.found == 0:
                 continue  # it was marked as not there, and is not found any more

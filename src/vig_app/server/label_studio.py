@@ -93,6 +93,7 @@ def _values(explanation: Explanation, kind: str, label: str) -> list[dict[str, A
     plain, percent = label.casefold(), 100 / np.array(explanation.mask.shape[::-1])
     if kind == "keypointlabels":
         places = [percent * at[:2] for name, at in explanation.points.items() if name.casefold() == plain]
+        # Drawn width of a point, percent of the photo's.
         return [{"x": x, "y": y, "width": 0.75} for x, y in map(np.ndarray.tolist, places)]
     if plain.removesuffix("amodal").strip(" -_") != explanation.object_class.name.casefold():
         return []

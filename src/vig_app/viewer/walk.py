@@ -36,6 +36,7 @@ class Item:
         photo: Its file, class and prior knowledge, where no file in the folder has them.
         corrected: Whether it was corrected by hand, and saved.
         box: Box in place of the known one.
+        formats: Formats of exports that its folder has, or had before it was marked as not there.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Item:
     photo: tuple[Path, str, State] | None = None
     corrected: bool = False
     box: Box | None = None
+    formats: set[str] = field(default_factory=set)
 
     def read(self) -> tuple[Path, str, State]:
         """Return the photo, class and state; UserError where they cannot be read."""
@@ -163,7 +165,7 @@ class Walk:
         """
         item, explanation = self.items[self.place], self.session.explanation
         files = [name for name in (*FILES, *OPTIONAL_FILES) if (item.folder / name).exists()]
-        formats = formats_in(item.folder)
+        item.formats |= set(formats_in(item.folder))
         if self.run is None:
             self.session.save(item.folder, files or None)
         else:
@@ -177,7 +179,7 @@ class Walk:
                 write_table(self.run, without_dismissed(by_folder.values()))
         item.photo = item.box = None  # which are in its corrections.json now
         item.corrected = self.saved = True
-        export_explanation(explanation, item.folder, formats, self.session.path.name)
+        export_explanation(explanation, item.folder, sorted(item.formats), self.session.path.name)
         if self.run is not None:
             export_run(self.run, formats_in(self.run, of_run=True))
         return item.folder

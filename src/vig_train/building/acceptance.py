@@ -41,10 +41,11 @@ class Quality:
             return f"{self.unmatched_mesh:.0%} of it is nothing like the template"
         if self.unmatched_template > MAX_UNMATCHED_SHARE:
             return f"it lacks {self.unmatched_template:.0%} of the template"
-        if self.mean > 0.012:
+        if self.mean > 0.012:  # sizes
             return f"it is {self.mean:.1%} of its size off"
         if self.folded_share > 0.04:
             return f"the template folds over itself on it, at {self.folded_share:.0%} of its edges"
+        # A template can be bent into a thing of another kind, whose shape is then far from all others.
         if self.median_ratio > 2.4:
             return f"its shape is {self.median_ratio:.1f} times as far from the median as those of others"
         return ""

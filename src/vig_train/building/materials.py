@@ -11,7 +11,7 @@ from vig_world.mesh import face_normals
 
 SAMPLES = 60_000  # points on a mesh at which its material is looked up
 NEAREST = 5  # number of nearest points that decide on a vertex of the template
-GLASS_RATIO = 0.15  # the share for glass, through which something dark is seen
+GLASS_RATIO = 0.15  # luminance over the body's that glass counts as: something dark is seen through it
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # weights of linear RGB (BT.709)
 BODY_SHARE = 0.6
 """Share of the surface, from the darkest on, at whose end is the luminance that others are compared with."""

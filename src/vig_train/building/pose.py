@@ -97,6 +97,15 @@ def cube_turns() -> list[np.ndarray]:
     return sorted(turns, key=lambda matrix: -np.trace(matrix))
 
 
+def spread_rotations(count: int) -> list[np.ndarray]:
+    """Return rotations spread evenly (super-Fibonacci spirals, Alexa 2022)."""
+    s = np.arange(count) + 0.5
+    r, big = np.sqrt(s / count), np.sqrt(1 - s / count)
+    a, b = 2 * math.pi * s / math.sqrt(2), 2 * math.pi * s / 1.533751168755204288118041
+    x, y, z, w = r * np.sin(a), r * np.cos(a), big * np.sin(b), big * np.cos(b)
+    return list(Rotation.from_quat(np.stack([x, y, z, w], axis=1)).as_matrix())
+
+
 def alignment_steps(count: int) -> int:
     """Return how many steps `align_clouds` takes of so many clouds, of about the same time each."""
     return (min(MAX_ANCHORS, count) + 2) * count
@@ -122,12 +131,7 @@ def align_clouds(
             advance(1)
     medoid = int(anchors[np.median(costs, axis=1).argmin()])
     # The turns of a cube, and 400 starts evenly spread over all rotations.
-    # super-Fibonacci spirals, Alexa 2022
-    s = np.arange(400) + 0.5
-    r, big = np.sqrt(s / 400), np.sqrt(1 - s / 400)
-    a, b = 2 * math.pi * s / math.sqrt(2), 2 * math.pi * s / 1.533751168755204288118041
-    x, y, z, w = r * np.sin(a), r * np.cos(a), big * np.sin(b), big * np.cos(b)
-    starts = turns + list(Rotation.from_quat(np.stack([x, y, z, w], axis=1)).as_matrix())
+    starts = turns + spread_rotations(400)
     candidates: list[list[np.ndarray]] = []
     rotations, medoid_costs = [], np.zeros(len(clouds))
     for number, cloud in enumerate(clouds):

@@ -130,7 +130,7 @@ def same_shapes(scans: list[Scan]) -> dict[int, int]:
     copies: dict[int, int] = {}
     for number, invariant in enumerate(invariants):
         for earlier in range(number):
-            is_copy = np.abs(invariant - invariants[earlier]).max() < 3e-4
+            is_copy = np.abs(invariant - invariants[earlier]).max() < 3e-4  # of one surface
             if earlier not in copies and is_copy:
                 copies[number] = earlier
                 break

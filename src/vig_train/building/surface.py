@@ -46,6 +46,14 @@ class SurfaceSample:
         return SurfaceSample(self.points[chosen], self.normals[chosen])
 
 
+def sphere_directions(count: int) -> np.ndarray:
+    """Return unit vectors (count, 3) spread evenly over the sphere (a Fibonacci spiral)."""
+    z = 1 - (2 * np.arange(count) + 1) / count
+    turn = np.arange(count) * math.pi * (3 - math.sqrt(5))
+    around = np.sqrt(1 - z**2)
+    return np.stack([around * np.cos(turn), around * np.sin(turn), z], axis=1)
+
+
 def camera_rotation(direction: np.ndarray, up: np.ndarray | None = None) -> np.ndarray:
     """Return the rotation (3, 3) of a camera (x right, y down, z forward) that looks along -direction (3,).
 
@@ -104,11 +112,7 @@ def visible_surface(vertices: np.ndarray, faces: np.ndarray, count: int = 24_000
     face_normal /= np.maximum(np.linalg.norm(face_normal, axis=1, keepdims=True), 1e-300)
     unit = (vertices - middle) / radius
     points, normals = [], []
-    # Unit vectors spread evenly over the sphere (a Fibonacci spiral)
-    z = 1 - (2 * np.arange(60) + 1) / 60
-    turn = np.arange(60) * math.pi * (3 - math.sqrt(5))
-    around = np.sqrt(1 - z**2)
-    for direction in np.stack([around * np.cos(turn), around * np.sin(turn), z], axis=1):
+    for direction in sphere_directions(60):
         _, face, weights = draw_alone(vertices, faces, camera_rotation(direction), sphere, 220)
         facing = face_normal[face] @ direction
         steep = np.abs(facing) > math.cos(math.radians(75))  # others are seen from elsewhere

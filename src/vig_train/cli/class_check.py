@@ -230,7 +230,7 @@ def row_of(name: str, errors: Sequence[PhotoErrors], tolerance: float) -> CheckR
         **{key: _median_known(columns[key]) for key in ("elevation_deg", "outline_iou", "visible_iou")},
         "trusted": int(trusted.sum()),
         "trusted_right": float((view[trusted] <= tolerance).mean()) if trusted.any() else None,
-        "calibration_error": expected_calibration_error(columns["confidence"], view <= tolerance),
+        "calibration_error": expected_calibration_error(columns["confidence"], view <= 15),
     }
 
 
@@ -303,7 +303,7 @@ def table_of(rows: Sequence[CheckRow], settings: CheckClass) -> str:
     lines = [
         f"Labelled photos, {'found by vig' if settings.find else 'with their boxes'}; a trusted view is right"
         f" within {settings.tolerance:g} degrees; balanced: views from right, left, elsewhere count alike;"
-        " ECE: expected calibration error of the confidence, over ten bins.",
+        " ECE: expected calibration error of the confidence that the azimuth is right to 15.",
         "",
     ]
     columns = {

@@ -194,7 +194,6 @@ def _cutouts(root: Path, name: str) -> tuple[Image.Image, ...]:
     return _made_once(f"model/{seed.hex()[:24]}", make)
 
 
-@functools.lru_cache(maxsize=2048)
 def _model(root: Path, name: str) -> Prop | None:
     """Return a model as a thing; None where it cannot be read."""
     path = root / name

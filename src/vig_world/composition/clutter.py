@@ -137,7 +137,7 @@ class _Proposals:
             ("too large", fits),
             ("eye", in_front),
             ("unseen", cover > 0),
-            ("too large", cover <= 0.3),
+            ("too large", cover <= 0.3),  # of the frame
             ("collision", free_of_others),
         ):
             unfit[reason] += int((fit & ~passes).sum())

@@ -45,12 +45,13 @@ def draw_manner(
     coat = draw_coat(rng, len(model.part_names), DECORATED, METAL)
     away = object_class.viewing_distance
     space = 2.5  # metres from the camera to the object, and above its support, that rooms have
-    longest = max(1.0, min(6.0, space / away))
+    longest = max(1.0, min(6.0, space / away))  # focal length over the standard lens's
     farther = math.exp(rng.uniform(math.log(0.9), math.log(longest))) if rng.random() < 0.7 else 1.0
     if elevation > 0:
         highest = (space - object_class.target_height) / (away * math.sin(elevation))
         farther = min(farther, max(0.9, highest))
-    roll = rng.uniform(-0.5, 0.5) if rng.random() < 0.1 else rng.normal(0, 0.05)  # radians
+    # A tenth are rolled by any angle up to half a radian.
+    roll = rng.uniform(-0.5, 0.5) if rng.random() < 0.1 else rng.normal(0, 0.05)
     lens, angles = Lens(farther, float(roll)), (azimuth, float(elevation))
     if (gap := _gap(lens, object_class, vertices, *angles)) < LEAST_GAP:
         lens = replace(lens, farther=farther + LEAST_GAP - gap)

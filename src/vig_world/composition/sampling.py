@@ -73,7 +73,7 @@ def sample(
     split = library.split
     rng = stream(seed, index, split, 0, draw)
     shape, design = draw_shape(rng, object_class, split)
-    azimuth, elevation = rng.uniform(0, 2 * np.pi), rng.uniform(0.05, np.pi / 2)
+    azimuth, elevation = rng.uniform(0, 2 * np.pi), rng.uniform(0.05, np.pi / 2)  # radians
     albedo = rng.uniform(0.2, 0.8, 3)
     panorama, turn = int(rng.integers(library.panoramas)), rng.uniform(0, 2 * np.pi)
     if target is None:

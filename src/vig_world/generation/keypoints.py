@@ -54,6 +54,7 @@ def mirror_order(object_class: ObjectClass) -> list[int] | None:
     points = points_of(object_class, object_class.shape_model.mean)
     gaps = np.linalg.norm(points * [1, -1, 1] - points[:, None], axis=2)
     partner = gaps.argmin(0)
+    # Distance from a point's mirror image, over the length of the mean shape's box.
     close = gaps.min(0) <= 0.02 * np.ptp(points, axis=0).max()
     return partner.tolist() if close.all() and (partner[partner] == np.arange(len(points))).all() else None
 
@@ -82,6 +83,7 @@ def keypoints(dataset: Dataset, object_class: ObjectClass, indices: Iterable[int
         view = View.of_scene(spec, object_class, size)
         depth, mask = (dataset.read(kind, [index])[0] for kind in ("depth", "mask_visib"))
         points = points_of(object_class, vertices)
+        # By so much of its box's diagonal a point may lie behind its pixel's surface.
         slack = 0.02 * float(np.linalg.norm(np.ptp(vertices, axis=0)))
         yield _locate_keypoints(points, len(object_class.points), view, depth, mask, slack)
 

@@ -4,7 +4,7 @@ import multiprocessing
 import multiprocessing.util
 import sys
 from collections.abc import Callable, Generator
-from contextlib import closing
+from contextlib import closing, nullcontext
 from pathlib import Path
 
 from vig.io.errors import UserError
@@ -46,45 +46,49 @@ def make_samples(
             cannot be written; Ray is not installed, or there is no cluster.
     """
     waiting, made, failed = [(index, 0) for index in missing], 0, 0
-    while waiting:
-        again: list[Draw] = []
-        with closing(_attempt(job, folder, waiting, processes, address)) as outcomes:
-            for place, failure in outcomes:
-                if failure is None:
-                    made += 1
-                    advance(1)
-                    continue
-                failed += 1
-                index, draw = waiting[place]
-                if isinstance(failure, Lost):
-                    failure = Failure(
-                        f"sample {index}: its worker process was killed {failure.attempts} times, possibly"
-                        " out of memory: use fewer workers"
-                    )
-                if (failed >= HOPELESS and not made) or draw + 1 >= MOST_DRAWS:
-                    raise UserError(
-                        f"expected scenes that can be made; {failed} failed and {made} were made. The last"
-                        f" failure: {failure.reason}"
-                    ) from (RuntimeError(failure.traceback) if failure.traceback else None)
-                if not failure.expected:
-                    print(f"{failure.reason}; another scene takes its place", file=sys.stderr, flush=True)
-                again.append((index, draw + 1))
-        waiting = sorted(again)
+    here = address is None and processes <= 1
+    with closing(Maker(job)) if here else nullcontext() as maker:
+        while waiting:
+            again: list[Draw] = []
+            with closing(_attempt(job, folder, waiting, processes, address, maker)) as outcomes:
+                for place, failure in outcomes:
+                    if failure is None:
+                        made += 1
+                        advance(1)
+                        continue
+                    failed += 1
+                    index, draw = waiting[place]
+                    if isinstance(failure, Lost):
+                        failure = Failure(
+                            f"sample {index}: its worker process was killed {failure.attempts} times,"
+                            " possibly out of memory: use fewer workers"
+                        )
+                    if (failed >= HOPELESS and not made) or draw + 1 >= MOST_DRAWS:
+                        raise UserError(
+                            f"expected scenes that can be made; {failed} failed and {made} were made."
+                            f" The last failure: {failure.reason}"
+                        ) from (RuntimeError(failure.traceback) if failure.traceback else None)
+                    if not failure.expected:
+                        print(f"{failure.reason}; another scene takes its place", file=sys.stderr, flush=True)
+                    again.append((index, draw + 1))
+            waiting = sorted(again)
 
 
 def _attempt(
-    job: Job, folder: Path, draws: list[Draw], processes: int, address: str | None
+    job: Job, folder: Path, draws: list[Draw], processes: int, address: str | None, maker: Maker | None
 ) -> Generator[tuple[int, Failure | Lost | None], None, None]:
-    """Make draws; yield each one's place in the list, and the reason of its failure or None."""
-    if address is not None:
+    """Make draws; yield each one's place in the list, and the reason of its failure or None.
+
+    maker: of this process, which makes them where one is given.
+    """
+    if maker is not None:
+        for place, draw in enumerate(draws):
+            yield place, store(folder, maker.make(*draw))
+    elif address is not None:
         for place, made in map_on_cluster(_prepare_remote, job, draws, address, CHUNK):
             yield place, made if isinstance(made, Lost) else store(folder, made)
-    elif processes > 1:
-        yield from map_as_done(_prepare, (job, folder), draws, min(processes, len(draws)))
     else:
-        with closing(Maker(job)) as maker:
-            for place, draw in enumerate(draws):
-                yield place, store(folder, maker.make(*draw))
+        yield from map_as_done(_prepare, (job, folder), draws, min(processes, len(draws)))
 
 
 def _prepare(shared: tuple[Job, Path]) -> Callable[[Draw], Failure | None]:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vig.io.checks import check_arrays, check_indices
+from vig.io.checks import check_indices
 from vig.scene import Camera
 from vig_native import engine
 from vig_renderer import NEAR
@@ -42,16 +42,11 @@ def rasterize(
         camera: Its intrinsics.
         cull: Leave out faces turned away (clockwise).
     """
-    arrays = {"vertices": vertices, "faces": faces, "rotation": rotation, "translation": translation}
-    arrays = {name: np.asarray(array) for name, array in arrays.items()}
-    whole = "int32 int64 uint32"
-    numbers = f"float32 float64 {whole}"
-    check_arrays(
-        arrays,
-        {"vertices": (numbers, ("V", 3)), "faces": (whole, ("F", 3)), "rotation": (numbers, (3, 3)),
-         "translation": (numbers, (3,))},
-    )  # fmt: skip
-    vertices, faces, rotation, translation = arrays.values()
+    vertices, faces = _check_array("vertices", vertices, "V, 3"), _check_array("faces", faces, "F, 3", "iu")
+    rotation, translation = (
+        _check_array("rotation", rotation, "3, 3"),
+        _check_array("translation", translation, "3"),
+    )
     if not isinstance(camera, Camera):
         raise ValueError(f"camera must be a Camera; got a {type(camera).__name__}. Pass a vig.Camera.")
     try:
@@ -61,3 +56,18 @@ def rasterize(
     points = (vertices @ rotation.T + translation).astype(np.float32)
     eye = camera.focal, camera.cx, camera.cy, camera.width, camera.height
     return Fragments(*engine.rasterize(points, faces.astype(np.int32), eye, NEAR, cull))
+
+
+def _check_array(name: str, values: np.ndarray, shape: str, kinds: str = "fiu") -> np.ndarray:
+    """Check an array against a shape such as "V, 3", in which a letter is any number. Raises ValueError."""
+    array = np.asarray(values)
+    sizes = shape.split(", ")
+    fits = array.ndim == len(sizes) and all(
+        size.isalpha() or int(size) == held for size, held in zip(sizes, array.shape, strict=True)
+    )
+    if not fits or array.dtype.kind not in kinds:
+        numbers = "numbers" if "f" in kinds else "whole numbers"
+        raise ValueError(
+            f"{name} must be ({shape}) {numbers}; got {array.shape} {array.dtype}. Pass an array."
+        )
+    return array

@@ -126,7 +126,9 @@ def _add_window(plan: Plan, opening: Opening, depth: float, paint: Material, cur
     parts, sill = openings.window(rng, opening, depth, paint, curtained and fits)
     plan.parts += [(wall.place_mesh(mesh), stuff) for mesh, stuff in parts]
     plan.supports.append(sill.move((*wall.start, 0.0), wall.angle))
-    plan.kept.append(_zone(wall, opening.left, opening.right, 0.35, opening.low + 0.3, opening.high))
+    plan.kept.append(
+        _zone(wall, opening.left, opening.right, 0.35, opening.low + 0.3, opening.high)
+    )  # furniture may reach above the sill
     sill_low = opening.low - openings.SILL
     plan.bodies.append(
         _zone(wall, opening.left - 0.03, opening.right + 0.03, openings.NOSE, sill_low, opening.low)

@@ -464,11 +464,14 @@ def test_one_of_several_that_is_not_there_leaves_table_and_exports(tmp_path: Pat
     (tmp_path / "boxes.json").write_text(json.dumps(boxes))
     run = tmp_path / "run"
     command = tmp_path / "photos", "--boxes", tmp_path / "boxes.json", "--quiet", "--out", run
-    fit(*command, "--export", "coco")
+    fit(*command, "--export", "coco", "bop")
     walk = Walk.of_folder(run)
     walk.open(next(n for n, item in enumerate(walk.items) if item.folder.name == "2-teapot"))
-    walk.session.correct(dismiss)
-    walk.save()
+    pose = run / "two" / "2-teapot" / "bop" / "scene_gt.json"
+    for correction, there in ((dismiss, False), (None, True), (dismiss, False)):  # None takes it back
+        walk.session.correct(correction)
+        walk.save()
+        assert pose.exists() == there
     walk.close()
     for again in (False, True):
         if again:

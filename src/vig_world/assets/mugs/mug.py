@@ -110,10 +110,7 @@ def mug_vertices(design: MugDesign) -> np.ndarray:
     rows = wall_rows(design, outer)
     floor = inner.points[0] * [[0.66, 1.0], [0.33, 1.0], [0.0, 1.0]]
     profile = np.concatenate([underside(design), outer.at(rows), rim(design), inner.at(_DOWN), floor])
-    # Angles (2,) about the axis from the middle of the lower and upper loop to its side
-    radii = [float(outer.radius(z)) for z in (design.handle_bottom, design.handle_top)]
-    widths = [half_sizes(design, upper)[0] for upper in (False, True)]
-    angles = np.arcsin(np.minimum(0.9, np.array(widths) / np.maximum(radii, 1e-6)))
+    angles = _half_angles(design, outer)
     ends = np.array([design.handle_bottom, design.handle_top])
     rings = []
     for count, (radius, height) in zip(_LOFT.counts, profile, strict=True):
@@ -143,6 +140,13 @@ def wall_rows(design: MugDesign, outer: Profile) -> np.ndarray:
         step = np.arange(1, count + 1) / count
         rows.append(low + (high - low) * (step**_GATHERED if number == 0 else step))
     return np.concatenate(rows)
+
+
+def _half_angles(design: MugDesign, outer: Profile) -> np.ndarray:
+    """Return angles (2,) about the axis from the middle of the lower and upper loop to its side, radians."""
+    radii = [float(outer.radius(z)) for z in (design.handle_bottom, design.handle_top)]
+    widths = [half_sizes(design, upper)[0] for upper in (False, True)]
+    return np.arcsin(np.minimum(0.9, np.array(widths) / np.maximum(radii, 1e-6)))
 
 
 def _columns(count: int, half_angle: float) -> np.ndarray:

@@ -12,7 +12,7 @@ Settings of deeper folders override those above.
 
 import tomllib
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 from unicodedata import normalize
@@ -21,11 +21,16 @@ from msgspec import Meta
 
 from vig.io.checks import decode, read_bytes, reading
 from vig.io.files import compose_name
-from vig_world.assets.things import Zone
+from vig_world.assets.things import ZONE_NAMES, Zone
 
 FILE = "vig.toml"
 MOST_BYTES, MOST_LINE = 1 << 18, 1 << 13
 """Largest file and longest line, in bytes: a parser's time grows with the square of a dotted name."""
+
+REMEDY = (
+    "Tables are [defaults] and [files.NAME]; in each up is one of x y z -x -y -z, scale above 0, turn in"
+    f" degrees, zones a list of {' '.join(ZONE_NAMES)}, family a name, nodes a list of names, skip a boolean."
+)
 
 
 @dataclass(frozen=True)
@@ -52,14 +57,6 @@ class FileSettings:
     skip: bool = False
 
 
-@dataclass(frozen=True)
-class _Tables:
-    """A whole `vig.toml`."""
-
-    defaults: FileSettings = FileSettings()
-    files: dict[str, FileSettings] = field(default_factory=dict)
-
-
 def settings_of(root: Path, path: Path, cache: dict[Path, dict[str, Any]]) -> FileSettings:
     """Merge a file's settings in the `vig.toml` files from root to its folder. UserError for a wrong one."""
     merged: dict[str, Any] = {}
@@ -74,14 +71,19 @@ def settings_of(root: Path, path: Path, cache: dict[Path, dict[str, Any]]) -> Fi
 def _read(path: Path) -> dict[str, Any]:
     """Return the tables of a checked `vig.toml`; empty ones when there is none."""
     table: dict[str, Any] = {}
-    with reading(path, "settings of mesh files", "Correct it; docs/world.md lists what it may hold."):
+    with reading(path, "settings of mesh files", REMEDY):
         with suppress(FileNotFoundError):
             text = read_bytes(path, MOST_BYTES).decode()
             if max(map(len, text.splitlines()), default=0) > MOST_LINE:
                 raise ValueError(f"a line of more than {MOST_LINE} characters")
             table = tomllib.loads(text)
-        decode(_Tables, table)
+        decode(dict[Literal["defaults", "files"], dict[str, Any]], table)
         files = table.get("files", {})
+        for where, settings in (("[defaults]", table.get("defaults", {})), *files.items()):
+            try:
+                decode(FileSettings, settings)
+            except ValueError as error:
+                raise ValueError(f"{error}, in {where}") from error
         for name in files:
             forms = name, *(normalize(form, name) for form in ("NFC", "NFD"))
             if not any((path.parent / form).is_file() for form in forms):

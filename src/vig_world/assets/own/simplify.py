@@ -45,6 +45,7 @@ def _clustered(piece: MeshPiece, low: np.ndarray, cell: float) -> MeshPiece:
     grid = np.floor((piece.vertices - low) / cell).astype(np.int64)
     place = (grid[:, 0] * 2**40) + (grid[:, 1] * 2**20) + grid[:, 2]
     _, place = np.unique(place, return_inverse=True)
+    # Vertices of one place stay apart where their texture coordinates are of different sixteenths.
     chart = np.floor(piece.uv * 16).astype(np.int64) @ [1, 4096]
     _, group = np.unique(place * 2**26 + chart % 2**26, return_inverse=True)
     count = int(group.max()) + 1

@@ -76,7 +76,7 @@ def _turned(pieces: list[MeshPiece], rotation: np.ndarray) -> list[MeshPiece]:
 def _guessed_up(pieces: list[MeshPiece], suffix: str, kind: SizedKind) -> tuple[str, bool]:
     """Return which of y and z points up, by the side on which it can stand, and whether that is certain."""
     steady = {up: _base(_turned(pieces, np.array(_UPRIGHT[up], np.float64))) for up in ("z", "y")}
-    standing = [up for up, share in steady.items() if share > 0.1]
+    standing = [up for up, share in steady.items() if share > 0.1]  # of the footprint
     if len(standing) == 1:
         return standing[0], True
     if not kind.furniture:
@@ -93,6 +93,7 @@ def _base(pieces: list[MeshPiece]) -> float:
     points = np.concatenate([piece.vertices for piece in pieces])
     height = points[:, 2] - points[:, 2].min()
     centre = (points.min(0) + points.max(0))[:2] / 2
+    # 0.02: height, of the largest side, that counts as the base
     low = points[height <= 0.02 * np.ptp(points, axis=0).max()][:, :2]
     try:
         base, whole = ConvexHull(low), ConvexHull(points[:, :2])

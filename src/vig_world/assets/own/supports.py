@@ -31,7 +31,7 @@ def level_areas(vertices: np.ndarray, faces: np.ndarray) -> list[Support]:
     """Return level rectangles along the axes, at least LEAST_SIDE long with LEAST_CLEARANCE above, largest
     first, of no zone.
 
-    vertices (V, 3) metres, Z up; faces (F, 3), counter-clockwise seen from outside. At most MOST_SUPPORTS.
+    vertices (V, 3) metres, Z up; faces (F, 3), counter-clockwise seen from outside. At most 12.
     """
     hits = _hits(vertices, faces)
     usable = hits.up & (hits.clearance >= LEAST_CLEARANCE)
