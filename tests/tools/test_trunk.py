@@ -12,7 +12,7 @@ from vig.recognition.weights import TRUNK_FILE
 from vig.scene import ObjectClass
 from vig_train.training.cutouts import ModelCutouts
 from vig_train.training.examples import Examples
-from vig_train.training.layers import Layer
+from vig_train.training.layers import Layer, place_of
 
 
 def noise(count: int) -> Examples:
@@ -46,13 +46,15 @@ def test_a_things_front_is_towards_the_camera_at_90_degrees(
     drawn = [many.draw(index) for index in range(40)]
     again = many.draw(7)
     assert all(np.array_equal(again[name], value) for name, value in drawn[7].items())
-    towards, red = [], []
+    towards, red, sides = [], [], []
     for each in drawn:
+        sides.append(place_of((each["visible"].astype(float) + each["hidden"]) / 255)[2])
         assert (each["visible"].astype(int) + each["hidden"] <= 255).all() and each["visible"].any()
         if each["numbers"][trunk.LAYOUT.at("elevation")] < 0.7:
             shares = each["images"].reshape(-1, 3).astype(float).sum(0)
             towards.append(np.cos(each["azimuth"] - np.pi / 2))
             red.append(shares[0] / (shares[0] + shares[2]))
+    assert 0.6 < np.median(sides) < 0.8, "framed as by boxes"
     assert len(red) > 10 and np.corrcoef(towards, red)[0, 1] > 0.8
 
 

@@ -26,6 +26,7 @@ import numpy as np
 import torch
 
 from vig.io.checks import read_tensors
+from vig.io.errors import UserError
 from vig.io.progress import Meter
 from vig.parallel import map_in_processes
 from vig.recognition.network import NetworkSettings
@@ -82,14 +83,7 @@ class ManyKinds:
 
     def _draw_thing(self, rng: np.random.Generator, packaged: bool) -> dict[str, np.ndarray]:
         settings = self.settings
-        while True:
-            if packaged:
-                family, model = self.props[int(rng.integers(len(self.props)))]
-                shown = Prop(family, vary(model.read(), rng))
-            else:
-                shown = self.model(self.models.files[int(rng.integers(len(self.models.files)))])
-            if shown is not None:
-                break
+        shown = self._thing(rng, packaged)
         azimuth = rng.uniform(0, 2 * math.pi)
         low, high = ((-4, 15), (15, 42), (42, 89))[int(rng.choice(3, p=[0.35, 0.4, 0.25]))]
         elevation = math.radians(rng.uniform(low, high))
@@ -123,6 +117,15 @@ class ManyKinds:
             "hidden": (np.round(255 * layer.cover) - np.round(255 * visible)).astype(np.uint8),
         }
 
+    def _thing(self, rng: np.random.Generator, packaged: bool) -> Prop:
+        if packaged:
+            family, model = self.props[int(rng.integers(len(self.props)))]
+            return Prop(family, vary(model.read(), rng))
+        for name in rng.permutation(self.models.files):
+            if (shown := self.model(str(name))) is not None:
+                return shown
+        raise UserError(f"{self.models.root}: expected models that can be drawn; none can. Give others.")
+
 
 def _numbers(elevation: float, albedo: np.ndarray) -> np.ndarray:
     """Return regressed numbers (M,), with neither shape nor light."""
@@ -132,10 +135,19 @@ def _numbers(elevation: float, albedo: np.ndarray) -> np.ndarray:
 
 
 def _placed(rng: np.random.Generator, cutout: np.ndarray) -> Layer:
-    """Return a view of a thing (H, W, 4) linear, in the middle of a picture, about as boxes frame it."""
+    """Return a view of a thing (H, W, 4) linear, in the middle of a picture, about as boxes frame it.
+
+    A thing that is not seen at all (a sheet from its edge) is an empty layer.
+    """
+    if not cutout[..., 3].any():
+        return Layer(
+            np.zeros((IMAGE_SIZE, IMAGE_SIZE, 3), np.float32), np.zeros((IMAGE_SIZE,) * 2, np.float32)
+        )
     small = rng.random() < 0.1
     side = rng.uniform(0.3, 0.6) if small else 0.714 * math.exp(rng.normal(0, 0.11))
     shift = rng.uniform(-0.25, 0.25, 2) if small else rng.normal(0, 0.05, 2)
+    rows, columns = np.nonzero(cutout[..., 3])
+    cutout = cutout[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
     height, width = cutout.shape[:2]
     factor = side * IMAGE_SIZE / max(height, width)
     scaled = torch.nn.functional.interpolate(
@@ -145,10 +157,10 @@ def _placed(rng: np.random.Generator, cutout: np.ndarray) -> Layer:
         antialias=True,
     )[0].numpy()
     canvas = np.zeros((4, 3 * IMAGE_SIZE, 3 * IMAGE_SIZE), np.float32)
-    rows, columns = scaled.shape[1:]
-    row = round((1.5 + shift[1]) * IMAGE_SIZE - rows / 2)
-    column = round((1.5 + shift[0]) * IMAGE_SIZE - columns / 2)
-    canvas[:, row : row + rows, column : column + columns] = scaled
+    high, wide = scaled.shape[1:]
+    row = round((1.5 + shift[1]) * IMAGE_SIZE - high / 2)
+    column = round((1.5 + shift[0]) * IMAGE_SIZE - wide / 2)
+    canvas[:, row : row + high, column : column + wide] = scaled
     canvas = canvas[:, IMAGE_SIZE : 2 * IMAGE_SIZE, IMAGE_SIZE : 2 * IMAGE_SIZE]
     colour = canvas[:3] / np.maximum(canvas[3], 1e-6)
     gain = np.exp(rng.normal(0, 0.25)) * np.exp(rng.normal(0, 0.05, 3))
