@@ -55,7 +55,9 @@ def test_a_things_front_is_towards_the_camera_at_90_degrees(
             towards.append(np.cos(each["azimuth"] - np.pi / 2))
             red.append(shares[0] / (shares[0] + shares[2]))
     assert 0.6 < np.median(sides) < 0.8, "framed as by boxes"
-    assert len(red) > 10 and np.corrcoef(towards, red)[0, 1] > 0.8
+    towards, red = np.array(towards), np.array(red)
+    assert (towards > 0.5).sum() > 3 and red[towards > 0.5].min() > 0.15
+    assert (towards < -0.5).sum() > 3 and red[towards < -0.5].max() < 0.1
 
 
 def test_the_trunk_has_the_arrays_of_the_packaged_one_and_its_first_stage(
