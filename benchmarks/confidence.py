@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from vig.scene import ObjectClass
-from vig_train.cli.class_check import errors_on_photos, expected_calibration_error, read_labels
+from vig_train.cli.class_check import errors_on_photos, read_labels
 from vig_train.cli.settings import CheckClass
+from vig_train.evaluation.statistics import expected_calibration_error
 
 
 def main() -> None:

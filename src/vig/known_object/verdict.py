@@ -31,9 +31,8 @@ def judge(
         return Verdict.AMBIGUOUS, "only the pose that was given, or that its print told, was tried", math.nan
     if keypoints is None:
         return Verdict.AMBIGUOUS, 'its print was not compared: pip install "vig[match]"', math.nan
-    lead = min(
-        float(scores[0] - scores[rivals[0]]) if rivals else math.inf, 4.0
-    )  # the lead without a rival, too
+    # A lead of 4 counts at most, and is that of a pose without a rival.
+    lead = min(float(scores[0] - scores[rivals[0]]) if rivals else math.inf, 4.0)
     known = np.array([1.0, scores[0], lead, math.log1p(keypoints)])
     right = float(sigmoid(known @ (ODDS if outlined else BOX_ODDS)))
     if not outlined:

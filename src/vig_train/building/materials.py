@@ -35,7 +35,7 @@ def dark_part(
         return None
     areas = vertex_areas(vertices, faces)
     ratios = np.stack([_ratios(mesh, areas) for mesh in meshes])
-    dark_ratio = 0.4  # A place is dark from this share of the luminance at `BODY_SHARE` down
+    dark_ratio = 0.4  # a place is dark from this share of the luminance at `BODY_SHARE` down
     # Averaged with its neighbours', so that a part has no holes.
     dark_share = neighbour_mean(faces, len(vertices)) @ (ratios < dark_ratio).mean(0)
     # A vertex belongs to the dark part that is dark on .6 of the meshes.

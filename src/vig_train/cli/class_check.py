@@ -27,6 +27,7 @@ from vig_train.calibration.learning import PRECISION, lowest_threshold
 from vig_train.cli.common import check_ranges, check_writable
 from vig_train.cli.settings import CheckClass
 from vig_train.evaluation.metrics import segmentation_iou
+from vig_train.evaluation.statistics import expected_calibration_error
 from vig_train.packs.card import replace_section, table_lines
 
 HEADING = "## On photographs"  # heading of the card's section, which is replaced
@@ -232,19 +233,6 @@ def row_of(name: str, errors: Sequence[PhotoErrors], tolerance: float) -> CheckR
         "trusted_right": float((view[trusted] <= tolerance).mean()) if trusted.any() else None,
         "calibration_error": expected_calibration_error(columns["confidence"], view <= 15),
     }
-
-
-def expected_calibration_error(confidence: np.ndarray, right: np.ndarray) -> float | None:
-    """Return the expected calibration error (Naeini et al. 2015) of N confidences in [0, 1], or None.
-
-    Over ten equal bins of confidence, the mean difference between it and the share that is right (N,) bool,
-    weighted by the photos in each. Photos without a confidence (NaN) do not count; None where all are so.
-    """
-    known = np.isfinite(confidence)
-    if not known.any():
-        return None
-    gaps = np.bincount(np.minimum(10 * confidence[known], 9).astype(int), (confidence - right)[known], 10)
-    return float(np.abs(gaps).sum() / known.sum())
 
 
 def recalibrate(path: Path, errors: Sequence[PhotoErrors], tolerance: float) -> str:

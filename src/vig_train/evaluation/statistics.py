@@ -188,3 +188,16 @@ def verdicts(result: MethodResult, chosen: np.ndarray) -> dict[str, Any]:
         "trusted_share": len(trusted) / len(names),
         "trusted_within_15_deg": float((trusted <= NEAR_DEG).mean()) if len(trusted) else None,
     }
+
+
+def expected_calibration_error(confidence: np.ndarray, right: np.ndarray) -> float | None:
+    """Return the expected calibration error (Naeini et al. 2015) of N confidences in [0, 1], or None.
+
+    Over ten equal bins of confidence, the mean difference between it and the share that is right (N,) bool,
+    weighted by the photos in each. Photos without a confidence (NaN) do not count; None where all are so.
+    """
+    known = np.isfinite(confidence)
+    if not known.any():
+        return None
+    gaps = np.bincount(np.minimum(10 * confidence[known], 9).astype(int), (confidence - right)[known], 10)
+    return float(np.abs(gaps).sum() / known.sum())

@@ -19,7 +19,7 @@ from vig_train.training.examples import Examples
 SIDE = 304  # side of a picture, pixels
 TILES, TILES_SHARES = (1, 2, 3), (0.4, 0.4, 0.2)
 """Images along the side of a quarter of a mosaic, and how often."""
-PICTURES = 16  # number of pictures made of them
+PICTURES = 16  # pictures that are put together at once, of the same images
 
 Box = tuple[float, float, float, float, float]
 """Left, top, right, bottom in a picture's pixels, and the share of the object that is seen."""

@@ -123,7 +123,7 @@ def standing(stage: StagedRoom, rng: np.random.Generator, level: float) -> Occlu
 def in_hand(stage: StagedRoom, rng: np.random.Generator, level: float) -> OccluderCandidate | None:
     """Return a prop held by an arm from outside the frame: tilted, or its broad side to the camera."""
     scale, least_area = stage.actor.scale, area_to_hide(stage, level, 0.75)
-    # Little larger than what it is to hide, for a teapot .008 square metres: it stays near the object
+    # At most .008 square metres larger than the part that it hides, for a teapot, to stay near the object.
     name = draw_large(stage, rng, (least_area, least_area + 0.008 * scale**2), False)
     grasps = 6  # number of draws for a held prop to have room before the object with the hand in the frame
     numbers = rng.integers(stage.library.members("arm"), size=grasps).tolist()

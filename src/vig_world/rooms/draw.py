@@ -126,9 +126,8 @@ def _add_window(plan: Plan, opening: Opening, depth: float, paint: Material, cur
     parts, sill = openings.window(rng, opening, depth, paint, curtained and fits)
     plan.parts += [(wall.place_mesh(mesh), stuff) for mesh, stuff in parts]
     plan.supports.append(sill.move((*wall.start, 0.0), wall.angle))
-    plan.kept.append(
-        _zone(wall, opening.left, opening.right, 0.35, opening.low + 0.3, opening.high)
-    )  # furniture may reach above the sill
+    # Furniture before a window may reach .3 m above its sill.
+    plan.kept.append(_zone(wall, opening.left, opening.right, 0.35, opening.low + 0.3, opening.high))
     sill_low = opening.low - openings.SILL
     plan.bodies.append(
         _zone(wall, opening.left - 0.03, opening.right + 0.03, openings.NOSE, sill_low, opening.low)
@@ -220,6 +219,7 @@ def _hang_lamp(plan: Plan, family: str, at: tuple[float, float], drop: float | N
     stretch = 1.0 if drop is None else drop / z
     z *= stretch
     body = Body.of((-x / 2, -y / 2, x / 2, y / 2, plan.height - z, plan.height), (*at, 0.0))
+    # A lamp ends 1.35 m above the floor or higher.
     if plan.height - z > 1.35 and plan.free([body]):
         place = (*at, plan.height - z)
         plan.parts += [
@@ -232,7 +232,7 @@ def _hang_lamp(plan: Plan, family: str, at: tuple[float, float], drop: float | N
 def walkable(plan: Plan) -> bool:
     """Return whether from the first door a person reaches most of the floor wide enough to stand on."""
     taken, _ = occupied_cells(plan, [b for b in plan.bodies if b.low < HEADROOM and b.high > 0.05])
-    wide = round(0.5 / CELL)  # what a person needs to walk
+    wide = round(0.5 / CELL)  # half a metre: what a person needs to walk
     stand = ndimage.binary_opening(np.pad(~taken, wide), np.ones((wide, wide)))
     labels, count = ndimage.label(stand)
     if count == 0:

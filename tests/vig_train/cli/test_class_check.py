@@ -16,7 +16,6 @@ from vig_train.cli.class_check import (
     HEADING,
     PhotoErrors,
     check_class,
-    expected_calibration_error,
     read_labels,
     recalibrate,
     row_of,
@@ -130,15 +129,6 @@ def test_balanced_shares_count_each_side_alike() -> None:
     assert (row["within_15"], row["within_30"], row["turned"]) == (0.8, 0.8, 0.1)
     assert row["balanced_15"] == pytest.approx(1 / 3)
     assert (row["trusted"], row["trusted_right"]) == (1, 0.0)
-
-
-def test_calibration_error_weighs_each_bins_gap_by_its_photos() -> None:
-    confidence = np.array([0.9, 0.95, 1.0, 0.92, 0.2, 0.21, np.nan])
-    right = np.array([1, 1, 1, 0, 0, 1, 1], bool)
-    # Of the highest tenth (.9425 stated) 3 of 4 are right, of the third tenth (.205) 1 of 2.
-    expected = (4 * (0.9425 - 0.75) + 2 * (0.5 - 0.205)) / 6
-    assert expected_calibration_error(confidence, right) == pytest.approx(expected)
-    assert expected_calibration_error(np.full(3, np.nan), right[:3]) is None
 
 
 @pytest.mark.parametrize(

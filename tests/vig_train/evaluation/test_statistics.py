@@ -173,3 +173,12 @@ def test_quarters_of_nearly_equal_shares_keep_all_images() -> None:
     occlusion = np.concatenate([np.linspace(0.0005, 0.004, 24), np.linspace(0.1, 0.9, 16)])
     quarters = statistics.quarters_hidden(occlusion, np.ones(40, bool))
     assert len(quarters) == 4 and sum(chosen.sum() for chosen in quarters.values()) == 40
+
+
+def test_calibration_error_weighs_each_bins_gap_by_its_photos() -> None:
+    confidence = np.array([0.9, 0.95, 1.0, 0.92, 0.2, 0.21, np.nan])
+    right = np.array([1, 1, 1, 0, 0, 1, 1], bool)
+    # Of the highest tenth (.9425 stated) 3 of 4 are right, of the third tenth (.205) 1 of 2.
+    expected = (4 * (0.9425 - 0.75) + 2 * (0.5 - 0.205)) / 6
+    assert statistics.expected_calibration_error(confidence, right) == pytest.approx(expected)
+    assert statistics.expected_calibration_error(np.full(3, np.nan), right[:3]) is None

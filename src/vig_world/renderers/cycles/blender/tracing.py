@@ -94,6 +94,7 @@ def surround(scene: bpy.types.Scene, panorama: np.ndarray) -> None:
     scene.world = world
     world.use_nodes = True
     width = panorama.shape[1]
+    # columns of the map by which Cycles aims at the bright parts of the panorama
     world.cycles.sampling_method, world.cycles.sample_map_resolution = "MANUAL", max(512, width)
     nodes, links = world.node_tree.nodes, world.node_tree.links
     environment = nodes.new("ShaderNodeTexEnvironment")
