@@ -29,7 +29,7 @@ from vig.recognition import Prediction, Recognizer
 from vig.recognition.find import find, presence_features
 from vig.scene import ObjectClass
 from vig_train.calibration.samples import AS_USERS_TAKE_THEM
-from vig_train.training.studio import Studio, StudioImage
+from vig_world.studio.studio import Studio, StudioImage
 
 CLASSES = "teapot", "mug", "car"
 SEED = 4711

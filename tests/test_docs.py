@@ -35,10 +35,10 @@ from vig_app.cli.main import VERBS
 from vig_app.cli.main import _parse_arguments as parsed
 from vig_paper.optimizers import BFGS, LBFGS, ConjugateGradient, Dogleg, GradientDescent
 from vig_train.training.drawing import Drawing
-from vig_train.training.studio import StudioSettings
 from vig_train.training.training import TrainingSettings
 from vig_world.generation.write import make_dataset
 from vig_world.renderers.cycles.renderer import find_python
+from vig_world.studio.studio import StudioSettings
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *ROOT.glob("src/**/*.md")])

@@ -10,9 +10,9 @@ from safetensors.numpy import load_file
 from tools.classes import trunk
 from vig.recognition.weights import TRUNK_FILE
 from vig.scene import ObjectClass
-from vig_train.training.cutouts import ModelCutouts
 from vig_train.training.examples import Examples
-from vig_train.training.layers import Layer, place_of
+from vig_world.studio.cutouts import ModelCutouts
+from vig_world.studio.layers import Layer, place_of
 
 
 def noise(count: int) -> Examples:

@@ -19,11 +19,11 @@ from vig.scene import ObjectClass, Symmetry
 from vig_train.calibration.samples import calibrate_fits
 from vig_train.evaluation.protocol import evaluate
 from vig_train.training import TrainingSettings, calibrate_network, train
-from vig_train.training.studio import WHOLE, Studio, StudioSettings
 from vig_world.assets.models import packaged_props
 from vig_world.assets.things import is_of_class
 from vig_world.dataset import Dataset, read_dataset
 from vig_world.generation.write import make_dataset
+from vig_world.studio.studio import WHOLE, Studio, StudioSettings
 
 COUNT = 12
 QUICK = ExplainSettings(stages=(Stage(4, 3),))

@@ -33,17 +33,17 @@ from vig.recognition.network import NetworkSettings
 from vig.recognition.weights import TRUNK_PREFIXES
 from vig.scene import IMAGE_SIZE, Latents, ObjectClass, regressed_layout
 from vig_train.network.weights import save_tensors
-from vig_train.training.cutouts import model_cutouts, render_view
 from vig_train.training.examples import Examples
-from vig_train.training.grounds import cast_shadow, draw_ground
-from vig_train.training.layers import Layer, continue_border, photograph, place_of
-from vig_train.training.studio import Studio, StudioSettings
-from vig_train.training.things import draw_thing, occlude
 from vig_train.training.training import TrainingSettings, train_on_examples
 from vig_world import Split
 from vig_world.assets.coats import any_colour
 from vig_world.assets.models import packaged_props, vary
 from vig_world.assets.things import Prop
+from vig_world.studio.cutouts import model_cutouts, render_view
+from vig_world.studio.grounds import cast_shadow, draw_ground
+from vig_world.studio.layers import Layer, continue_border, photograph, place_of
+from vig_world.studio.studio import Studio, StudioSettings
+from vig_world.studio.things import draw_thing, occlude
 
 CHUNK = 128
 """Images of a file."""

@@ -20,9 +20,9 @@ from vig_train.evaluation.fits import FitRun, Fits, fit_settings, frame_images
 from vig_train.evaluation.metrics import segmentation_iou
 from vig_train.training.drawing import examples_of
 from vig_train.training.examples import Examples
-from vig_train.training.studio import Studio, StudioSettings
 from vig_world.dataset import Dataset
 from vig_world.dataset.spec import Split
+from vig_world.studio.studio import Studio, StudioSettings
 
 MAX_ROLLED_ELEVATION = math.radians(50.0)
 """Radians. A photo from below this elevation is out of distribution when rolled; one from above it looks like

@@ -51,12 +51,12 @@ from vig_train.training.class_network import (
     new_network,
     read_images,
 )
-from vig_train.training.cutouts import model_cutouts
 from vig_train.training.examples import Examples
 from vig_train.training.object_map import MapTraining
-from vig_train.training.studio import Studio
 from vig_world.assets.source_meshes import meshes_fingerprint
 from vig_world.dataset.spec import SPLITS, Split
+from vig_world.studio.cutouts import model_cutouts
+from vig_world.studio.studio import Studio
 
 RELIABILITY_FILE, TRUST_FILE = "reliability.png", "trust.txt"
 PHOTOS = 960

@@ -19,10 +19,10 @@ from vig_train.plots import TrainingLog
 from vig_train.training.drawing import Drawing, drawn_once
 from vig_train.training.examples import Examples
 from vig_train.training.object_map import MapTraining, add_object_map
-from vig_train.training.studio import StudioSettings
 from vig_train.training.training import TrainingSettings
 from vig_train.training.training import train as train_network
 from vig_world.dataset import Dataset, read_dataset
+from vig_world.studio.studio import StudioSettings
 
 TRUNK_STAGES = len(NetworkSettings().blocks)
 MAP_PICTURES = 8000  # number of pictures put together for the map of objects

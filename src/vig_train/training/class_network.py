@@ -25,9 +25,9 @@ from vig_train.training.drawing import examples_of
 from vig_train.training.examples import Examples
 from vig_train.training.loop import Trainer, TrainingRun
 from vig_train.training.losses import mask_loss
-from vig_train.training.studio import Studio, StudioSettings
 from vig_train.training.targets import Targets, TensorRows
 from vig_train.training.training import load_start_weights
+from vig_world.studio.studio import Studio, StudioSettings
 
 SIZES = NetworkSettings(object_map=64, recalled=4, squeezed=112, features=896, dropout=0.5, members=4)
 """Sizes of a class's heads: with the decoder 3.1 million weights, 2 MB, as the large matrices are packed."""

@@ -16,12 +16,12 @@ from vig.io.files import write_arrays
 from vig.parallel import map_in_processes
 from vig.recognition.network import layout_of_numbers
 from vig.scene import Latents, ObjectClass
-from vig_train.training.cutouts import model_cutouts
 from vig_train.training.examples import Examples
 from vig_train.training.pasting import CutoutLibrary
 from vig_train.training.recolour import recolour
-from vig_train.training.studio import Studio, StudioImage, StudioSettings
 from vig_train.training.targets import numbers_of
+from vig_world.studio.cutouts import model_cutouts
+from vig_world.studio.studio import Studio, StudioImage, StudioSettings
 
 DRAWN = 60  # images of a file that is drawn once
 

@@ -13,9 +13,9 @@ import torch
 from PIL import Image
 from torch.nn import functional
 
-from vig_train.training.cutouts import ModelCutouts, draw_cutout
 from vig_train.training.targets import TensorRows
 from vig_world import Split
+from vig_world.studio.cutouts import ModelCutouts, draw_cutout
 
 SIDE, MARGIN = 128, 16  # pixels a side of a cut-out's picture, and those that are free about it
 COUNT = 4096  # cut-outs that a training has

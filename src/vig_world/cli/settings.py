@@ -27,7 +27,8 @@ class Make:
     """A packaged class or the folder of a class pack."""
     world: World = "photo"
     """photo: scenes as wide as photographs, with objects of any surface, on seamless grounds too, through any
-    lens; paper: the paper's, with matt objects in pastel colours before one camera."""
+    lens; paper: the paper's, with matt objects in pastel colours before one camera; studio: images put
+    together in layers, on which classes are trained, of 150x150 pixels."""
     size: str = "150x150"
     """Width x height of the pictures, pixels. Scenes are the same at any size: the square that they are
     composed for lies in the middle; a wide picture shows more at its sides, a tall one above and below."""

@@ -55,10 +55,8 @@ def draw_manner(
     lens, angles = Lens(farther, float(roll)), (azimuth, float(elevation))
     if (gap := _gap(lens, object_class, vertices, *angles)) < LEAST_GAP:
         lens = replace(lens, farther=farther + LEAST_GAP - gap)
-    lens = _framing_lens(lens, object_class, vertices, *angles)
-    scale, shift = math.exp(rng.normal(0, SCALE)), rng.normal(0, SHIFT, 2)
-    moved = (lens.shift[0] * scale + shift[0], lens.shift[1] * scale + shift[1])
-    lens = replace(lens, scale=lens.scale * scale, shift=(float(moved[0]), float(moved[1])))
+    lens = framing_lens(lens, object_class, vertices, *angles)
+    lens = reframe(lens, math.exp(rng.normal(0, SCALE)), rng.normal(0, SHIFT, 2))
     seamless = bool(rng.random() < 0.35)
     return Manner(float(elevation), coat, mean_albedo(coat, vertices, model), lens, seamless)
 
@@ -71,7 +69,13 @@ def _gap(
     return float((vertices @ view.rotation[2]).min() + view.translation[2]) / object_class.viewing_distance
 
 
-def _framing_lens(
+def reframe(lens: Lens, scale: float, shift: np.ndarray) -> Lens:
+    """Return a lens whose picture is larger by a factor and moved by (2,) of its sides."""
+    x, y = (float(old * scale + new) for old, new in zip(lens.shift, shift, strict=True))
+    return replace(lens, scale=lens.scale * scale, shift=(x, y))
+
+
+def framing_lens(
     lens: Lens, object_class: ObjectClass, vertices: np.ndarray, azimuth: float, elevation: float
 ) -> Lens:
     """Return a lens that frames the object as the window of its box does."""

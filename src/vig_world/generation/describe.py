@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from vig.scene import ObjectClass, latent_layout
-from vig_world.assets.target import NO_DESIGN
 from vig_world.dataset.format import DEPTH_SCALES, MOST_DEPTH, read_info
 from vig_world.dataset.spec import SceneSpec
 from vig_world.generation import bop
@@ -85,13 +84,12 @@ def describe(
 
 
 def assets_used(spec: SceneSpec) -> list[str]:
-    """Return the names of all assets of a scene, as `split/catalogue/number`, sorted."""
-    names = {f"panorama/{spec.panorama}"}
+    """Return the names of the numbered assets of a scene, as `split/catalogue/number`, sorted."""
+    numbers = {"panorama": spec.panorama, "layout": spec.room.layout, "design": spec.design}
+    names = {f"{kind}/{number}" for kind, number in numbers.items() if number >= 0}
     names |= {f"prop/{prop.family}/{prop.asset}" for prop in spec.props}
     names |= {f"surface/{each.kind}/{each.asset}" for _, each in spec.room.finishes}
-    if spec.design != NO_DESIGN:
-        names |= {f"design/{spec.design}"}
-    return sorted(f"{spec.split}/{name}" for name in names | {f"layout/{spec.room.layout}"})
+    return sorted(f"{spec.split}/{name}" for name in names)
 
 
 def describe_split(path: str | Path, split: str) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from vig_world.raster.view import View
 from vig_world.renderers.photo import PhotoSettings, photograph
 from vig_world.renderers.rasterized import render, with_surroundings
 from vig_world.streams import stream
+from vig_world.studio import StudioScenes
 from vig_world.threads import one_thread
 
 if TYPE_CHECKING:
@@ -79,6 +80,7 @@ class Maker:
         self.job = job
         self.library = Library(job.split, job.own)
         self._tracer: CyclesRenderer | None = None
+        self._studio = StudioScenes(job.object_class, job.split) if job.world == "studio" else None
 
     def make(self, index: int, draw: int = 0) -> dict[str, bytes] | Failure:
         """Return the files of a draw of sample `index` by their names in the split's folder; see `encode`.
@@ -99,6 +101,8 @@ class Maker:
     def sample(self, index: int, draw: int = 0) -> SceneSpec:
         """Return a draw of the scene of sample `index`."""
         job = self.job
+        if self._studio is not None:
+            return self._studio.sample(job.seed, index, draw)
         return sample(self.library, job.object_class, job.seed, index, job.world, draw=draw)
 
     @one_thread()
@@ -112,6 +116,8 @@ class Maker:
     def _draw(self, spec: SceneSpec) -> Picture:
         """Return the picture of a scene: a pure function of it."""
         job = self.job
+        if self._studio is not None:
+            return self._studio.render(spec)
         if job.tier == "cycles":
             if self._tracer is None:
                 from vig_world.renderers.cycles import CyclesRenderer

@@ -112,13 +112,26 @@ def make_dataset(
     if workers is not None and workers < 1:
         raise UserError(f"workers must be at least 1; got {workers}")
     check_size(size)
+    own = own or OwnAssets()
+    if world == "studio" and (tier, size, normals, photo, own) != (
+        "raster",
+        STANDARD_SIZE,
+        False,
+        False,
+        OwnAssets(),
+    ):
+        raise UserError(
+            "the studio's images have 150x150 pixels, a camera's noise and packaged assets: expected neither"
+            " another tier or size, nor normals, photo, envmaps, props, furniture. Leave these out, or choose"
+            " another world."
+        )
     if object_class is None:
         object_class = ObjectClass.load("teapot")
     zone_weights(object_class)  # refuses zones that no room has
     if ray is None and count > 1 and workers != 1:
         check_main_module()
 
-    renderer_options, own = dict(options or {}), own or OwnAssets()
+    renderer_options = dict(options or {})
     job = Job(seed, split, tier, object_class, renderer_options, own, photo, world, size, normals)
     settings = {
         "class": object_class.name,

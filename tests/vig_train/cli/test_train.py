@@ -13,8 +13,8 @@ from vig.scene.object_class import PACKAGED
 from vig_train.cli import train as verb
 from vig_train.cli.train import CONTEXT
 from vig_train.training.drawing import Drawing
-from vig_train.training.studio import StudioSettings
 from vig_train.training.training import TrainingSettings
+from vig_world.studio.studio import StudioSettings
 
 TRUNK = PACKAGED / "teapot" / "recognition.safetensors"
 

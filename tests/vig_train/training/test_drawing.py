@@ -13,7 +13,7 @@ from vig.scene.object_class import PACKAGED
 from vig_train.training import drawing as module
 from vig_train.training.drawing import Drawing, add_drawn_examples, drawn_once, studio_examples
 from vig_train.training.examples import Examples
-from vig_train.training.studio import Studio, StudioSettings
+from vig_world.studio.studio import Studio, StudioSettings
 
 DRAWING = Drawing(PACKAGED / "teapot", 2, 5, recoloured=0.0, studio=StudioSettings(absent=0.0))
 

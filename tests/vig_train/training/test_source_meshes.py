@@ -11,9 +11,9 @@ from tests.source_meshes import RED, box, piece, two_boxes
 from tests.toys import toy
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
-from vig_train.training.painted_meshes import DARK, draw_paint
-from vig_train.training.studio import Studio, StudioSettings
 from vig_world.assets.source_meshes import FILE, SourceMesh, corner_normals, save, source_meshes_of
+from vig_world.studio.source_objects import DARK, draw_paint
+from vig_world.studio.studio import Studio, StudioSettings
 
 
 def test_normals_are_smooth_on_a_sphere_and_sharp_on_a_box() -> None:

@@ -10,27 +10,24 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-import torch
 
-from vig.photo import Window
 from vig.renderer.drawing import vertex_irradiance
-from vig.scene import EXPOSURE_L00, IMAGE_SIZE, SHAPE_LIMIT, Camera, Latents, ObjectClass, ShapeModel
-from vig_train.training.cutouts import model_cutouts
-from vig_train.training.grounds import cast_shadow, draw_ground
-from vig_train.training.layers import Environment, Layer, continue_border, photograph, place_of
-from vig_train.training.painted_meshes import appearance, draw_paint
-from vig_train.training.things import draw_instead, draw_thing, occlude
+from vig.scene import EXPOSURE_L00, IMAGE_SIZE, SHAPE_LIMIT, Latents, ObjectClass, ShapeModel
 from vig_world.assets.coats import any_colour, draw_coat
 from vig_world.assets.held_out import held_out_designs_of
 from vig_world.assets.source_meshes import SourceMesh, source_meshes_of
 from vig_world.assets.target import DESIGN_SPREAD, NO_DESIGN, nearest_coefficients, shape_vertices
-from vig_world.dataset.spec import Coat, Split
+from vig_world.composition.photographs import framing_lens, reframe
+from vig_world.dataset.spec import Coat, Lens, Split
 from vig_world.mesh import vertex_normals
 from vig_world.raster.view import View
 from vig_world.renderers.coated import appearance_of
+from vig_world.studio.cutouts import SUPERSAMPLING, model_cutouts
+from vig_world.studio.grounds import cast_shadow, draw_ground
+from vig_world.studio.layers import Environment, Layer, continue_border, photograph, place_of
+from vig_world.studio.source_objects import appearance, draw_paint
+from vig_world.studio.things import draw_instead, draw_thing, occlude
 
-SUPERSAMPLING = 2
-"""Points across a pixel at which the object is drawn."""
 MAX_ATTEMPTS = 8
 """Attempts at drawing an image, each from its own random stream, before an error is raised."""
 NOTHING, OTHER_VESSEL, OTHER_THING, PART, WHOLE = range(5)
@@ -88,7 +85,10 @@ class StudioImage:
         image: (H, W, 3) uint8 sRGB.
         latents: (P,) float32, in the order of `vig.scene.Latents.to_vector`; the albedo is the mean of the
             surface that is seen.
-        roll: Clockwise turn of the image, radians.
+        lens: That of the camera, which stands at the latents' azimuth and elevation.
+        vertices: (V, 3) float32, metres, of the object as drawn: near the latents' shape, but not of it.
+        faces: (F, 3) of the object as drawn.
+        coat: What covers it; None for one of the user's meshes, which has its materials.
         visible: (H, W) uint8, the share of each pixel in which the object is seen, of 255.
         hidden: (H, W) uint8, the share in which something before it is.
         model: Number of the model of the object, see `Studio.models`.
@@ -96,23 +96,32 @@ class StudioImage:
 
     image: np.ndarray
     latents: np.ndarray
-    roll: float
+    lens: Lens
+    vertices: np.ndarray
+    faces: np.ndarray
+    coat: Coat | None
     visible: np.ndarray
     hidden: np.ndarray
     model: int
+
+    @property
+    def roll(self) -> float:
+        """Return the clockwise turn of the image, radians."""
+        return self.lens.roll
 
 
 @dataclass(frozen=True, eq=False)
 class StudioModel:
     """A model of drawn objects: template (V, 3), metres, as it lies on a mesh, coefficients (K,) of the
-    shape nearest to it, the mesh where it has materials, and whether the class was built from it; others are
-    refused ones.
+    shape nearest to it, the mesh where it has materials, whether the class was built from it (others are
+    refused ones), and the number of the design that was made from it, else `NO_DESIGN`.
     """
 
     template: np.ndarray
     nearest: np.ndarray
     mesh: SourceMesh | None
-    of_class: bool = True
+    of_class: bool
+    design: int
 
 
 class Studio:
@@ -151,9 +160,12 @@ class Studio:
             object_class.light_prior_covariance + 1e-9 * np.eye(len(object_class.light_prior_mean))
         )
 
-    def draw(self, seed: int, index: int) -> StudioImage:
-        """Draw an image; one that fails is drawn anew from its next stream, `MAX_ATTEMPTS` times at most."""
-        for number in range(MAX_ATTEMPTS):
+    def draw(self, seed: int, index: int, first: int = 0) -> StudioImage:
+        """Draw an image; one that fails is drawn anew from its next stream, `MAX_ATTEMPTS` times at most.
+
+        first: Number of the first stream.
+        """
+        for number in range(first, first + MAX_ATTEMPTS):
             key = (number,) if number else ()
             try:
                 return self._draw_once(
@@ -169,22 +181,24 @@ class Studio:
         number, model = self._model(rng)
         mesh = model.mesh if model is not None and rng.random() < settings.source else None
         latents, vertices = self._shape(rng, model)
-        camera = self._camera(rng, vertices, latents)
-        matrix = camera.camera_from_world(float(latents.azimuth), float(latents.elevation))
-        view = View(camera.scale(SUPERSAMPLING), matrix[:3, :3], matrix[:3, 3])
+        angles = float(latents.azimuth[0]), float(latents.elevation[0])
+        lens = self._lens(rng, vertices, *angles)
+        view = View.through(lens, self.object_class, *angles, SUPERSAMPLING * IMAGE_SIZE)
         parts = len(self.object_class.shape_model.part_names)
         kinds = WHOLE if self._detachable_parts else PART
         coat = draw_coat(rng, parts, settings.decorated, settings.metal)
-        ground = draw_ground(rng, self.split, camera.roll)
+        ground = draw_ground(rng, self.split, lens.roll)
         environment = Environment.draw(rng)
         absent = rng.random() < settings.absent
         shown = int(rng.integers(kinds)) if absent else WHOLE
         tint = 1 + rng.normal(0, 0.04, 3)
         albedo = np.mean(coat.colours, axis=0)
+        surface = vertices, self.object_class.shape_model.faces
         if shown >= PART:
             faces = self._part(rng) if shown == PART else self.object_class.shape_model.faces
             if shown == WHOLE and mesh is not None:
                 layer, albedo = self._source_object(rng, latents, mesh, vertices, view, environment)
+                surface = mesh.follow_template(vertices), mesh.faces
             else:
                 layer, albedo = self._object(rng, latents, vertices, faces, view, coat, environment, ground)
             layer = replace(layer, colour=layer.colour * tint)
@@ -209,11 +223,13 @@ class Studio:
         image = photograph(rng, picture)
         if rng.random() < settings.continued:
             image = continue_border(rng, image, layer.cover > 0)
-        vector = replace(latents, albedo=torch.from_numpy(albedo[None].astype(np.float32))).to_vector()
+        vector = replace(latents, albedo=albedo[None].astype(np.float32)).to_vector()
         return StudioImage(
             image,
-            vector[0].numpy(),
-            camera.roll,
+            vector[0],
+            lens,
+            *surface,
+            coat if mesh is None else None,
             np.round(255 * visible).astype(np.uint8),
             np.round(255 * hidden).astype(np.uint8),
             number,
@@ -236,8 +252,8 @@ class Studio:
             vertices = shape_vertices(shape, NO_DESIGN, self.object_class)
         else:
             shape = np.clip(model.nearest + DESIGN_SPREAD * draws, -SHAPE_LIMIT, SHAPE_LIMIT)
-            both = torch.from_numpy(np.stack([shape, model.nearest]).astype(np.float32))
-            moved, at_rest = shape_model.vertices(both).numpy()
+            both = np.stack([shape, model.nearest]).astype(np.float32)
+            moved, at_rest = shape_model.vertices(both)
             vertices = model.template + moved - at_rest
             vertices[:, 2] -= vertices[:, 2].min()
         kind = rng.random()
@@ -250,8 +266,8 @@ class Studio:
         light = light + rng.uniform(0.3, 1.0) * self.object_class.light_prior_mean
         light[0] = EXPOSURE_L00  # a set exposure, like that of datasets
         numbers = (shape, [rng.uniform(0, 2 * math.pi)], [elevation], np.full(3, 0.5), light)
-        tensors = [torch.from_numpy(np.asarray(values, np.float32))[None] for values in numbers]
-        latents = Latents(tensors[0], tensors[1][0], tensors[2][0], tensors[3], tensors[4])
+        rows = [np.asarray(values, np.float32)[None] for values in numbers]
+        latents = Latents(rows[0], rows[1][0], rows[2][0], rows[3], rows[4])
         # Long waves move shapes off the model, as real objects are; they keep the mirror plane y = 0.
         warp = settings.warp * rng.random()
         for _ in range(2):
@@ -262,43 +278,19 @@ class Studio:
         vertices[:, 2] -= vertices[:, 2].min()
         return latents, vertices.astype(np.float32)
 
-    def _camera(self, rng: np.random.Generator, vertices: np.ndarray, latents: Latents) -> Camera:
-        """Return a camera whose image frames the object as boxes do, or as the paper's camera does, about."""
+    def _lens(self, rng: np.random.Generator, vertices: np.ndarray, azimuth: float, elevation: float) -> Lens:
+        """Return a lens whose image frames the object as boxes do, or as the paper's camera does, about."""
         settings = self.settings
-        camera = self.object_class.camera()
-        camera_distance_ratio = (
-            math.exp(rng.uniform(math.log(0.9), math.log(12))) if rng.random() < 0.7 else 1.0
-        )
+        farther = math.exp(rng.uniform(math.log(0.9), math.log(12))) if rng.random() < 0.7 else 1.0
         widely_rolled = rng.random() < settings.rolled
-        roll = float(
-            rng.uniform(-1, 1) * settings.most_roll if widely_rolled else rng.normal(0, settings.roll)
-        )
-        camera = replace(
-            camera,
-            distance=camera.distance * camera_distance_ratio,
-            focal=camera.focal * camera_distance_ratio,
-            roll=roll,
-        )
+        roll = rng.uniform(-1, 1) * settings.most_roll if widely_rolled else rng.normal(0, settings.roll)
+        lens = Lens(farther, float(roll))
         if rng.random() < settings.boxed:
-            matrix = camera.camera_from_world(float(latents.azimuth), float(latents.elevation))
-            points = vertices @ matrix[:3, :3].T + matrix[:3, 3]
-            x, y = (camera.focal * points[:, :2] / points[:, 2:]).T
-            box = (x.min(), y.min(), float(np.ptp(x)), float(np.ptp(y)))
-            window = Window.round_box(box)
-            scale = IMAGE_SIZE / window.side
-            camera = replace(
-                camera, focal=camera.focal * scale, cx=-window.left * scale, cy=-window.top * scale
-            )
+            lens = framing_lens(lens, self.object_class, vertices, azimuth, elevation)
         scale, shift = math.exp(rng.normal(0, 0.11)), rng.normal(0, 0.05, 2)
         if rng.random() < settings.small:
             scale, shift = rng.uniform(0.35, 0.9), rng.uniform(-0.25, 0.25, 2)
-        centre = IMAGE_SIZE / 2
-        return replace(
-            camera,
-            focal=camera.focal * scale,
-            cx=centre + (camera.cx - centre) * scale + shift[0] * IMAGE_SIZE,
-            cy=centre + (camera.cy - centre) * scale + shift[1] * IMAGE_SIZE,
-        )
+        return reframe(lens, scale, shift)
 
     def _part(self, rng: np.random.Generator) -> np.ndarray:
         """Return faces of something like the object that is none: its body with one other part."""
@@ -317,7 +309,7 @@ class Studio:
     ) -> tuple[Layer, np.ndarray]:
         """Return one of the user's meshes, lit, and the mean albedo (3,) of its visible part."""
         paint = draw_paint(rng, mesh, self.settings.own_colours)
-        light = latents.light[0].numpy()
+        light = np.asarray(latents.light[0])
         look = appearance(mesh, mesh.follow_template(vertices), paint, light, view, environment.radiance_from)
         mean = look.albedo.mean(0) if len(look.albedo) else np.full(3, 0.5)
         return Layer(*look.average(SUPERSAMPLING)), mean
@@ -336,7 +328,7 @@ class Studio:
         """Return the object lit, and the mean albedo (3,) of its visible part."""
         model = self.object_class.shape_model
         normals = vertex_normals(vertices, model.faces)
-        light = vertex_irradiance(latents, torch.from_numpy(normals), self.object_class).numpy()
+        light = vertex_irradiance(latents, normals, self.object_class)
         reflectance = float(rng.uniform(0.5, 1.1))
         appearance = appearance_of(
             coat, model, vertices, faces, normals, light, view, environment.radiance_from, reflectance
@@ -357,16 +349,18 @@ class Studio:
 def _models(object_class: ObjectClass, split: Split) -> tuple[StudioModel, ...]:
     """Return the designs of a split, each with its mesh where that has materials, then refused meshes."""
     designs, meshes = held_out_designs_of(object_class), source_meshes_of(object_class)
-    of_design = {mesh.design: mesh for mesh in meshes}
+    of_design, shape_model = {mesh.design: mesh for mesh in meshes}, object_class.shape_model
+
+    def model(shape: np.ndarray, mesh: SourceMesh | None, of_class: bool, design: int) -> StudioModel:
+        nearest = nearest_coefficients(shape_model, shape[None])[0]
+        return StudioModel(shape, nearest, mesh, of_class, design)
+
     numbers = [] if designs is None else [n for n, of in enumerate(designs.splits) if of == split]
-    shapes = [] if designs is None else [(designs.vertices[n], of_design.get(n), True) for n in numbers]
-    others = [mesh for mesh in meshes if mesh.design < 0 and mesh.split == split]
-    shapes += [(mesh.registered, mesh, designs is None) for mesh in others]
-    nearest = [nearest_coefficients(object_class.shape_model, shape[None])[0] for shape, _, _ in shapes]
-    return tuple(
-        StudioModel(shape, near, mesh, of_class)
-        for (shape, mesh, of_class), near in zip(shapes, nearest, strict=True)
+    models = (
+        [] if designs is None else [model(designs.vertices[n], of_design.get(n), True, n) for n in numbers]
     )
+    others = [mesh for mesh in meshes if mesh.design < 0 and mesh.split == split]
+    return (*models, *(model(mesh.registered, mesh, designs is None, NO_DESIGN) for mesh in others))
 
 
 def separate_parts(model: ShapeModel) -> tuple[list[int], list[int]]:

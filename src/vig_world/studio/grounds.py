@@ -5,10 +5,10 @@ import math
 import numpy as np
 
 from vig.scene import IMAGE_SIZE
-from vig_train.training.layers import defocus, draw_sheet, draw_slope, pixels
-from vig_train.training.things import draw_thing
 from vig_world import Split
 from vig_world.assets.coats import any_colour
+from vig_world.studio.layers import defocus, draw_sheet, draw_slope, pixels
+from vig_world.studio.things import draw_thing
 
 
 def draw_ground(rng: np.random.Generator, split: Split, roll: float = 0.0) -> np.ndarray:

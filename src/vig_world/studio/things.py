@@ -8,10 +8,10 @@ from PIL import Image
 from scipy import ndimage
 
 from vig.scene import IMAGE_SIZE, linear_from_srgb
-from vig_train.training.cutouts import ModelCutouts, draw_cutout
-from vig_train.training.layers import Layer, draw_sheet, pixels
 from vig_world import Split
 from vig_world.assets.coats import any_colour
+from vig_world.studio.cutouts import ModelCutouts, draw_cutout
+from vig_world.studio.layers import Layer, draw_sheet, pixels
 
 CUTOUT_SHARE = 0.8
 """Share of things that are cut-outs of solid objects; the others are flat shapes."""

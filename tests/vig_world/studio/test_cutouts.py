@@ -8,12 +8,12 @@ from PIL import Image
 
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
-from vig_train.training import cutouts
-from vig_train.training.cutouts import model_cutouts, render_view
-from vig_train.training.studio import Studio, StudioSettings
 from vig_world import SPLITS
 from vig_world.assets.things import Material, Prop, is_of_class, prop
 from vig_world.mesh import Mesh
+from vig_world.studio import cutouts
+from vig_world.studio.cutouts import model_cutouts, render_view
+from vig_world.studio.studio import Studio, StudioSettings
 
 BOX = """mtllib paint.mtl
 usemtl red

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 
 from vig.scene.light import COSINE_LOBE, sh_basis
 from vig_world.assets.coats import TEXTURES, any_colour, stock_texture
@@ -90,7 +89,7 @@ def appearance(
         albedo[mine] = texture[
             np.floor(v * height).astype(int) % height, np.floor(u * width).astype(int) % width
         ]
-    lobes = sh_basis(torch.from_numpy(normal)).numpy() * np.asarray(COSINE_LOBE)
+    lobes = sh_basis(normal) * np.asarray(COSINE_LOBE)
     colour = albedo * np.maximum(lobes @ light, 0)[:, None]
     radiance = np.empty_like(colour)
     for number in np.unique(of_face):
