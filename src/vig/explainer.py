@@ -44,12 +44,12 @@ Box = tuple[float, float, float, float]
 Lens = tuple[Any, str]
 """A photo's intrinsics, as `Intrinsics.of` takes them, and `Explanation.focal_from`."""
 Item = tuple[Photo, Box | None, Lens | None, Hints | None]
-TOO_WIDE = "; the lens is so near to it that a weaker perspective than the lens's was fitted"
+TOO_WIDE = "; the camera is so close to it that a weaker perspective than its lens's was fitted"
 
 
 @with_default_settings
 class Explainer:
-    """Explainer of photos of one class of objects.
+    """Estimates pose, shape, colours, light and masks of objects of one class in photos.
 
     Example:
         ```python
@@ -68,11 +68,11 @@ class Explainer:
 
         Args:
             object_class: A packaged class's name, the folder of a class pack, or a class that was loaded.
-            settings: How to fit. Values of None default to those for photographs, and with a window to those
-                for standard-camera pictures; `camera_distance_ratio` follows from the photo's focal length
-                if known.
-            recognizer: A network in place of the class's own. A pack that has none is fitted from starts all
-                round the object, without a calibrated confidence, where a box or a mask gives its place.
+            settings: How to fit. Fields left None take the defaults for photographs or, with a window, those
+                for images of the standard camera; `camera_distance_ratio` follows from the photo's focal
+                length if that is known.
+            recognizer: A network in place of the class's own. A pack that has none is fitted from starting
+                views all around the object, at a box or mask, without a calibrated confidence.
 
         Raises:
             UserError: There is no such class, or a part of the class's pack is missing or damaged.
@@ -96,9 +96,9 @@ class Explainer:
     ) -> Explainer:
         """Return an explainer of the object of a mesh file, in any rotation.
 
-        It is ready in some 15 seconds, and kept in the user's cache. Without a box or hints the object is
-        found by its print (`pip install "vig[match]"`). A mesh of one colour needs a box or a mask; without a
-        mask it is fitted standing, and so is every mesh where the hints state a roll.
+        This takes some 15 seconds, the first time: the user's cache keeps it. Without a box or hints the
+        object is found by keypoints of its texture (`pip install "vig[match]"`). A mesh of one colour needs a
+        box or a mask; without a mask it is fitted standing, and so is every mesh where hints state a roll.
 
         Args:
             mesh: The file: .glb .gltf .obj .ply .off .stl.
@@ -127,8 +127,8 @@ class Explainer:
         Args:
             photo: A file, a PIL image, or an array or tensor (H, W, 3) or (H, W): uint8 is sRGB, floating
                 point is linear RGB in [0, 1].
-            box: x, y, width, height in pixels round the whole object, hidden parts included; without it the
-                object is sought in the whole photo.
+            box: x, y, width, height in pixels of the whole object, hidden parts included; without it the
+                object is searched for in the whole photo.
             window: In place of a box, the square to fit as it is, such as `Window.of` a whole picture.
             focal: Focal length in pixels of the photo, its principal point in the middle; by default that of
                 a file's EXIF data, else that of a telephoto lens, and with a window that of the standard
@@ -150,7 +150,7 @@ class Explainer:
         lens = lens_of(photo, focal, K)
         return on_one_core(partial(self._explain, photo, box, window, lens, hints))
 
-    def explain_followed(
+    def explain_frame(
         self,
         photo: Photo,
         window: Window | None,
@@ -160,15 +160,15 @@ class Explainer:
         box: Box | None = None,
         expected: ExpectedStart | None = None,
     ) -> Explanation:
-        """Explain a photo in which the object is known to be in the middle of a window, as in a video.
+        """Explain a video frame whose object is expected in the middle of a window.
 
         Like `explain` with a box of that window, which may exceed the photo and be turned; or with a box.
-        With a focal length alone the answer's camera looks straight at the object all the same. With a start
-        that is `expected` few others are tried: a third of the time.
+        With a focal length alone the answer's camera looks straight at the object all the same. With an
+        `expected` start few others are tried, which takes a third of the time.
         """
         lens = lens_of(photo, focal, camera)
-        follow = partial(self._explain, photo, box, window, lens, hints, framed=False)
-        return on_one_core(partial(follow, turned=camera is not None, expected=expected))
+        follow = partial(self._explain, photo, box, window, lens, hints, standard_camera=False)
+        return on_one_core(partial(follow, aim=camera is not None, expected=expected))
 
     def _explain(
         self,
@@ -177,75 +177,95 @@ class Explainer:
         window: Window | None,
         lens: Lens | None,
         hints: Hints | None,
-        framed: bool = True,
-        turned: bool = True,
+        standard_camera: bool = True,
+        aim: bool = True,
         expected: ExpectedStart | None = None,
     ) -> Explanation:
-        """Explain one photo. `framed`: whether a given window is the standard camera's picture;
-        `turned`: whether a known lens is turned towards the object.
+        """Explain one photo. `standard_camera`: whether a given window is the picture of that camera; `aim`:
+        whether the camera of a known lens is turned towards the object.
         """
         hints, coded = checked_hints(hints), coded_photo(photo)
         pyramid, (height, width) = ImagePyramid(coded), coded.shape[:2]
-        settings, present = (
-            resolve(self.settings, self.object_class, photo=window is None or not framed),
-            1.0,
-        )
+        settings = resolve(self.settings, self.object_class, photo=window is None or not standard_camera)
         hints = hints.check(width, height, self.object_class) if hints else None
+        box = None if box is None else checked_box(box)
         if not self.recognizer.informed:
             settings, expected = without_network(settings), None
         elif expected is not None:
             settings = for_tracking(settings)
-        told = hints or Hints()
-        roll = told.views()[2]
-        sought = self.known is not None and window is None and self.known.is_sought(told)
-        placed = box is not None or told.clues() is not None
-        if self.known is not None and window is None and (sought or not placed):
-            if sought and not placed and hints is None:
-                if seen := self.explain_seen(WholePhoto(coded), lens, 1):
-                    return seen[0]
-                name = self.object_class.name
-                raise UserError(f"expected a {name} in the photo; found none. Give a box or a mask.")
-            place = Place.of(None if box is None else checked_box(box), told)
-            intrinsics = None if lens is None else Intrinsics.of(lens[0], width, height)
-            window, fit, ratio = self.known.explain(pyramid, place, intrinsics, told)
-            focal_from = "assumed" if lens is None else lens[1]
-            return Explanation(coded, window, fit, self.object_class, ratio, focal_from, hints)
-        if window is None and box is not None:
-            window = Window.of(width, height, checked_box(box))
-            window = upright(pyramid, window, self.recognizer) if roll is None else replace(window, roll=roll)
+        if self.known is not None and window is None:
+            if explanation := self._explain_in_any_rotation(self.known, coded, pyramid, box, lens, hints):
+                return explanation
+        present = 1.0
         if window is None:
-            clues = None if hints is None else hints.clues()
-            best = find(pyramid, self.recognizer, clues)
-            # A place given by the user is certain.
-            window, present = best.window, best.present if clues is None else 1.0
-            window = window if roll is None else replace(window, roll=roll)
+            window, present = self._locate(coded, pyramid, box, hints)
         focal_from, too_wide = "assumed", False
         if self.settings.camera_distance_ratio is not None:
             focal_from = "given"
         elif lens is not None:
             intrinsics, focal_from = Intrinsics.of(lens[0], width, height), lens[1]
-            window = replace(window, lens=intrinsics) if turned else window
+            window = replace(window, lens=intrinsics) if aim else window
             pixels = window.focal or intrinsics.fx
             settings = replace(settings, camera_distance_ratio=window.camera_distance_ratio(pixels))
             too_wide = window.ratio(pixels) < DISTANCE_RATIO_BOUNDS[0]
-        cut, inside = window.crop(pyramid)
-        photos, valid = cut[None], inside[None]
-        # A network sees for itself where in a box the object is.
-        held_box = None if self.recognizer.informed or box is None else checked_box(box)
+        crop, inside_photo = window.crop(pyramid)
+        # A network sees where in a box the object is; fits without one are held to the box.
+        held_box = None if self.recognizer.informed else box
         window_hints = None
         if hints is not None or held_box is not None:
             window_hints = (hints or Hints()).in_window(window, self.object_class, held_box)
-        class_and_network = self.object_class, self.recognizer
-        fit = next(explain(photos, *class_and_network, settings, valid, window_hints, expected))
+        by = self.object_class, self.recognizer, settings
+        fit = next(explain(crop[None], *by, inside_photo[None], window_hints, expected))
         if too_wide:
             fit = replace(fit, reason=fit.reason + TOO_WIDE)
         if present < 1.0:
             fit = judge_presence(fit, present, self.object_class.name)
-        return Explanation(
-            coded, window, fit, self.object_class, settings.camera_distance_ratio, focal_from, hints
-        )
+        ratio = settings.camera_distance_ratio
+        return Explanation(coded, window, fit, self.object_class, ratio, focal_from, hints)
 
-    def explain_seen(self, photo: WholePhoto, lens: Lens | None, most: int) -> list[Explanation]:
+    def _explain_in_any_rotation(
+        self,
+        known: KnownObject,
+        coded: np.ndarray,
+        pyramid: ImagePyramid,
+        box: Box | None,
+        lens: Lens | None,
+        hints: Hints | None,
+    ) -> Explanation | None:
+        """Explain a photo of a known object; None where it stands at a given place, as a class's object does.
+
+        Without a box and hints it is found by keypoints. Raises UserError where it is not found.
+        """
+        given, (height, width) = hints or Hints(), coded.shape[:2]
+        any_rotation = known.is_sought(given)
+        if not any_rotation and (box is not None or given.clues() is not None):
+            return None
+        if any_rotation and box is None and hints is None:
+            if found := self.find_and_explain(WholePhoto(coded), lens, 1):
+                return found[0]
+            name = self.object_class.name
+            raise UserError(f"expected a {name} in the photo; found none. Give a box or a mask.")
+        intrinsics = None if lens is None else Intrinsics.of(lens[0], width, height)
+        window, fit, ratio = known.explain(pyramid, Place.of(box, given), intrinsics, given)
+        focal_from = "assumed" if lens is None else lens[1]
+        return Explanation(coded, window, fit, self.object_class, ratio, focal_from, hints)
+
+    def _locate(
+        self, coded: np.ndarray, pyramid: ImagePyramid, box: Box | None, hints: Hints | None
+    ) -> tuple[Window, float]:
+        """Return the window of a box, or of where hints or the network find the object; and its presence.
+
+        Presence is a probability, 1 where a box or a hint gives the place.
+        """
+        clues, roll = (None, None) if hints is None else (hints.clues(), hints.views()[2])
+        if box is None:
+            best = find(pyramid, self.recognizer, clues)
+            window, present = best.window, best.present if clues is None else 1.0
+            return window if roll is None else replace(window, roll=roll), present
+        window = Window.of(coded.shape[1], coded.shape[0], box)
+        return upright(pyramid, window, self.recognizer) if roll is None else replace(window, roll=roll), 1.0
+
+    def find_and_explain(self, photo: WholePhoto, lens: Lens | None, most: int) -> list[Explanation]:
         """Return up to `most` explanations of a known object that keypoints find, the likeliest first.
 
         Raises:
@@ -279,7 +299,7 @@ class Explainer:
         Args:
             photos: Any number of them; they are taken as they are needed.
             boxes: One for each photo, None where the object is to be found.
-            workers: Processes that share the photos out; 1 stays in this one.
+            workers: Worker processes; 1 runs in this process.
             skip: Called with the number of an unusable photo and the reason; the others continue. Without
                 it the first such photo raises.
             focal: Focal length of all photos, pixels; see `explain`.

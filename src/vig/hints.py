@@ -217,12 +217,12 @@ class Hints(PlainHints):
         if self.mask is not None:
             visible_share = _share(self.mask, window)
             labels[visible_share > 0.9] = PixelLabel.SEEN
-            labels[visible_share < 0.1] = PixelLabel.NOTHING if self.visible else PixelLabel.IN_FRONT
+            labels[visible_share < 0.1] = PixelLabel.BACKGROUND if self.visible else PixelLabel.IN_FRONT
         if box is not None:
-            labels[_beyond(box, window) & (labels != PixelLabel.SEEN)] = PixelLabel.NOTHING
+            labels[_beyond(box, window) & (labels != PixelLabel.SEEN)] = PixelLabel.BACKGROUND
             box = None if window.roll else window.box_within(box)
         if self.marks is not None:
-            for kind in (PixelLabel.NOTHING, PixelLabel.IN_FRONT, PixelLabel.SEEN):
+            for kind in (PixelLabel.BACKGROUND, PixelLabel.IN_FRONT, PixelLabel.SEEN):
                 labels[_share(self.marks == kind, window) > 0.2] = kind
         places = []
         for place in self.points.values():

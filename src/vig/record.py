@@ -210,7 +210,7 @@ def record(
         alternatives=[
             Alternative(
                 probability=_none_if_nan(view.probability),
-                behind_nats=_none_if_nan(view.behind),
+                behind_nats=_none_if_nan(view.score_gap),
                 **_numbers(view.latents),
                 roll_deg=_round_numbers(math.degrees(seen.roll)),
                 K=seen.K.tolist(),

@@ -14,7 +14,7 @@ from PIL import Image
 import vig
 from tests.support import run_vig
 from vig.hints import Hints, checked_pose, view_of
-from vig.inference import Objective, PixelLabel, PlaceTerm, objective_of, resolve
+from vig.inference import Objective, PixelLabel, ReprojectionTerm, objective_of, resolve
 from vig.io.errors import UserError
 from vig.photo import Window
 from vig.photo.lens import Intrinsics
@@ -171,7 +171,7 @@ def test_a_pose_tells_its_view(azimuth: float, elevation: float, roll: float) ->
 
 def points_objective(
     explainer: vig.Explainer, truth: vig.Explanation
-) -> tuple[Objective, list[PlaceTerm], np.ndarray]:
+) -> tuple[Objective, list[ReprojectionTerm], np.ndarray]:
     """An objective, a term of all named points, and a point some way from where they are."""
     unit = explainer.object_class.at_unit_scale
     cut = truth.window.crop(truth.picture)[0]
@@ -283,7 +283,7 @@ def test_nothing_is_beyond_a_box_whatever_a_mask_says(roll: float) -> None:
     window = Window.round_box(box, roll)
     hints = Hints(mask=photo_mask).in_window(window, ObjectClass.load("teapot"), box)
     counts = np.bincount(hints.labels.ravel(), minlength=4)
-    assert counts[PixelLabel.NOTHING] > 0.4 * hints.labels.size and counts[PixelLabel.IN_FRONT] > 1000
+    assert counts[PixelLabel.BACKGROUND] > 0.4 * hints.labels.size and counts[PixelLabel.IN_FRONT] > 1000
     assert (hints.box is None) == bool(roll)
 
 
@@ -296,7 +296,7 @@ def test_marks_and_masks_are_read_from_pictures(tmp_path: Path) -> None:
         0,
         PixelLabel.SEEN,
         PixelLabel.IN_FRONT,
-        PixelLabel.NOTHING,
+        PixelLabel.BACKGROUND,
         0,
     ]
     with pytest.raises(UserError, match="expected a mask of one object; got 4 colours"):

@@ -18,7 +18,7 @@ from scipy.ndimage import binary_dilation
 
 import vig
 from tests.support import run_vig
-from vig.inference.confidence import unsure
+from vig.inference.confidence import low_confidence_reason
 from vig.inference.settings import OtherView
 from vig.photo import Window
 from vig.recognition.find import Candidate
@@ -225,7 +225,7 @@ def test_the_reason_says_what_the_confidence_says(
 ) -> None:
     explained = vig.explainer.explain
     doubt = {"confidence": 0.6, "view_threshold": threshold, "verdict": vig.Verdict.AMBIGUOUS}
-    doubt["reason"] = unsure(0.6, threshold)
+    doubt["reason"] = low_confidence_reason(0.6, threshold)
     window = Window.of(photo.shape[1], photo.shape[0], BOX)
     monkeypatch.setattr(
         vig.explainer, "explain", lambda *given: (replace(fit, **doubt) for fit in explained(*given))

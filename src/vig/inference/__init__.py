@@ -3,7 +3,7 @@
 from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration, calibration_of
 from vig.inference.explain import explain, explain_one
 from vig.inference.families import family_of
-from vig.inference.hints import PixelLabel, PlaceTerm, WindowHints
+from vig.inference.hints import PixelLabel, ReprojectionTerm, WindowHints
 from vig.inference.objective import Objective, RecognitionPrior
 from vig.inference.posterior import geometry_of, objective_of
 from vig.inference.refinement import ExpectedStart, starts
@@ -18,8 +18,8 @@ __all__ = [
     "Objective",
     "OtherView",
     "PixelLabel",
-    "PlaceTerm",
     "RecognitionPrior",
+    "ReprojectionTerm",
     "Stage",
     "Verdict",
     "WindowHints",

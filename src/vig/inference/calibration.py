@@ -1,4 +1,4 @@
-"""The calibration of fits, learned on validation photos: probabilities that it is right, and deviations.
+"""Calibration of a fit's confidence and standard deviations, learned on validation photos.
 
 One logistic regression on a fit's confidence features gives the probability that its view is right, one that
 its mask is; a third, learned with rolled photos among others, that the photo is in distribution, without
@@ -140,7 +140,7 @@ class FitCalibration:
                 raise ValueError(f"it is of format {values['format']!s:.20}, where this vig reads {FORMAT}")
             names = decode(tuple[str, ...], values["features"])
             if not set(names) <= set(CONFIDENCE_FEATURES) or len(set(names)) < len(names):
-                raise ValueError("it is of other confidence features")
+                raise ValueError("it was learned with different confidence features")
             row, rows = tuple[float, ...], tuple[tuple[float, ...], ...]
             weights = dict.fromkeys(("view_weights", "in_distribution_weights", "mask_weights"), row)
             kinds = {**weights, "scale": rows, "floor": rows, "position": rows}
@@ -164,10 +164,10 @@ class FitCalibration:
             return FitCalibration(**checked)
 
 
-def fade_confidence(view: np.ndarray, in_distribution: np.ndarray) -> np.ndarray:
+def fade_confidence(probability: np.ndarray, in_distribution: np.ndarray) -> np.ndarray:
     """Return confidence from probabilities that a view or mask is right, and the photo in distribution."""
-    faded_view: np.ndarray = view * np.minimum(2 * in_distribution, 1)
-    return faded_view
+    faded: np.ndarray = probability * np.minimum(2 * in_distribution, 1)
+    return faded
 
 
 def _logistic(weights: np.ndarray, bias: float, features: np.ndarray) -> np.ndarray:

@@ -33,31 +33,31 @@ MOST_GAP = 3000.0
 """Nats at which the evidence gap is clipped."""
 
 
-def assess(
+def make_fit(
     objective: Objective,
     selection: Selection,
     prediction: Prediction,
     settings: ExplainSettings,
     calibration: FitCalibration | None,
-    judge: Prediction | None = None,
+    confidence_prediction: Prediction | None = None,
     hints: WindowHints | None = None,
 ) -> Fit:
     """Make a `Fit` of a selection: masks, verdict, confidence, deviations.
 
     With a calibration, a fit is trusted when its confidence reaches the threshold; without, when no other
     view comes near it and the recognition model's best guess is of the same view. `objective` is that of the
-    photo at its full size. `judge` is the prediction for the confidence, where views were ruled out in
-    `prediction`; `hints` are those that the prediction includes.
+    photo at its full size. `confidence_prediction` is the prediction from which the confidence is computed,
+    where views were ruled out in `prediction`; `hints` are those that the prediction includes.
     """
     evidence, normal = selection.evidence, selection.normal
     if evidence is None or normal is None:
-        at_fit = objective.of_one(selection.point, settings.likelihood.sigma)
+        at_fit = objective.evaluate_one(selection.point, settings.likelihood.sigma)
         assert at_fit.normal is not None
         evidence, normal = float(at_fit.value[0]), at_fit.normal[0]
     symmetry = objective.object_class.symmetry
     latents = symmetry.canonical(objective.latents(selection.point))
-    shown = _show(objective, selection.point, latents, settings.likelihood)
-    features = _features(latents, shown, judge or prediction, selection)
+    shown = _render_fit(objective, selection.point, latents, settings.likelihood)
+    features = _features(latents, shown, confidence_prediction or prediction, selection)
     labels = None if hints is None else hints.labels
     share = 0.0 if settings.likelihood.mask is None else settings.network_mask_share
     coverage, visible = _join_masks(shown, prediction.mask[0], labels, share)
@@ -72,12 +72,12 @@ def assess(
     path = symmetry.canonical(objective.latents(selection.path))
     place, uniform = latent_layout(latents.shape.shape[1]).at("azimuth"), UNIFORM_TURN / max(symmetry.fold, 1)
     position = np.array(UNCALIBRATED_POSITION, np.float32)
-    rough = calibration is None and settings.widened
-    if rough:  # no number's above a uniform's within its bounds
+    uncalibrated = calibration is None and settings.widened
+    if uncalibrated:  # no number's above a uniform's within its bounds
         within_bounds = (objective.upper - objective.lower).astype(np.float64) / math.sqrt(12)
         deviations = np.minimum(UNCALIBRATED_WIDENING * deviations, within_bounds)
     deviation = objective.latents(deviations).to_vector()[0]
-    if rough:
+    if uncalibrated:
         # Probabilities of other views were not learned: unless trusted or given, any view is possible.
         told = hints is not None and hints.azimuth is not None
         unsure_view = verdict is not Verdict.TRUSTED and symmetry.fold > 0 and not told
@@ -86,7 +86,9 @@ def assess(
         about_view = float(calibration.widen_deviations(deviation, features, True)[place])
         deviation = calibration.widen_deviations(deviation, features, verdict is Verdict.TRUSTED)
         if verdict is not Verdict.TRUSTED:
-            about_view = _among_views(about_view, confidence, judge or prediction, latents.azimuth)
+            about_view = _mixture_deviation(
+                about_view, confidence, confidence_prediction or prediction, latents.azimuth
+            )
         deviation[place] = min(about_view, uniform)
         position = calibration.position[0 if verdict is Verdict.TRUSTED else 1]
     return Fit(
@@ -107,7 +109,7 @@ def assess(
         evidence=evidence,
         start_evidence=selection.start_evidence,
         evaluations=selection.evaluations,
-        alternatives=_views(objective, selection, judge or prediction, latents, confidence),
+        alternatives=_views(objective, selection, confidence_prediction or prediction, latents, confidence),
         descent=np.concatenate([path.to_vector(), objective.framing(selection.path)], axis=1),
         view_threshold=math.nan if calibration is None else calibration.threshold,
         mask_threshold=math.nan if calibration is None else calibration.mask_threshold,
@@ -115,8 +117,10 @@ def assess(
     )
 
 
-def _among_views(deviation: float, confidence: float, prediction: Prediction, azimuth: np.ndarray) -> float:
-    """Return standard deviation, radians, of a Gaussian with the 90 % interval of the azimuth's posterior.
+def _mixture_deviation(
+    deviation: float, confidence: float, prediction: Prediction, azimuth: np.ndarray
+) -> float:
+    """Return the deviation, radians, of a Gaussian with the 90 % interval of the azimuth's posterior.
 
     The posterior is a mixture: with the confidence the fit's azimuth (1,) is right, up to a Gaussian of
     `deviation`; else views have the recognition model's probabilities, that one taken out.
@@ -158,15 +162,15 @@ def _views(
     vectors = canonical.to_vector()
     return tuple(
         OtherView(
-            Latents.from_vector(vectors[i : i + 1]), framings[i], (1 - confidence) * float(rest[i]), behind
+            Latents.from_vector(vectors[i : i + 1]), framings[i], (1 - confidence) * float(rest[i]), score_gap
         )
-        for i, behind in enumerate(selection.behind)
+        for i, score_gap in enumerate(selection.score_gaps)
     )
 
 
 @dataclass(frozen=True)
-class _Shown:
-    """Images (H, W) of a fit; `visible` is the pixel model's posterior, `by_pixel` that of single pixels."""
+class _FitImages:
+    """Images (H, W) at a fit; `visible` is the pixel model's posterior, `by_pixel` that of single pixels."""
 
     observed: np.ndarray
     rendered: np.ndarray
@@ -183,10 +187,10 @@ class _Shown:
         return self.visible > 0.5
 
 
-def _show(objective: Objective, point: np.ndarray, latents: Latents, model: PixelModel) -> _Shown:
-    """Evaluate one point (1, P') under the masks' noise."""
+def _render_fit(objective: Objective, point: np.ndarray, latents: Latents, model: PixelModel) -> _FitImages:
+    """Render a point (1, P') and infer its masks under their noise."""
     # 0.1: noise under which a pixel of the fit is taken as visible, as in the paper
-    evaluation = objective.of_one(point, 0.1, derivatives=False)
+    evaluation = objective.evaluate_one(point, 0.1, derivatives=False)
     assert (
         evaluation.coverage is not None
         and evaluation.irradiance is not None
@@ -208,11 +212,11 @@ def _show(objective: Objective, point: np.ndarray, latents: Latents, model: Pixe
     if model.mask is not None:
         visible = spatial_posterior(observed, rendered, log_prior, amodal, model.mask, decorated)
     images = (observed, rendered, coverage, by_pixel, visible)
-    return _Shown(*(image[0] for image in images))
+    return _FitImages(*(image[0] for image in images))
 
 
 def _join_masks(
-    shown: _Shown, predicted: np.ndarray, labels: np.ndarray | None, share: float
+    shown: _FitImages, predicted: np.ndarray, labels: np.ndarray | None, share: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the coverage and visible (H, W) of a fit, joined with the network's `MASK_CLASSES` (H, W, 3).
 
@@ -228,7 +232,9 @@ def _join_masks(
     return coverage, np.minimum(visible, coverage)
 
 
-def _features(latents: Latents, shown: _Shown, prediction: Prediction, selection: Selection) -> np.ndarray:
+def _features(
+    latents: Latents, shown: _FitImages, prediction: Prediction, selection: Selection
+) -> np.ndarray:
     """Return the confidence features (C,) float64 of a fit."""
     pixels = int(shown.mask.sum())
     residual = (shown.rendered - shown.observed)[shown.mask]
@@ -278,19 +284,19 @@ def _verdict(
     selection: Selection,
     features: np.ndarray,
     calibration: FitCalibration | None,
-    anything: bool,
+    any_visible: bool,
     settings: ExplainSettings,
 ) -> tuple[float, Verdict, str]:
     """Return confidence, verdict and its reason.
 
-    anything: Whether a pixel of the object is visible.
+    any_visible: Whether a pixel of the object is visible.
     """
     if calibration is None:
-        confidence, trusted = math.nan, not selection.close and not selection.rival_is_other_view
+        confidence, trusted = math.nan, not selection.ambiguous and not selection.rival_is_other_view
     else:
         confidence = calibration.confidence(features)
         trusted = confidence >= calibration.threshold
-    if not anything:
+    if not any_visible:
         return (math.nan if calibration is None else 0.0), Verdict.FAILED, Verdict.FAILED.value
     if not settings.informed:
         lead = "" if math.isinf(selection.gap) else f", by {selection.gap:.0f} nats"
@@ -302,26 +308,26 @@ def _verdict(
     if trusted:
         reason = Verdict.TRUSTED.value
         if calibration is None:
-            reason += "; how often such a fit is right was not learned"
+            reason = "no other view fits nearly as well; how often such a fit is right was not learned"
             density = settings.likelihood.density
             reason += "" if density == DEFAULT_DENSITY else f" with density '{density}'"
         return confidence, Verdict.TRUSTED, reason
     if calibration is not None and calibration.in_distribution(features) < 0.5:
         reason = "the photo is unlike those that the recognition model knows"
-    elif selection.close:
-        turned, gap = selection.turned_deg, selection.gap
+    elif selection.ambiguous:
+        turned, gap = selection.rival_turn_deg, selection.gap
         reason = f"turned by {turned:.0f} degrees it fits nearly as well ({gap:.0f} nats less)"
     elif selection.rival_is_other_view:
-        reason = f"the recognition model sees it turned by {selection.turned_deg:.0f} degrees"
+        reason = f"the recognition model sees it turned by {selection.rival_turn_deg:.0f} degrees"
     # 0.3: hidden share from which that is given as the reason for doubt
     elif features[CONFIDENCE_FEATURES.index("hidden_fraction")] > 0.3:
         reason = "too little of the object is seen to be sure of its view"
     else:
-        reason = unsure(confidence, math.nan if calibration is None else calibration.threshold)
+        reason = low_confidence_reason(confidence, math.nan if calibration is None else calibration.threshold)
     return confidence, Verdict.AMBIGUOUS, reason
 
 
-def unsure(confidence: float, threshold: float) -> str:
+def low_confidence_reason(confidence: float, threshold: float) -> str:
     """Return the reason for doubt where there is no other than a confidence below the threshold of trust."""
     never = "" if not threshold >= 1 else "; no view of this class is trusted, see its card"
     return f"its view is right with a probability of {confidence:.0%} only{never}"

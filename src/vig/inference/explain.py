@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from vig.inference.confidence import assess
+from vig.inference.confidence import make_fit
 from vig.inference.hints import WindowHints
 from vig.inference.posterior import objectives_of
 from vig.inference.refinement import ExpectedStart, refine, select
@@ -47,12 +47,13 @@ def explain_one(
     settings: ExplainSettings,
     valid: np.ndarray | None = None,
     hints: WindowHints | None = None,
-    judge: Prediction | None = None,
+    confidence_prediction: Prediction | None = None,
     expected: ExpectedStart | None = None,
 ) -> Fit:
     """Fit one photo (150, 150, 3) from its prediction (N = 1); see `explain`.
 
-    judge: Prediction that confidence is computed from, if not `prediction`: views were ruled out in that.
+    confidence_prediction: Prediction that confidence is computed from, if not `prediction`, in which views
+        were ruled out.
     """
     chosen = resolve(settings, object_class)
     if hints is not None:
@@ -71,6 +72,6 @@ def explain_one(
         if chosen.gain_deviation and chosen.likelihood.alpha < 1 and not selection.reverted:
             objective, selection = with_shading_gain(objective, selection, chosen)
         calibration = chosen.calibration_for(object_class)
-        return assess(objective, selection, prediction, chosen, calibration, judge, hints)
+        return make_fit(objective, selection, prediction, chosen, calibration, confidence_prediction, hints)
 
     return on_one_core(fit)

@@ -6,7 +6,7 @@ from vig.recognition import Prediction
 from vig.scene import Family, ObjectClass
 from vig.scene.functions import softmax
 
-LEAST_SHARE = 0.02
+MIN_FAMILY_PROBABILITY = 0.02
 """Families with less probability are left out."""
 
 

@@ -17,7 +17,7 @@ from vig.scene import Camera, LatentLayout, ObjectClass, ShapeModel
 POINT_NOISE = 0.02
 """Standard deviation of a named point, in sides of the window, both of clicks and of the class's points."""
 POINT_WEIGHT = 100.0
-"""Power of the points' Gaussian: evidence counts pixels as independent, which they are not."""
+"""Exponent of the points' Gaussian: evidence counts pixels as independent, which they are not."""
 COARSE_NOISE = 0.08
 """Standard deviation of a point where views are compared before the shape is fitted."""
 LEAST_VIEW = 0.002
@@ -27,12 +27,12 @@ VIEW_SPREAD = math.radians(8.0)
 ELEVATION_SPREAD = math.radians(4.0)
 """Standard deviation about an elevation that a user gives, radians."""
 
-SURE = 8.0
-"""Nats against labels that a user excludes for a pixel: hands slip."""
+EXCLUDED_LABEL_NATS = 8.0
+"""Nats against labels that a user excludes for a pixel: finite, as strokes are imprecise."""
 
 
 COMPLEX_STEP = 1e-30
-"""Imaginary step by which derivatives of places are found, see `PlaceTerm`."""
+"""Imaginary step by which derivatives of places are found, see `ReprojectionTerm`."""
 
 
 class PixelLabel(IntEnum):
@@ -43,7 +43,7 @@ class PixelLabel(IntEnum):
     """The object is visible."""
     IN_FRONT = 2
     """It is not: something is in front of it, or it is not there."""
-    NOTHING = 3
+    BACKGROUND = 3
     """It is not there, not even hidden."""
 
 
@@ -71,10 +71,12 @@ class WindowHints:
     held: Mapping[str, float]
     box: tuple[float, float, float, float] | None = None
 
-    def terms(self, object_class: ObjectClass, camera: Camera, layout: LatentLayout) -> list[PlaceTerm]:
+    def terms(
+        self, object_class: ObjectClass, camera: Camera, layout: LatentLayout
+    ) -> list[ReprojectionTerm]:
         """Return the terms that the hints add to the objective of a camera."""
         projection = Projection(object_class.shape_model, camera, layout)
-        terms: list[PlaceTerm] = []
+        terms: list[ReprojectionTerm] = []
         if len(self.vertices):
             terms.append(PointTerm(self.vertices, self.places, projection))
         if self.box is not None:
@@ -91,15 +93,15 @@ class WindowHints:
         """
         numbers, deviation = prediction.numbers.copy(), prediction.deviation.copy()
         azimuth = prediction.azimuth
-        visible, hidden, beside = np.moveaxis(prediction.mask[0], -1, 0)
+        visible, hidden, background = np.moveaxis(prediction.mask[0], -1, 0)
         if self.visible:
             visible, hidden = visible + hidden, np.zeros_like(hidden)
         # A pixel that does not show the object is hidden or background, in the ratio that was predicted.
-        behind = hidden / np.maximum(hidden + beside, 1e-6)
-        away = np.stack([np.zeros_like(visible), behind, 1 - behind], axis=-1)
-        classes = np.stack([visible, hidden, beside], axis=-1)
+        hidden_share = hidden / np.maximum(hidden + background, 1e-6)
+        away = np.stack([np.zeros_like(visible), hidden_share, 1 - hidden_share], axis=-1)
+        classes = np.stack([visible, hidden, background], axis=-1)
         for kind, share in ((PixelLabel.SEEN, np.array([1, 0, 0], np.float32)), (PixelLabel.IN_FRONT, away),
-                            (PixelLabel.NOTHING, np.array([0, 0, 1], np.float32))):  # fmt: skip
+                            (PixelLabel.BACKGROUND, np.array([0, 0, 1], np.float32))):  # fmt: skip
             classes = np.where((self.labels == kind)[..., None], share, classes)
         if self.elevation is not None:
             place = prediction.layout["elevation"]
@@ -114,43 +116,52 @@ class WindowHints:
                 off = prediction.symmetry.difference(centres, np.float32(self.azimuth))
                 weight = np.exp(-0.5 * (off.astype(np.float64) / VIEW_SPREAD) ** 2)
             if len(self.vertices):
-                weight = weight * self._agreement(changed, centres, object_class, camera)
+                weight = weight * self._point_likelihood(changed, centres, object_class, camera)
             changed = replace(changed, azimuth=(weight / weight.sum()).astype(azimuth.dtype)[None])
         return changed
 
     def exclude(self, log_prior: np.ndarray) -> None:
-        """Take `SURE` nats from excluded labels: log prior (S, S, 3) of visible, hidden, background."""
-        log_prior[self.labels == PixelLabel.SEEN, 1:] -= SURE
-        log_prior[self.labels == PixelLabel.IN_FRONT, 0] -= SURE
-        log_prior[self.labels == PixelLabel.NOTHING, :2] -= SURE
+        """Lower a log prior (S, S, 3) of visible, hidden, background where labels rule these out."""
+        log_prior[self.labels == PixelLabel.SEEN, 1:] -= EXCLUDED_LABEL_NATS
+        log_prior[self.labels == PixelLabel.IN_FRONT, 0] -= EXCLUDED_LABEL_NATS
+        log_prior[self.labels == PixelLabel.BACKGROUND, :2] -= EXCLUDED_LABEL_NATS
         if self.visible:
-            log_prior[..., 1] -= SURE
+            log_prior[..., 1] -= EXCLUDED_LABEL_NATS
 
-    def _agreement(
+    def _point_likelihood(
         self, prediction: Prediction, azimuths: np.ndarray, object_class: ObjectClass, camera: Camera
     ) -> np.ndarray:
         """Return each azimuth's agreement (A,) with the points, exp(-r^2 / 2): float64, at most 1."""
-        best = prediction.best()
-        count = len(azimuths)
+        best, box = prediction.best(), box_in_window(prediction)
         vertices = object_class.shape_model.vertices(best.shape)
-        rotation, translation = camera.pose(azimuths, np.repeat(best.elevation, count))
-        seen = vertices @ rotation.swapaxes(1, 2) + translation[:, None]
-        places_in_window = camera.focal / camera.width * seen[..., :2] / seen[..., 2:]
-        least, most = places_in_window.min(1), places_in_window.max(1)
-        box = box_in_window(prediction)
-        shown = places_in_window[:, self.vertices]
-        if box is None:
-            scale, shift = np.ones((count, 1), np.float32), np.full((count, 2), 0.5, np.float32)
-        else:
-            there = np.array(box, np.float32)
-            # A guess of the framing: the projected box has the size and place of the predicted one.
-            scale = np.exp(0.5 * (np.log(there[2:]) - np.log(most - least)).sum(1, keepdims=True))
-            shift = there[:2] + there[2:] / 2 - scale * (least + most) / 2
-        off = np.square(scale[:, None] * shown + shift[:, None] - self.places).sum((1, 2)).astype(np.float64)
+        places = project(camera, vertices, azimuths, np.repeat(best.elevation, len(azimuths)))
+        # A guess of the framing: the projected box has the size and place of the predicted one.
+        framing = np.zeros((len(azimuths), 3), np.float32) if box is None else frame_box(places, box)
+        shift, scale = framing[:, None, :2] + 0.5, np.exp(framing[:, None, 2:])
+        off = np.square(scale * places[:, self.vertices] + shift - self.places).sum((1, 2)).astype(np.float64)
         # Relative to the best azimuth: only differences weigh the bins.
         off = off / COARSE_NOISE**2
         agreement: np.ndarray = np.exp(-0.5 * (off - off.min()))
         return agreement
+
+
+def project(camera: Camera, vertices: np.ndarray, azimuth: np.ndarray, elevation: np.ndarray) -> np.ndarray:
+    """Return places (B, V, 2) of vertices (B or 1, V, 3), in sides of the window from its middle."""
+    rotation, translation = camera.pose(azimuth, elevation)
+    seen = vertices @ rotation.swapaxes(1, 2) + translation[:, None]
+    places: np.ndarray = camera.focal / camera.width * seen[..., :2] / seen[..., 2:]
+    return places
+
+
+def frame_box(places: np.ndarray, box: tuple[float, float, float, float]) -> np.ndarray:
+    """Return shift and log magnification (B, 3) by which places (B, V, 2) fill a box, in sides of the window.
+
+    Magnification is the geometric mean of the boxes' widths and heights.
+    """
+    target, least, most = np.array(box, np.float32), places.min(1), places.max(1)
+    log_scale = 0.5 * (np.log(target[2:]).sum() - np.log(most - least).sum(1, keepdims=True))
+    shift = target[:2] + target[2:] / 2 - 0.5 - np.exp(log_scale) * (least + most) / 2
+    return np.concatenate([shift, log_scale], axis=1)
 
 
 @dataclass(frozen=True)
@@ -185,8 +196,8 @@ class Projection:
         return places
 
 
-class PlaceTerm(ABC):
-    """The objective's Gaussian of where things are in the window: log p, gradient and Gauss-Newton matrix."""
+class ReprojectionTerm(ABC):
+    """Gaussian of places in the window, a term of the objective: log p, gradient and Gauss-Newton matrix."""
 
     @abstractmethod
     def residuals(self, points: np.ndarray) -> np.ndarray:
@@ -212,8 +223,8 @@ class PlaceTerm(ABC):
         return found[:, 0].real, found.imag.swapaxes(1, 2) / COMPLEX_STEP
 
 
-class PointTerm(PlaceTerm):
-    """Place term of named points: vertices (J,) are at places (J, 2)."""
+class PointTerm(ReprojectionTerm):
+    """Term of named points: vertices (J,) are at places (J, 2)."""
 
     def __init__(self, vertices: np.ndarray, places: np.ndarray, projection: Projection):
         self.given, self.places = places.astype(np.float64), projection.of(vertices)
@@ -233,7 +244,7 @@ def outermost_vertices(vertices: np.ndarray, directions: int = 2000) -> np.ndarr
     return np.unique((towards @ vertices.T).argmax(1))
 
 
-class BoxTerm(PlaceTerm):
+class BoxTerm(ReprojectionTerm):
     """Term of the whole object's box (x, y, w, h), by the mean shape's outermost vertices."""
 
     def __init__(self, box: tuple[float, float, float, float], projection: Projection):

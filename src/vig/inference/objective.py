@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
-from vig.inference.hints import PlaceTerm
+from vig.inference.hints import ReprojectionTerm
 from vig.likelihood import Evaluation, Likelihood
 from vig.parallel.threads import thread_count
 from vig.scene import LatentLayout, Latents, ObjectClass, latent_layout
@@ -120,7 +120,7 @@ class Objective:
         recognition: RecognitionPrior | None = None,
         prior_weight: float = 1.0,
         decorated: np.ndarray | None = None,
-        terms: Sequence[PlaceTerm] = (),
+        terms: Sequence[ReprojectionTerm] = (),
         held: Mapping[str, float] = MappingProxyType({}),
     ):
         self.likelihood, self.object_class, self.decorated = likelihood, object_class, decorated
@@ -143,8 +143,8 @@ class Objective:
             self.lower[index] = self.upper[index] = number
         self.terms = terms
 
-    def of_likelihood(self, likelihood: Likelihood, terms: Sequence[PlaceTerm]) -> Objective:
-        """Return the objective of the photos at another scale."""
+    def with_likelihood(self, likelihood: Likelihood, terms: Sequence[ReprojectionTerm]) -> Objective:
+        """Return a copy with another likelihood, such as that of the photos at another scale."""
         other = copy.copy(self)
         other.likelihood, other.terms = likelihood, terms
         return other
@@ -176,7 +176,7 @@ class Objective:
             return np.zeros((len(points), FRAMING.size), points.dtype)
         return points[:, self.layout["framing"]]
 
-    def of_one(self, point: np.ndarray, sigma: float, derivatives: bool = True) -> Evaluation:
+    def evaluate_one(self, point: np.ndarray, sigma: float, derivatives: bool = True) -> Evaluation:
         """Evaluate one point (1, P') of the first photo."""
         return self(point, np.zeros(1, np.int32), np.array([sigma]), derivatives)
 

@@ -75,7 +75,7 @@ def objectives_of(
         )
         terms = () if hints is None else hints.terms(object_class, likelihood.camera, likelihood.layout)
         if objectives:
-            objectives[scale] = next(iter(objectives.values())).of_likelihood(likelihood, terms)
+            objectives[scale] = next(iter(objectives.values())).with_likelihood(likelihood, terms)
             continue
         objectives[scale] = Objective(
             likelihood,
@@ -135,7 +135,7 @@ def pixel_prior(
     the photo's colours outside the predicted object, where the photo is `valid`. With `decoration` d, a
     visible pixel has the rendered colour with probability 1 - d, else one of the photo's colours inside the
     predicted object. As that does not depend on the latents, it joins the hidden component. Labels that hints
-    exclude lose `SURE` nats. The Gaussian model, without outliers, stays as it is.
+    exclude lose `EXCLUDED_LABEL_NATS` nats. The Gaussian model, without outliers, stays as it is.
 
     Returns:
         Log prior (H, W, 3) of: visible with the rendered colour; hidden or decorated; background. And the

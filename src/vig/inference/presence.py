@@ -7,8 +7,10 @@ import numpy as np
 from vig.inference.settings import Fit, Verdict
 
 LEAST_PRESENT = 0.5
-"""Probability of presence below which the object counts as absent, and a place as none of several or of a
-lost one."""
+"""Probability of presence below which the object counts as absent; also that of each of several objects, and
+of a tracked one that is looked for again."""
+TRUSTED_PRESENCE = 0.7
+"""Probability of presence from which views and masks are trusted; chosen on the photos of docs/results.md."""
 
 
 def judge_presence(fit: Fit, present: float, name: str) -> Fit:
@@ -16,9 +18,7 @@ def judge_presence(fit: Fit, present: float, name: str) -> Fit:
 
     The confidence remains that of the view of an object that is there; 0 where it counts as absent.
     """
-    # 0.7: probability of presence from which views and masks are trusted; chosen on the photos of
-    # docs/results.md
-    sure = present >= 0.7
+    sure = present >= TRUSTED_PRESENCE
     judged = replace(fit, present=present, mask_trusted=fit.mask_trusted and sure)
     if present < LEAST_PRESENT:
         reason = f"no {name} was found in the photo; give a box if there is one"

@@ -1,4 +1,4 @@
-"""Starts round the recognition model's hypotheses, and their refinement by descents in stages."""
+"""Starts around the network's hypotheses, and their refinement by descents in stages."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vig.inference.families import LEAST_SHARE, family_shapes
+from vig.inference.families import MIN_FAMILY_PROBABILITY, family_shapes
+from vig.inference.hints import frame_box, project
 from vig.inference.objective import Objective
 from vig.inference.settings import ExplainSettings
 from vig.recognition import Prediction, box_in_window
@@ -31,14 +32,14 @@ class Selection:
         reverted: Whether the network's guess was kept because no end had `LEAST_GAIN_NATS` more evidence.
         start_evidence: Log posterior at that guess, nats.
         evaluations: Evaluations of the objective, by all starts together.
-        gap: Nats by which the best end of another view lies behind; infinite when there is none.
-        close: Whether that is less than `AMBIGUOUS_NATS`.
-        turned_deg: Turn of that end (when it is not close, of the recognition model's guess) about the
-            vertical, 0 to where it looks the same.
-        others: Points (n, P') of other views, the one of `turned_deg` first; at most `OTHER_VIEWS`, or
+        gap: Nats by which the score of the best end of another view is below; infinite where there is none.
+        ambiguous: Whether that is less than `AMBIGUOUS_NATS`.
+        rival_turn_deg: Turn about the vertical, 0 to where it looks the same, of that end; where it is not
+            ambiguous, of the recognition model's guess.
+        others: Points (n, P') of other views, the one of `rival_turn_deg` first; at most `OTHER_VIEWS`, or
             `UNINFORMED_VIEWS` where no network made a guess.
-        behind: For each of these, nats by which its score lies behind; NaN where it was not fitted to
-            the end.
+        score_gaps: For each of these, nats by which its score is below; NaN where it was not fitted to the
+            end.
         evidence: Log posterior at the point, that of a gain of the shading included, nats; None where it is
             yet to be evaluated.
         normal: (P', P') negative Gauss-Newton Hessian there; None where it is yet to be evaluated.
@@ -50,17 +51,17 @@ class Selection:
     start_evidence: float
     evaluations: int
     gap: float
-    close: bool
-    turned_deg: float
+    ambiguous: bool
+    rival_turn_deg: float
     others: np.ndarray
-    behind: tuple[float, ...]
+    score_gaps: tuple[float, ...]
     evidence: float | None = None
     normal: np.ndarray | None = None
 
     @property
     def rival_is_other_view(self) -> bool:
-        """Return whether `turned_deg` refers to another view."""
-        return self.turned_deg > math.degrees(DISTINCT_AZIMUTH)
+        """Return whether `rival_turn_deg` refers to another view."""
+        return self.rival_turn_deg > math.degrees(DISTINCT_AZIMUTH)
 
 
 def select(
@@ -72,7 +73,7 @@ def select(
     """
     best = int(ends.scores.argmax())
     start = start_point(objective, guess)
-    start_evidence = float(objective.of_one(start, sigma, derivatives=False).value[0])
+    start_evidence = float(objective.evaluate_one(start, sigma, derivatives=False).value[0])
     # By evidence alone: the view probability of the guess is the highest by its nature.
     reverted = informed and float(ends.evidence[best]) <= start_evidence + LEAST_GAIN_NATS
     point = start if reverted else ends.points[best : best + 1]
@@ -81,21 +82,21 @@ def select(
     # Ends of the chosen view are no rivals, however good.
     gaps = np.where(other_view, ends.scores[best] - ends.scores, math.inf)
     gap, rival = float(gaps.min()), int(gaps.argmin())
-    close = gap < AMBIGUOUS_NATS
+    ambiguous = gap < AMBIGUOUS_NATS
     nearest = ends.points[rival : rival + 1]
     # The ends by score, then the points that were given up; the guess comes second, or first where no end is
     # near.
     order = by_score(ends.scores)
-    candidates = np.concatenate([nearest, start, ends.points[order], ends.given_up])
-    unknown = np.full(1 + len(ends.given_up), math.nan)
-    gaps_behind = np.maximum(ends.scores[best] - ends.scores[order], 0.0)
-    behind = np.concatenate([gaps[rival : rival + 1], unknown[:1], gaps_behind, unknown[1:]])
+    candidates = np.concatenate([nearest, start, ends.points[order], ends.dropped])
+    unknown = np.full(1 + len(ends.dropped), math.nan)
+    end_gaps = np.maximum(ends.scores[best] - ends.scores[order], 0.0)
+    score_gaps = np.concatenate([gaps[rival : rival + 1], unknown[:1], end_gaps, unknown[1:]])
     if not informed:
-        kept = np.isfinite(behind)
-        candidates, behind = candidates[kept], behind[kept]
-    elif not close:
+        kept = np.isfinite(score_gaps)
+        candidates, score_gaps = candidates[kept], score_gaps[kept]
+    elif not ambiguous:
         swapped = [1, 0, *range(2, len(candidates))]
-        candidates, behind = candidates[swapped], behind[swapped]
+        candidates, score_gaps = candidates[swapped], score_gaps[swapped]
     most = OTHER_VIEWS if informed else UNINFORMED_VIEWS
     azimuths = objective.azimuth(np.concatenate([candidates, point]))  # the chosen one's is the last
     off = np.abs(symmetry.difference(azimuths, azimuths[:, None]))
@@ -110,10 +111,10 @@ def select(
         start_evidence,
         ends.evaluations,
         gap,
-        close,
+        ambiguous,
         math.degrees(turned),
         candidates[others],
-        tuple(behind[others].tolist()),
+        tuple(score_gaps[others].tolist()),
         None if reverted else float(ends.evidence[best]),
         None if reverted or ends.normal is None else ends.normal[best],
     )
@@ -141,7 +142,7 @@ class RefinedStarts:
         evidence: (S,) float64, log posterior in nats.
         scores: (S,) float64, evidence and weighted view log-probability, by which ends are compared.
         evaluations: Evaluations of the objective, in all stages.
-        given_up: (M, P') points that did not enter a later stage, the last ones and the best first.
+        dropped: (M, P') points that did not enter a later stage, the last ones and the best first.
         paths: (T, S, P') how the points were reached, from their starts on.
         normal: (S, P', P') negative Gauss-Newton Hessians at the points; None where the optimiser has none.
     """
@@ -150,7 +151,7 @@ class RefinedStarts:
     evidence: np.ndarray
     scores: np.ndarray
     evaluations: int
-    given_up: np.ndarray
+    dropped: np.ndarray
     paths: np.ndarray
     normal: np.ndarray | None = None
 
@@ -187,14 +188,14 @@ def refine(
         framing = framing_of_box(expected.latents, expected.box, objective) if settings.free_framing else None
         points = np.concatenate([start_point(objective, expected.latents, framing), points[elsewhere]])
     evidence = scores = np.zeros(len(points))
-    evaluations, given_up, paths = 0, points[:0], points[None]
+    evaluations, dropped, paths = 0, points[:0], points[None]
     for stage in settings.stages:
         # The first stage takes all starts, as their scores are 0 alike.
         azimuth = objective.azimuth(points)
-        entering = survivors(azimuth, scores, stage.starts, symmetry, stage.one_per_view)
+        entering = select_for_stage(azimuth, scores, stage.starts, symmetry, stage.one_per_view)
         order = by_score(scores)
         left = order[~np.isin(order, entering)]
-        given_up = np.concatenate([points[left], given_up])
+        dropped = np.concatenate([points[left], dropped])
         points, paths = points[entering], paths[:, entering]
         descent = settings.optimizer(
             objectives[stage.scale],
@@ -209,11 +210,11 @@ def refine(
         # A photo pooled to scale s has s^2 of the pixels, hence of the evidence's nats.
         scores = evidence + settings.view_weight * stage.scale**2 * view_log_probability
         evaluations += int(descent.evaluations.sum())
-    return RefinedStarts(points, evidence, scores, evaluations, given_up, paths, descent.normal)
+    return RefinedStarts(points, evidence, scores, evaluations, dropped, paths, descent.normal)
 
 
 def by_score(scores: np.ndarray) -> np.ndarray:
-    """Return indices from the highest score to the lowest; of equal ones the first first."""
+    """Return indices from the highest score to the lowest; ties keep their order."""
     return np.argsort(-scores, kind="stable")
 
 
@@ -226,7 +227,7 @@ def start_point(objective: Objective, latents: Latents, framing: np.ndarray | No
     return point.clip(objective.lower, objective.upper)
 
 
-def survivors(
+def select_for_stage(
     azimuth: np.ndarray,
     scores: np.ndarray,
     count: int,
@@ -283,7 +284,7 @@ def starts(
     noise = normal * repeated
     if object_class is not None:
         probability, shapes = family_shapes(prediction, object_class)
-        families = _allot(probability, LEAST_SHARE, count)
+        families = _allot(probability, MIN_FAMILY_PROBABILITY, count)
         if len(set(families)) > 1:
             # The last starts first, so that a second family is tried at each peak's repetitions.
             numbers[1:, layout["shape"]] = shapes[families[::-1][:-1]]
@@ -314,21 +315,15 @@ def framing_of_box(
     starts: Latents, box: tuple[float, float, float, float], objective: Objective
 ) -> np.ndarray:
     """Return level framings (B, 4) where each start has a box x, y, width, height, in sides of the window."""
-    camera, there = objective.likelihood.camera, np.array(box, np.float32)
     vertices = objective.object_class.shape_model.vertices(starts.shape)
-    rotation, translation = camera.pose(starts.azimuth, starts.elevation)
-    seen = vertices @ rotation.swapaxes(1, 2) + translation[:, None]
-    in_window = camera.focal / camera.width * seen[..., :2] / seen[..., 2:]
-    least, most = in_window.min(1), in_window.max(1)
+    places = project(objective.likelihood.camera, vertices, starts.azimuth, starts.elevation)
     framing = np.zeros((len(starts), FRAMING.size), np.float32)
-    # Magnification by the geometric mean of the boxes' widths and heights, then shift of their centres.
-    framing[:, 2] = 0.5 * (np.log(there[2:]).sum() - np.log(most - least).sum(1))
-    framing[:, :2] = there[:2] + there[2:] / 2 - 0.5 - np.exp(framing[:, 2:3]) * (least + most) / 2
+    framing[:, :3] = frame_box(places, box)
     return framing
 
 
 def _allot(probability: np.ndarray, least: float, count: int) -> list[int]:
-    """Return hypotheses of `count` starts: each likely one once, then the one with the largest deficit."""
+    """Assign `count` starts to hypotheses in proportion to probability (Sainte-Laguë)."""
     likely = np.flatnonzero(probability / probability.sum() > least)
     # A network that knows nothing spreads its probability over more hypotheses than pass the bound.
     if not len(likely):
@@ -338,7 +333,6 @@ def _allot(probability: np.ndarray, least: float, count: int) -> list[int]:
     remaining = list(range(len(share)))
     numbers = np.ones(len(share))
     while len(remaining) < count:
-        # Largest deficit against its share: the Sainte-Lague order.
         most = int(np.argmax(share * (count + 1) - numbers))
         remaining.append(most)
         numbers[most] += 1

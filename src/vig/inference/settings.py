@@ -21,7 +21,7 @@ MASK_RIGHT = 0.8
 class Verdict(Enum):
     """Reliability of an explanation; the value is a sentence for the user."""
 
-    TRUSTED = "the fit explains the photo better than the recognition model's guess"
+    TRUSTED = "the confidence in its view reaches the threshold that was chosen for the class"
     REVERTED = "the fit went astray; this is the recognition model's guess"
     AMBIGUOUS = "more than one explanation is within reach of the evidence"
     FAILED = "nothing of the object could be recognised in the photo"
@@ -43,13 +43,13 @@ class OtherView:
         latents: One (B = 1).
         framing: (4,), as in `Fit`.
         probability: Probability that it is the right view; NaN without a calibration.
-        behind: Nats by which its score lies behind the fit's; NaN where it was not fitted to the end.
+        score_gap: Nats by which its score is below the fit's; NaN where it was not fitted to the end.
     """
 
     latents: Latents
     framing: np.ndarray
     probability: float
-    behind: float = math.nan
+    score_gap: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -76,8 +76,8 @@ class Fit:
         mask_trusted: Whether that reaches the calibration's threshold.
         present: Probability that the photo shows the object at all, where it was found in it; NaN where its
             place was given.
-        view_threshold: Confidence from which a view is trusted, and mask_threshold a mask; NaN without a
-            calibration.
+        view_threshold: Confidence from which a view is trusted; NaN without a calibration.
+        mask_threshold: Confidence in the mask from which it is trusted; NaN without a calibration.
         confidence_features: (C,) float64, features from which these follow; see `CONFIDENCE_FEATURES`.
         evidence: Log posterior at the fit, with that of a gain of the shading where there is one, nats.
         start_evidence: Log posterior at the recognition model's guess, nats.
@@ -184,12 +184,12 @@ predictions of albedo and light of unfamiliar things would bend the shape. Real 
 the shape model, which the network sees. Half of the starts are given up where they stand, and one end of each
 view is fitted in the last stage, which takes fewer evaluations."""
 
-OPEN = tuple(name for name in PICTURE if name != "stages")
+CLASS_SETTINGS = tuple(name for name in PICTURE if name != "stages")
 """Settings that a class may set in its class.json where a user leaves them open."""
 
 
-BY_KIND: Any = None
-"""Default of a setting: the value of the class, else of the kind of photo, see `resolve`."""
+UNSET: Any = None
+"""Default of a setting that takes the class's value, else that of the kind of photo, see `resolve`."""
 
 
 @dataclass(frozen=True)
@@ -199,19 +199,19 @@ class ExplainSettings:
     Attributes:
         likelihood: The pixel model: `ROBUST`, `GAUSSIAN`, or `SPATIAL`, whose mask couples neighbours.
         stages: In turn; the last one's evidence decides. By default those of `PICTURE` or `PHOTO`.
-        peaks: Peaks of azimuth that the starts are shared out among, at most.
+        peaks: Number of azimuth peaks among which the starts are distributed, at most.
         informed: Whether a network has seen the photo; see `without_network`.
         mask_weight: How far the predicted per-pixel class probabilities enter the pixels' prior; 0 is the
             paper's constant alpha, 1 takes them fully.
         surroundings: How far the photo's own colours outside the object replace the uniform density, 0 to 1.
         decoration: Probability in [0, 1) that a visible pixel shows another of the object's own colours than
             the rendered one: painted decoration, a highlight.
-        recognition_weight: Power of the predicted Gaussians of all latents but azimuth in the prior; 0 leaves
-            these and azimuth's out.
-        appearance_weight: Additional power of those of albedo and light.
-        prior_weight: Power of the prior of all latents, those Gaussians included: evidence counts pixels as
-            independent, which they are not.
-        azimuth_weight: Power of a Gaussian of 8 degrees about the likely azimuth that is nearest.
+        recognition_weight: Exponent, in the prior, of the network's Gaussians of all latents but azimuth; 0
+            leaves them and the term of azimuth out.
+        appearance_weight: Additional exponent of the Gaussians of albedo and light.
+        prior_weight: Exponent of the prior of all latents, those Gaussians included: evidence counts pixels
+            as independent, which they are not.
+        azimuth_weight: Exponent of a Gaussian of 8 degrees about the nearest likely azimuth.
         view_weight: Weight of the network's view log-probability against evidence when ends are compared,
             for the same reason.
         self_shadow: Shade with self-shadowing and interreflection, where the class has a table of them.
@@ -242,15 +242,15 @@ class ExplainSettings:
     silhouette: str = "exact"
     calibrated: bool = True
     widened: bool = True
-    stages: tuple[Stage, ...] = BY_KIND
-    decoration: float = BY_KIND
-    appearance_weight: float = BY_KIND
-    prior_weight: float = BY_KIND
-    view_weight: float = BY_KIND
-    free_framing: bool = BY_KIND
-    camera_distance_ratio: float = BY_KIND
-    network_mask_share: float = BY_KIND
-    gain_deviation: float = BY_KIND
+    stages: tuple[Stage, ...] = UNSET
+    decoration: float = UNSET
+    appearance_weight: float = UNSET
+    prior_weight: float = UNSET
+    view_weight: float = UNSET
+    free_framing: bool = UNSET
+    camera_distance_ratio: float = UNSET
+    network_mask_share: float = UNSET
+    gain_deviation: float = UNSET
     calibration: FitCalibration | None = field(default=None, compare=False, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -310,10 +310,10 @@ def resolve(settings: ExplainSettings, object_class: ObjectClass, photo: bool = 
     by_user = {name: value for name, value in vars(settings).items() if value is not None}
     if by_user.keys() >= PICTURE.keys():
         return settings
-    unknown = object_class.fit_settings.keys() - set(OPEN)
+    unknown = object_class.fit_settings.keys() - set(CLASS_SETTINGS)
     if unknown:
         raise UserError(
-            f"expected fit settings of class '{object_class.name}' among {', '.join(OPEN)}; got"
+            f"expected fit settings of class '{object_class.name}' among {', '.join(CLASS_SETTINGS)}; got"
             f" '{min(unknown)}'. Correct its class.json."
         )
     for name, value in object_class.fit_settings.items():
@@ -330,7 +330,7 @@ def resolve(settings: ExplainSettings, object_class: ObjectClass, photo: bool = 
         raise UserError(f"in the settings of class '{object_class.name}': {error}") from error
 
 
-ALL_ROUND: dict[str, Any] = {
+NO_NETWORK: dict[str, Any] = {
     "stages": (
         Stage(36, 4, sigma=4.0, scale=0.5, tolerance=10.0),
         Stage(8, 6, sigma=4.0, scale=0.5, tolerance=10.0),
@@ -349,7 +349,7 @@ ALL_ROUND: dict[str, Any] = {
 
 def without_network(settings: ExplainSettings) -> ExplainSettings:
     """Return the settings for a photo without a network's prediction."""
-    return replace(settings, **ALL_ROUND)
+    return replace(settings, **NO_NETWORK)
 
 
 TRACKING: dict[str, Any] = {

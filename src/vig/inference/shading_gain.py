@@ -21,7 +21,7 @@ from vig.search.optimizer import Budget
 GRID = 4
 """Bumps along each side of a square about the object; their deviation is the distance of neighbours."""
 ROUNDS, BUDGET = 3, Budget(20, 0.3)
-"""Turns of gain and latents, and the budget of each turn's descent."""
+"""Alternations between gain and latents, and the budget of each descent."""
 FIRST_NOISE, LEAST_NOISE, MOST_NOISE = 2.0, 0.5, 3.0
 """Multiples of the pixel model's sigma: at first, and the bounds of the estimate."""
 WIDENING = 2.0
@@ -32,8 +32,6 @@ BRIGHTEST = 8.0
 """Greatest value of a divided photo, linear RGB; brighter pixels are highlights whatever the gain."""
 COVERED = 0.99
 """Share from which a pixel is wholly the object's; edges are a mixture."""
-LEAST_PIXELS = 50
-"""Visible pixels from which a gain is estimated."""
 
 
 def with_shading_gain(
@@ -58,10 +56,10 @@ def with_shading_gain(
         descent = settings.optimizer(divided, point, of_photo, noise, BUDGET)
         point, evaluations = descent.points, evaluations + int(descent.evaluations.sum()) + 1
         path.append(point if descent.path is None else descent.path[1:, 0])
-    evidence = float(divided.of_one(point, pixel_sigma, derivatives=False).value[0]) - penalty
+    evidence = float(divided.evaluate_one(point, pixel_sigma, derivatives=False).value[0]) - penalty
     if not evidence > selection.start_evidence:
         return objective, selection
-    normal = divided.of_one(point, max(noise, pixel_sigma)).normal
+    normal = divided.evaluate_one(point, max(noise, pixel_sigma)).normal
     assert normal is not None
     return divided, replace(
         selection,
@@ -96,12 +94,12 @@ def _gain(
     divided: objective under the gain so far, which gives visible pixels; precision: that of each bump's
     height, one over its variance.
     """
-    evaluation = divided.of_one(point, noise, derivatives=False)
+    evaluation = divided.evaluate_one(point, noise, derivatives=False)
     assert evaluation.posterior is not None and evaluation.coverage is not None
     assert evaluation.irradiance is not None
     coverage, observed = evaluation.coverage[0], objective.likelihood.observed[0]
     visible = (evaluation.posterior[0] * (coverage > COVERED)).ravel().astype(np.float64)
-    if float(visible.sum()) < LEAST_PIXELS:
+    if float(visible.sum()) < 50:  # pixels
         return None
     albedo = objective.latents(point).albedo[0].astype(coverage.dtype)
     rendered = evaluation.irradiance[0].reshape(-1, 1) * albedo
@@ -149,4 +147,4 @@ def _divide_by_gain(objective: Objective, gain: np.ndarray) -> Objective:
         likelihood.stride,
         likelihood.density,
     )
-    return objective.of_likelihood(corrected, objective.terms)
+    return objective.with_likelihood(corrected, objective.terms)

@@ -96,7 +96,7 @@ def explain_found(
         raise nothing
     chosen = [explainer for explainer, _, _ in places]
     alone = [
-        _with_source(explainer.explain_followed(picture, window, camera=lens and lens[0]), lens)
+        _with_source(explainer.explain_frame(picture, window, camera=lens and lens[0]), lens)
         for explainer, window, _ in places
     ]
     scene = on_one_core(partial(fit_jointly, alone, chosen))

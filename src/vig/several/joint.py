@@ -144,7 +144,7 @@ class _Refit:
         )
         prediction = self._level(self._share_light(prediction, settings.appearance_weight))
         labels = np.zeros(cut.shape[:2], np.uint8)
-        labels[elsewhere] = PixelLabel.NOTHING
+        labels[elsewhere] = PixelLabel.BACKGROUND
         labels[infront] = PixelLabel.IN_FRONT
         hints = WindowHints(
             labels, False, np.zeros(0, np.int64), np.zeros((0, 2), np.float32), None, None, {}

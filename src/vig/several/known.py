@@ -22,7 +22,7 @@ def find_known_together(
     likeliest first; None where none is. Of two at one place the likelier is taken.
     """
     whole = WholePhoto(photo)
-    seen = [each for one in explainers for each in one.explain_seen(whole, lens, most)]
+    seen = [each for one in explainers for each in one.find_and_explain(whole, lens, most)]
     chosen: list[Explanation] = []
     for each in sorted(seen, key=lambda each: -each.present):
         if each.present < LEAST_PRESENT or len(chosen) == most:

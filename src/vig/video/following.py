@@ -161,9 +161,7 @@ class Follower:
     def explain(self, frame: Photo, box: Box | None = None) -> tuple[Explanation, Sighting]:
         """Explain the next frame; box: round the object in it, where it was not seen before."""
         if self.place is None:
-            explanation = self.explainer.explain_followed(
-                frame, None, self.focal, self.hints, self.camera, box
-            )
+            explanation = self.explainer.explain_frame(frame, None, self.focal, self.hints, self.camera, box)
             sighting = Sighting.of(explanation)
             if not sighting.lost:
                 self.place, self.roll, self.albedo = sighting.place, sighting.camera.roll, sighting.albedo
@@ -195,7 +193,7 @@ class Follower:
         return explanation, replace(sighting, lost=True)
 
     def _at(self, frame: Photo, window: Window) -> tuple[Explanation, Sighting]:
-        explanation = self.explainer.explain_followed(
+        explanation = self.explainer.explain_frame(
             frame, window, self.focal, self.hints, self.camera, expected=self._expected_start(window)
         )
         seen = self.predict.latest

@@ -131,7 +131,7 @@ def track(
     for number, sighting in enumerate(alone):
         if trajectory.contradicts(number, sighting, fold):
             window, frame_hints = trajectory.expected_window(number, hints)
-            explanation = explainer.explain_followed(frames[number], window, focal, frame_hints, K)
+            explanation = explainer.explain_frame(frames[number], window, focal, frame_hints, K)
             again[number] = Sighting.of(explanation)
             if on_frame is not None:
                 on_frame(number, explanation)

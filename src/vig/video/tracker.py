@@ -167,7 +167,7 @@ class Tracker:
         if (known := self.explainer.known) is not None and known.is_followed(hints or Hints()):
             if hints is None and box is None:
                 lens = None if self._K is None else (self._K, "given")
-                look = partial(self.explainer.explain_seen, WholePhoto(picture), lens, 1)
+                look = partial(self.explainer.find_and_explain, WholePhoto(picture), lens, 1)
                 seen = on_one_core(look)
                 if not seen or seen[0].verdict is Verdict.ABSENT:
                     return None

@@ -17,7 +17,7 @@ from vig.photo.masks import mask_files
 from vig_app.cli.naming import by_photo
 from vig_app.cli.options import CameraOptions, HintOptions, changed_options
 
-MARK_CHANNELS = ((0, PixelLabel.IN_FRONT), (1, PixelLabel.SEEN), (2, PixelLabel.NOTHING))
+MARK_CHANNELS = ((0, PixelLabel.IN_FRONT), (1, PixelLabel.SEEN), (2, PixelLabel.BACKGROUND))
 """Labels of a pixel of marks whose red, green or blue stands out."""
 CAMERA_KEYS = {*MATRICES, PARAMETERS, *FIELDS[0]}
 """A mapping with one of these is a camera, not cameras by the photos' names."""

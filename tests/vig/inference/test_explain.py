@@ -24,7 +24,7 @@ from vig.inference import (
     resolve,
 )
 from vig.inference.calibration import LEAST_DEVIATION, UNCALIBRATED_WIDENING
-from vig.inference.confidence import MOST_GAP, _among_views, assess
+from vig.inference.confidence import MOST_GAP, _mixture_deviation, make_fit
 from vig.inference.posterior import objective_of, objectives_of, pixel_prior, prior_of
 from vig.inference.refinement import RefinedStarts, select
 from vig.inference.settings import PICTURE, Stage
@@ -258,7 +258,7 @@ def test_a_calibration_decides_the_verdict_and_widens_deviations(
         assert_close(found.deviation[azimuth], expected[azimuth])
     else:
         about_view = residual * scale[0, azimuth] * evidence[azimuth]
-        spread = _among_views(about_view, found.confidence, whole.prediction, found.latents.azimuth)
+        spread = _mixture_deviation(about_view, found.confidence, whole.prediction, found.latents.azimuth)
         assert found.deviation[azimuth] == pytest.approx(spread)
     flat = replace(given, likelihood=GAUSSIAN)  # of which nothing was learned
     assert math.isnan(explain_one(whole.photo, whole.prediction, teapot, flat).confidence)
@@ -307,7 +307,7 @@ def test_deviations_are_those_of_all_numbers_together(whole: Case, teapot: Objec
     """Of the inverse of the whole normal matrix: shape and albedo trade off against light and pose."""
     found = explain_one(whole.photo, whole.prediction, teapot, ending_at(whole.truth))
     objective = objective_of(whole.photo, whole.prediction.round_for_search(), teapot, SETTINGS)
-    normal = objective.of_one(objective.point(whole.truth), SETTINGS.likelihood.sigma).normal
+    normal = objective.evaluate_one(objective.point(whole.truth), SETTINGS.likelihood.sigma).normal
     size = len(found.deviation)
     matrix = normal[0, :size, :size].astype(np.float64)  # the framing is held
     expected = UNCALIBRATED_WIDENING * np.sqrt(np.linalg.inv(matrix).diagonal())
@@ -337,7 +337,7 @@ def judged(case: Case, teapot: ObjectClass, turned_deg: float, gap: float) -> Fi
     values = evidence_of(objective, points, sigma)
     ends = RefinedStarts(points, values, np.array([1000.0, 1000.0 - gap]), 1, points[:0], points[None])
     selection = select(objective, ends, case.prediction.best(), sigma)
-    return assess(objective, selection, case.prediction, SETTINGS, None)
+    return make_fit(objective, selection, case.prediction, SETTINGS, None)
 
 
 @pytest.mark.parametrize(
@@ -690,7 +690,7 @@ def test_recognition_weight_scales_the_predicted_gaussians(whole: Case, teapot: 
 
 def test_a_smaller_photo_holds_the_same_information_per_cell(whole: Case, teapot: ObjectClass) -> None:
     half = objectives_of(whole.photo, whole.prediction, teapot, SETTINGS, (0.5,))[0.5]
-    coverage = half.of_one(half.point(whole.truth), 0.1, derivatives=False).coverage[0]
+    coverage = half.evaluate_one(half.point(whole.truth), 0.1, derivatives=False).coverage[0]
     assert coverage.shape == (75, 75)
     cells = whole.amodal.reshape(75, 2, 75, 2).mean((1, 3))
     assert np.abs(coverage - cells).mean() < 0.01
@@ -725,5 +725,5 @@ def test_a_doubtful_azimuth_is_as_wide_as_its_views(
         azimuth = np.zeros((1, 72), np.float32)
         azimuth[0, int((350 + peak_deg) % 360 / 5)] = 1.0
     prediction = prediction_of(azimuth, np.zeros((1, 0), np.float32), 0.0)
-    found = _among_views(math.radians(5), confidence, prediction, np.float32([math.radians(350.0)]))
+    found = _mixture_deviation(math.radians(5), confidence, prediction, np.float32([math.radians(350.0)]))
     assert math.degrees(found) == pytest.approx(expected_deg, abs=2.0)

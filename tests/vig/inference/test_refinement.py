@@ -16,7 +16,7 @@ from vig.inference.refinement import (
     framing_of_box,
     framings,
     refine,
-    survivors,
+    select_for_stage,
 )
 from vig.inference.settings import Stage, for_tracking, resolve
 from vig.recognition.prediction import START_STEP, round_to_grid
@@ -101,12 +101,12 @@ def test_half_of_the_starts_go_on_by_score_the_others_by_view() -> None:
     azimuth = np.radians([0.0, 5.0, 350.0, 90.0, 95.0, 180.0])
     scores = np.array([10.0, 9.0, 8.0, 1.0, 2.0, 0.0])
     for count, expected in ((4, [0, 1, 4, 5]), (5, [0, 1, 2, 4, 5]), (6, [0, 1, 2, 4, 5, 3]), (1, [0])):
-        assert survivors(azimuth, scores, count).tolist() == expected
-    assert survivors(azimuth, scores, 4, one_per_view=True).tolist() == [0, 4, 5]
+        assert select_for_stage(azimuth, scores, count).tolist() == expected
+    assert select_for_stage(azimuth, scores, 4, one_per_view=True).tolist() == [0, 4, 5]
     # A view that looks the same is no other view.
     azimuth, scores = np.radians([10.0, 190.0, 100.0, 12.0]), np.array([9.0, 8, 1, 7])
     for symmetry, second in ((Symmetry.NONE, 1), (Symmetry.HALF_TURN, 2), (Symmetry.ANY_TURN, 1)):
-        assert survivors(azimuth, scores, 2, symmetry).tolist() == [0, second]
+        assert select_for_stage(azimuth, scores, 2, symmetry).tolist() == [0, second]
 
 
 def test_an_expected_start_is_tried_and_of_the_networks_those_elsewhere(teapot: ObjectClass) -> None:

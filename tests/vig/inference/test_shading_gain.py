@@ -65,7 +65,7 @@ def test_the_gain_is_the_shadow(studio, teapot: ObjectClass) -> None:
     photo, truth, prediction = shaded(studio)
     objective = objective_of(photo, prediction, teapot, VISIBLE)
     point = objective.point(truth)
-    rendered = objective.of_one(point, NOISE, derivatives=False)
+    rendered = objective.evaluate_one(point, NOISE, derivatives=False)
     darkened = falling()[..., None] * rendered.irradiance[0][..., None] * truth.albedo[0]
     covered = rendered.coverage[0] > 0.99
     darkened = np.where(covered[..., None], darkened, photo).astype(np.float32)
@@ -90,7 +90,7 @@ def test_a_divided_photo_has_the_density_of_the_photo(studio, teapot: ObjectClas
     assert_close(difference[..., 0], np.full_like(difference[..., 0], -3 * math.log(0.5)))
     assert not difference[..., 1:].any()
     one = _divide_by_gain(objective, np.ones(photo.shape[:2]))
-    assert one.of_one(point, 0.03).value == objective.of_one(point, 0.03).value
+    assert one.evaluate_one(point, 0.03).value == objective.evaluate_one(point, 0.03).value
 
 
 def test_where_nothing_is_visible_all_stays(studio, teapot: ObjectClass) -> None:
@@ -121,7 +121,7 @@ def test_evidence_counts_the_gain_and_curvature_is_under_the_photos_noise(
     point = objective.point(truth)
     divided, refined = with_shading_gain(objective, selected(point, -math.inf), settings)
     assert divided is not objective and refined.evidence is not None and refined.normal is not None
-    without_prior = divided.of_one(refined.point, settings.likelihood.sigma)
+    without_prior = divided.evaluate_one(refined.point, settings.likelihood.sigma)
     assert refined.evidence < without_prior.value
     assert without_prior.normal is not None
     ratio = refined.normal.diagonal() / without_prior.normal[0].diagonal()
