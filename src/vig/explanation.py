@@ -35,7 +35,7 @@ class Alternative:
     """Another view of the object that may be the right one.
 
     Attributes:
-        latents: All numbers (B = 1).
+        latents: Pose, shape, albedo and light (B = 1).
         camera: Camera of the whole photo.
         probability: Probability that it is the right view; NaN for a class without calibration.
     """
@@ -120,15 +120,15 @@ class Explanation:
         """Return the trusted parts of the answer: "view" where the verdict is "trusted", "mask" where its
         confidence reaches the threshold.
 
-        One does not follow from the other: from a view that is right textured things before the object may
-        be taken for painted object, and a mask may be right with a wrong view.
+        The two are independent: even with the right view a textured occluder may be taken for the object, and
+        a mask may be right with a wrong view.
         """
         view = ("view",) if self.verdict is Verdict.TRUSTED else ()
         return view + (("mask",) if self.fit.mask_trusted else ())
 
     @property
     def latents(self) -> Latents:
-        """Return all numbers of the explanation (B = 1)."""
+        """Return pose, shape, albedo and light (B = 1)."""
         return self.fit.latents
 
     @cached_property
@@ -146,7 +146,7 @@ class Explanation:
     def azimuth_deg(self) -> float:
         """Return the camera's azimuth about the object's vertical axis, degrees in [0, 360).
 
-        Views that look the same have the first: in [0, 180) if half a turn looks the same, 0 if any does.
+        Among views that look the same the smallest: in [0, 180) if half a turn does, 0 if any turn does.
         """
         return math.degrees(float(self.latents.azimuth[0])) % 360
 
@@ -207,8 +207,8 @@ class Explanation:
 
     @property
     def camera_from_mesh(self) -> np.ndarray | None:
-        """Return the rigid pose (4, 4) before the camera that took the photo of an object of one mesh, in the
-        axes and units of its file, OpenCV camera axes; None for other classes.
+        """Return the pose (4, 4) of the mesh, in the axes and units of its file, in the frame of the photo's
+        camera (OpenCV axes); None for classes that are not of one mesh.
         """
         described = camera_from_mesh(self._pinhole[1], self.object_class)
         return np.array(described["camera_from_mesh"]) if described else None
@@ -314,7 +314,7 @@ class Explanation:
         azimuth_deg: float | None = None,
         elevation_deg: float | None = None,
     ) -> np.ndarray:
-        """Draw the explained object in front of nothing: as in the photo, or relit, repainted, turned.
+        """Render the object on a transparent background: as in the photo, or relit, repainted, turned.
 
         Args:
             light: (9,) SH coefficients of incident radiance in the world frame.
@@ -334,10 +334,10 @@ class Explanation:
         changed: dict[str, np.ndarray] = {}
         for name, size, numbers in (("light", 9, light), ("albedo", 3, albedo)):
             if numbers is not None:
-                changed[name] = _numbers(name, size, numbers, 1.0 if name == "albedo" else math.inf)
+                changed[name] = _checked_numbers(name, size, numbers, 1.0 if name == "albedo" else math.inf)
         for name, angle in (("azimuth", azimuth_deg), ("elevation", elevation_deg)):
             if angle is not None:
-                changed[name] = np.deg2rad(_numbers(f"{name}_deg", 1, [angle], math.inf)[0])
+                changed[name] = np.deg2rad(_checked_numbers(f"{name}_deg", 1, [angle], math.inf)[0])
         latents, seen_by = replace(self.latents, **changed), camera or self.camera
         drawn = on_one_core(partial(draw_latents, latents, self.object_class, seen_by, samples=2))
         return np.concatenate([drawn.rgb, drawn.coverage[:, :, None]], axis=-1)
@@ -381,7 +381,7 @@ class Explanation:
     ) -> Path:
         """Write the files of docs/explanation.md into a folder, and return it.
 
-        Exports of another result that are there, see `export`, are removed.
+        Exports of an earlier result in the folder, see `export`, are removed.
 
         Args:
             folder: Folder, made when it is missing.
@@ -406,11 +406,11 @@ class Explanation:
     def export(self, folder: str | Path, formats: Sequence[str], photo: str = "photo") -> Path:
         """Write the explanation in the formats of other tools, docs/explanation.md; returns the folder.
 
-        Of an absent object no pose, scene or model is written, and one that is there is removed.
+        No pose, scene or model of an absent object is written, and those in the folder are removed.
 
         Args:
             folder: Folder of `save`, as some formats name its mask.
-            formats: Any of "blender", "bop", "coco", "nerfstudio", "ros" and "usd".
+            formats: Names of the modules in `vig_app.exports.formats`, such as "bop" or "usd".
             photo: Name of the photo in the files.
 
         Raises:
@@ -438,8 +438,8 @@ class Explanation:
     @cached_property
     def _pinhole_covariance(self) -> np.ndarray:
         matrix, pose = self._pinhole
-        layout = latent_layout(self.object_class.shape_model.modes).split(self.fit.deviation)
-        deviation = np.concatenate([layout["azimuth"], layout["elevation"], self.fit.framing_deviation])
+        blocks = latent_layout(self.object_class.shape_model.modes).split(self.fit.deviation)
+        deviation = np.concatenate([blocks["azimuth"], blocks["elevation"], self.fit.framing_deviation])
         covariance = self._geometry.covariance(matrix, self.latents, self.fit.framing, deviation)
         covariance[:3, :3] += self.position_covariance(pose, self.distance_known)
         return covariance
@@ -456,7 +456,7 @@ class Explanation:
 
     @property
     def position_units(self) -> np.ndarray:
-        """Return units of `Fit.position_deviation`, (3,) metres: the object's length, twice, its distance."""
+        """Return units of `Fit.position_deviation`, (3,) metres: the object's length twice, its distance."""
         length = float(np.ptp(self.vertices, axis=0).max())
         return np.array([length, length, float(np.linalg.norm(self._pinhole[1][:3, 3]))])
 
@@ -474,7 +474,7 @@ class Explanation:
 
     @property
     def distance_known(self) -> bool:
-        """Return whether the object's distance is more than a guess: focal length and class's size are known.
+        """Return whether the distance is metric: the focal length and the class's size are known.
 
         Even then distances are those of an object of the class's usual size.
         """
@@ -493,7 +493,7 @@ class Explanation:
         return png_bytes(self.overlay())
 
 
-def _numbers(name: str, size: int, value: Any, most: float) -> np.ndarray:
+def _checked_numbers(name: str, size: int, value: Any, most: float) -> np.ndarray:
     """Return (1, size) float32 from an argument of `Explanation.render`."""
     try:
         array: np.ndarray = np.asarray(numpy_of_tensor(value), np.float32)

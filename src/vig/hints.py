@@ -290,7 +290,7 @@ def checked_pose(value: Any, usual_distance: float) -> np.ndarray:
             received = f"an object behind the camera, z = {pose[2, 3]:.4g}"
             received += "; of OpenGL or Blender? Multiply by diag(1, -1, -1, 1) from the left"
         elif np.hypot(*pose[:2, 3]) > 3 * pose[2, 3]:
-            received = "an object far beside what the camera sees; is it object_from_camera? Take the inverse"
+            received = "an object far outside the camera's view; is it object_from_camera? Take the inverse"
     if received is not None:
         raise UserError(
             f"expected a pose as a rigid (4, 4) camera_from_object in metres, OpenCV axes; got {received}."

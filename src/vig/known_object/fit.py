@@ -78,7 +78,7 @@ class KnownObject:
         Args:
             pyramid: The photo.
             place: The place of the object in it.
-            lens: Of the photo; None: one as phones and webcams have.
+            lens: Intrinsics of the photo; None: those usual of phones and webcams.
             told: Its pose begins the search, in place of views all round; without one only views within
                 `DISTINCT` of its azimuth and elevation are tried.
         """

@@ -30,7 +30,7 @@ class PoseFollower:
 
     Attributes:
         known: The object.
-        lens: Of the camera.
+        lens: Intrinsics of the camera.
         pose: (4, 4) camera_from_object in the last frame that showed it, metres.
         speed: (4, 4) by which a pose is multiplied from the left, from frame to frame.
         usual: How far its print explains frames that show it, see `explained_share`.
@@ -45,8 +45,8 @@ class PoseFollower:
     missed: int = 0
 
     def step(self, pyramid: ImagePyramid) -> tuple[Window, Fit, float] | None:
-        """Return window, fit and ratio of the next frame, as `KnownObject.explain`; None where the pose that
-        is expected is beside what the lens sees.
+        """Return window, fit and ratio of the next frame, as `KnownObject.explain`; None where the
+        expected pose lies outside the camera's view.
         """
         lost = self.missed > 0
         expected = np.stack([self.speed @ self.pose, self.pose])[: 1 if lost else 2]

@@ -123,7 +123,7 @@ class ViewKeypoints:
         view: (N,) int32 numbers of their views.
         point: (N, 3) float32 where they are on the surface, metres from its middle.
         rotations: (DIRECTIONS, 3, 3) float64 from the surface to the views' cameras.
-        radius: Of the surface, metres.
+        radius: Radius of the surface, metres.
     """
 
     keypoints: Keypoints
@@ -159,7 +159,7 @@ class Matches:
 
     Attributes:
         photo: Keypoints of the photo.
-        lens: Of the photo.
+        lens: Intrinsics of the photo.
         views: Keypoints of the views.
         mine: (M,) numbers of the photo's.
         its: (M,) numbers of the views'.

@@ -31,7 +31,7 @@ class Place:
         seen: (H, W) bool, its visible pixels; None where they are not known.
         hidden: (H, W) bool, pixels in which something else is seen; None where none are known.
         whole: Whether nothing hides any of the object.
-        boxed: Whether the box is round the whole object, hidden parts included; else round what is seen.
+        boxed: Whether the box holds the whole object, hidden parts included; else its visible part.
     """
 
     box: Box
@@ -42,7 +42,7 @@ class Place:
 
     @staticmethod
     def of(box: Box | None, told: Hints) -> "Place":
-        """Return the place that a box or hints tell: without a box, that of what is known to be seen.
+        """Return the place that a box or hints give: without a box, that of the pixels known as visible.
 
         Raises:
             UserError: Nothing tells the place.
@@ -67,14 +67,14 @@ class ScoreWeights:
     Attributes:
         sigma: Standard deviation of log colours where the surface is seen.
         share: Share of such pixels; the others have a deviation of 1.
-        gain_deviation: Of the log gains of the channels about their mean.
-        slope_deviation: Of the log colours' slope along the normals, by which light comes from one side.
+        gain_deviation: Deviation of the channels' log gains about their mean.
+        slope_deviation: Deviation of the log colours' slope along the normals: light from one side.
         pixels: Independent pixels that the mean log-likelihood is worth against these priors.
         outline: Weight of the log overlap of pose and visible pixels.
         surroundings: Where these are not known, weight of the log-likelihood beyond that of the surroundings'
             colours, over the area of the box.
         unseen: Weight in it of pixels that a pose covers and that do not show the object.
-        box_deviation: Of the sides of the object's box, over its longer one.
+        box_deviation: Deviation of the sides of the object's box, over the longer one.
     """
 
     sigma: float = 0.2
@@ -141,7 +141,7 @@ class Picture:
 
     @cached_property
     def exposure(self) -> float:
-        """Return the factor by which what is seen in the box becomes as bright as surfaces usually are.
+        """Return the factor that makes the content of the box as bright as surfaces usually are.
 
         Else `LEAST_COLOUR` would hide the contrast of dark photos.
         """
@@ -153,7 +153,7 @@ class Picture:
     def surroundings(self) -> np.ndarray | None:
         """Return the log density (n, n) float32 of each log colour among those beside the box.
 
-        None where it is known what is seen of the object, or there is no box.
+        None where the visible pixels are known, or there is no box.
         """
         if self.outlined or self.box is None:
             return None
@@ -168,7 +168,7 @@ class Picture:
 
     @property
     def owned(self) -> np.ndarray:
-        """Return how far each pixel (n, n) may show the object: `seen`, or what the surroundings do not."""
+        """Return how far each pixel (n, n) may show the object: `seen`, or unlike the surroundings."""
         if self.surroundings is None:
             return self.seen
         owned = np.zeros_like(self.seen)

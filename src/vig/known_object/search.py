@@ -24,7 +24,7 @@ fewer than 200 remained."""
 SAME = math.radians(5.0)  # angle below which poses that were refined are one
 APART = math.radians(16.0)  # least angle between views that are refined
 LOOSE_OUTLINE = 1.0
-"""In place of `ScoreWeights.outline` for views where a box alone tells what is the object's."""
+"""`ScoreWeights.outline` for views where a box alone separates the object from its surroundings."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Stage:
     Attributes:
         count: How many poses.
         pixels: Pixels of the box's longer side.
-        evaluations: Of each pose.
+        evaluations: Number of evaluations of each pose.
         steps: First steps: radians, shares of the distance across and away.
         lag: Poses whose scores are lower than the best by more are left as they are.
     """
@@ -238,7 +238,7 @@ class Views:
     def about(self, picture: Picture, rotation: np.ndarray, depth: float, places: np.ndarray) -> Poses:
         """Return the poses at places (M, 2) in pixels, near a rotation (3, 3), that explain a picture best.
 
-        depth: Of the surface's middle, metres.
+        depth: Depth of the surface's middle, metres.
         """
         near = 1 + 2 * math.cos(math.radians(60.0))  # by which it may have turned while it was not seen
         turn, view = np.nonzero(

@@ -41,7 +41,7 @@ def judge(
         return Verdict.TRUSTED, "the surface explains the photo, and no other pose does as well", right
     reason = "another pose explains the photo about as well"
     if lead >= 0.5:
-        reason = "much of what the photo shows at this place is not explained by the surface"
+        reason = "much of the photo at this place is not explained by the surface"
     return Verdict.AMBIGUOUS, reason, right
 
 

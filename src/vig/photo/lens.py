@@ -235,7 +235,7 @@ def _numbers_in(value: Any) -> Iterator[Any]:
 
 
 def check_camera(camera: Any) -> None:
-    """Raise UserError for what is no camera in a form of `Intrinsics.of`, whatever the photo."""
+    """Raise UserError unless the camera has a form that `Intrinsics.of` takes, for any photo."""
     if not isinstance(camera, Intrinsics):
         _check_finite((camera, camera, 0.0, 0.0) if isinstance(camera, float) else _four_numbers(camera))
 

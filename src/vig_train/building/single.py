@@ -124,5 +124,5 @@ def _size(mesh: Path, own: float, length: float | None, object_class: ObjectClas
     elif fills_unit_cube(own):
         size = f"its longest side of {own:.3g} m is doubtful, as of meshes scaled to a unit cube"
     else:
-        size = f"its longest side is {taken:.3g} m, as the file's {own:.3g} m is beyond what is fitted"
+        size = f"its longest side is {taken:.3g} m, as the file's {own:.3g} m is out of range"
     return f"{size}, and distances are unknown: --length states it"

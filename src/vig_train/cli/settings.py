@@ -14,7 +14,7 @@ from vig_world import Split
 class Build:
     """Make a class pack from meshes of one kind of thing; can be interrupted and run again.
 
-    What is found can be told instead: look at build/2-upright.png, whose numbers --turn and --drop take.
+    These findings can be overruled: --turn and --drop take the numbers of build/2-upright.png.
     """
 
     meshes: tyro.conf.Positional[Path]
@@ -31,7 +31,7 @@ class Build:
     """The axis that the front faces in most of the files, such as +x (-z is written --front=-z); by default
     the side that reaches out farther."""
     shows: str = ""
-    """What the front shows, such as "the handle": for messages."""
+    """Name of the part in front, such as "the handle": for messages."""
     symmetry: Literal["none", "half-turn", "any-turn"] | None = None
     """The turn about the vertical under which such things look the same; by default it is found."""
     length: float | None = None

@@ -175,7 +175,7 @@ def _model_problems(root: Path, object_class: ObjectClass, size: Size) -> Iterat
         except (OSError, ValueError):
             same = False
         if not same:
-            yield f"{name}: missing or not what the class gives"
+            yield f"{name}: missing or not that of the class"
 
 
 def _read(folder: Path, name: str, value: str | None) -> tuple[bytes, list[str]]:

@@ -152,8 +152,8 @@ def _draw_placed_cutout(
         middle: (2,) place of its middle, in widths from the picture's middle.
         size: Its longest side, in widths of the picture.
         models: Models in files, to be drawn as well.
-        unlike: See `draw_cutout`, as for lookalike.
-        lookalike: Of props.
+        unlike: See `draw_cutout`.
+        lookalike: See `draw_cutout`.
     """
     if models is not None and rng.random() < MODEL_SHARE:
         cutout, mottled = models.draw(rng), MOTTLED_MODEL_SHARE
