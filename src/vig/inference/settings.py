@@ -78,7 +78,8 @@ class Fit:
             place was given.
         view_threshold: Confidence from which a view is trusted; NaN without a calibration.
         mask_threshold: Confidence in the mask from which it is trusted; NaN without a calibration.
-        confidence_features: (C,) float64, features from which these follow; see `CONFIDENCE_FEATURES`.
+        confidence_features: (C,) float64, features from which these follow, see `CONFIDENCE_FEATURES`; of a
+            known object that of `known_object.verdict.explained_share` alone.
         evidence: Log posterior at the fit, with that of a gain of the shading where there is one, nats.
         start_evidence: Log posterior at the recognition model's guess, nats.
         evaluations: Evaluations of the objective, by all starts together.

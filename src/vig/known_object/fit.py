@@ -16,7 +16,7 @@ from vig.known_object.keypoints import Keypoints, Matches, ViewKeypoints
 from vig.known_object.picture import WEIGHTS, Picture, Place
 from vig.known_object.search import VIEW_PIXELS, Poses, Stage, Views, locate
 from vig.known_object.surface import FILE, Surface
-from vig.known_object.verdict import DISTINCT, judge, print_explained, rivals_of
+from vig.known_object.verdict import DISTINCT, TRUSTED, judge, print_explained, rivals_of
 from vig.likelihood import SPATIAL, spatial_posterior
 from vig.photo import ImagePyramid, Intrinsics, Window
 from vig.photo.window import DISTANCE_RATIO_BOUNDS
@@ -257,9 +257,9 @@ class KnownObject:
         height, width = pyramid.shape[:2]
         if verdict is Verdict.TRUSTED and not (0 <= lens.cx <= width and 0 <= lens.cy <= height):
             reason = f"the principal point is beside the photo of {width} x {height}: is K of another size?"
-            verdict = Verdict.AMBIGUOUS
+            verdict, right = Verdict.AMBIGUOUS, 0.99 * TRUSTED  # below the threshold, as any verdict but trusted
         if not (visible > 0.5).any():
-            verdict, reason = Verdict.FAILED, Verdict.FAILED.value
+            verdict, reason, right = Verdict.FAILED, Verdict.FAILED.value, 0.0
         small = self._picture(pyramid, around, place, IMAGE_SIZE // 2).native(self.surface)
         sure = verdict is Verdict.TRUSTED or len(poses.scores) == 1
         deviation, framing_deviation = self._deviation(small, rotation, middle, latents, sure)
@@ -285,6 +285,7 @@ class KnownObject:
             evaluations=0,
             alternatives=tuple(OtherView(*views[number], math.nan, behind[number]) for number in rivals),
             descent=np.concatenate([latents.to_vector(), framing[None]], axis=1),
+            view_threshold=math.nan if math.isnan(right) or not picture.outlined else TRUSTED,
             position_deviation=np.zeros(3, np.float32),
         )
         return around, fit, ratio

@@ -57,7 +57,7 @@ class Fits:
 
     @staticmethod
     def of(fits: list[Fit], silhouette_masks: bool) -> "Fits":
-        """Stack single fits; whole: the silhouette is the mask."""
+        """Stack single fits; `silhouette_masks`: masks are the whole silhouettes."""
         return Fits(
             np.concatenate([fit.latents.to_vector().astype(np.float32) for fit in fits]),
             np.stack([fit.deviation.astype(np.float32) for fit in fits]),

@@ -353,7 +353,7 @@ def test_keypoints_tell_how_likely_a_pose_is(explainer: Explainer, monkeypatch: 
     boxed = explainer.explain(photo, **given)
     assert found.verdict is Verdict.TRUSTED and 0.91 <= found.confidence <= 1
     assert f"right with a probability of {found.confidence:.0%}" in found.report()
-    assert 0 <= boxed.confidence <= 1
+    assert 0 <= boxed.confidence <= 1 and boxed.to_dict()["trusted_from"]["view"] is None
     monkeypatch.setattr(Keypoints, "available", lambda: False)
     without = explainer.explain(photo, **given, hints=Hints(mask=mask))
     assert off(without.camera_from_object, pose)[0] < 4 and without.verdict is Verdict.AMBIGUOUS
@@ -389,6 +389,8 @@ def test_a_camera_of_another_photo_is_not_trusted_and_none_is_named(packed) -> N
     assert known.verdict is unknown.verdict is Verdict.TRUSTED and "K" not in known.reason
     assert "without K its distance is a guess" in unknown.reason
     assert aside.verdict is Verdict.AMBIGUOUS and "is K of another size?" in aside.reason
+    threshold = known.to_dict()["trusted_from"]["view"]
+    assert aside.confidence < threshold == 0.91 <= known.confidence
 
 
 def test_a_turn_that_looks_the_same_is_no_rival(tmp_path: Path) -> None:
