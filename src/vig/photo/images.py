@@ -16,7 +16,7 @@ from isal import isal_zlib
 from PIL import Image, UnidentifiedImageError
 
 from vig.io.errors import UserError
-from vig.io.files import atomic_write
+from vig.io.files import write_bytes
 from vig.photo.checks import check_size, existing_file, refuse
 from vig.photo.decoding import LINEAR, PHOTO, decode_picture, open_picture
 from vig.photo.formats import unread_samples
@@ -137,14 +137,6 @@ def coded_photo(photo: "Photo") -> np.ndarray:
     return clipped
 
 
-def eight_bit_photo(path: Path) -> np.ndarray:
-    """Return a picture's bytes (H, W, 3) uint8; UserError for one with more bits or transparency."""
-    picture = coded_photo(path)
-    if picture.dtype != np.uint8:
-        refuse(path, "an 8-bit picture without transparency", "another", "Save it so.")
-    return picture
-
-
 def write_png(path: str | Path, array: np.ndarray) -> None:
     """Write a picture as an 8-bit PNG, whole or not at all.
 
@@ -174,8 +166,7 @@ def write_png(path: str | Path, array: np.ndarray) -> None:
         array = srgb8_from_linear(array)
     elif array.dtype != np.uint8:
         raise ValueError(f"a picture must be uint8, bool or floating; got {array.dtype}. Convert it.")
-    with atomic_write(path) as temporary:
-        temporary.write_bytes(png_bytes(array))
+    write_bytes(path, png_bytes(array))
 
 
 def png_bytes(picture: np.ndarray) -> bytes:

@@ -11,7 +11,7 @@ from vig.inference import PixelLabel
 from vig.io.checks import MOST_TABLE, read_json, reading
 from vig.io.errors import UserError
 from vig.photo.checks import refuse
-from vig.photo.images import eight_bit_photo
+from vig.photo.images import coded_photo
 from vig.photo.lens import FIELDS, MATRICES, PARAMETERS
 from vig.photo.masks import mask_files
 from vig_app.cli.naming import by_photo
@@ -73,7 +73,9 @@ def parse_point(text: str) -> tuple[str, tuple[float, float]]:
 
 def read_marks(path: Path) -> np.ndarray:
     """Return marks (H, W) uint8, `PixelLabel`, from a picture."""
-    colours = eight_bit_photo(path).astype(int)
+    if (picture := coded_photo(path)).dtype != np.uint8:
+        refuse(path, "an 8-bit picture without transparency", "another", "Save it so.")
+    colours = picture.astype(int)
     marks = np.zeros(colours.shape[:2], np.uint8)
     for channel, kind in MARK_CHANNELS:
         others = np.delete(colours, channel, axis=-1).max(-1)

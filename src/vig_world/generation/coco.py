@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from vig.io.files import write_bytes
 from vig.photo.masks import box_of, run_lengths
 from vig.scene import ObjectClass
 from vig_world.dataset.format import OBJECT_ID, image_paths, read_info
 from vig_world.dataset.read import Dataset, image_bytes, read_dataset
-from vig_world.generation.files import refuse_used, write_bytes
+from vig_world.generation.files import refuse_used
 from vig_world.generation.keypoints import EDGES, OUTSIDE, class_of, keypoints, names_of
 
 

@@ -4,11 +4,12 @@ import json
 from pathlib import Path
 
 from vig.io.errors import UserError
+from vig.io.files import write_bytes
 from vig.scene import ObjectClass
 from vig_world.dataset.read import read_dataset
 from vig_world.dataset.spec import SPLITS
 from vig_world.generation.coco import bounding_box, copy_image
-from vig_world.generation.files import refuse_used, write_bytes
+from vig_world.generation.files import refuse_used
 from vig_world.generation.keypoints import class_of, keypoints, mirror_order, names_of
 
 DESCRIPTION = "data.yaml"

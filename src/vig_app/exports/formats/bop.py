@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from vig.explanation import Explanation
-from vig.io.files import atomic_write, write_json
+from vig.io.files import atomic_write, write_bytes, write_json
 from vig.photo.masks import box_of
 from vig.record import read_explanation
 from vig_app.exports.run import OBJECT_ID, SCENE_NUMBERS, ExportedRun
@@ -49,8 +49,7 @@ def write(folder: Path, explanation: Explanation, photo: str) -> None:
     rows += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]
     rows += [" ".join(f"{number:.4f}" for number in row) for row in MILLIMETRES * vertices]
     rows += [f"3 {a} {b} {c}" for a, b, c in faces]
-    with atomic_write(folder / MODEL) as temporary:
-        temporary.write_text("\n".join(rows) + "\n")
+    write_bytes(folder / MODEL, ("\n".join(rows) + "\n").encode())
 
 
 def bop_box(mask: np.ndarray) -> list[int]:
