@@ -125,16 +125,14 @@ def coded_photo(photo: "Photo") -> np.ndarray:
         refuse(name, "(H, W, 3) or (H, W)", f"shape {tuple(array.shape)}", remedy)
     check_size(name, array.shape[1], array.shape[0])
     if array.dtype == np.uint8:
-        byte: np.ndarray = array.copy()
-        return byte
+        return np.array(array, order="C")
     if not np.issubdtype(array.dtype, np.floating):
         refuse(name, "uint8 sRGB or floating-point linear RGB", str(array.dtype), "Convert it to uint8.")
     least, most = float(array.min()), float(array.max())
     if not (least >= -ROUNDING and most <= 1 + ROUNDING):  # NaN fails both
         remedy = "Are these 8-bit values? Pass them as uint8." if most > 1 else "Clip or clean it."
         refuse(name, "linear RGB in [0, 1]", f"values from {least:g} to {most:g}", remedy)
-    clipped: np.ndarray = np.clip(array, 0, 1).astype(np.float32, order="C")
-    return clipped
+    return np.asarray(np.clip(array, 0, 1).astype(np.float32, order="C"))
 
 
 def write_png(path: str | Path, array: np.ndarray) -> None:

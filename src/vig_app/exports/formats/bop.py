@@ -13,7 +13,7 @@ import numpy as np
 
 from vig.explanation import Explanation
 from vig.io.files import atomic_write, write_bytes, write_json
-from vig.photo.masks import box_of
+from vig.photo.masks import bop_box
 from vig.record import read_explanation
 from vig_app.exports.run import OBJECT_ID, SCENE_NUMBERS, ExportedRun
 
@@ -50,11 +50,6 @@ def write(folder: Path, explanation: Explanation, photo: str) -> None:
     rows += [" ".join(f"{number:.4f}" for number in row) for row in MILLIMETRES * vertices]
     rows += [f"3 {a} {b} {c}" for a, b, c in faces]
     write_bytes(folder / MODEL, ("\n".join(rows) + "\n").encode())
-
-
-def bop_box(mask: np.ndarray) -> list[int]:
-    """Return x, y, width, height round a mask (H, W) bool; -1 four times for nothing, as BOP has it."""
-    return list(box_of(mask) or (-1, -1, -1, -1))
 
 
 def score(explanation: Explanation) -> float | None:
