@@ -51,11 +51,11 @@ PLACES = [f"{package}.{name}" for package, names in ORDER.items() for name in na
 
 # The budget. A commit may lower a number; one that raises it says in CHANGELOG what was taken out for it.
 LINES = {
-    "vig_native": 7_944, "vig_renderer": 1_647, "vig": 14_717, "vig_app": 8_211, "vig_world": 17_471,
+    "vig_native": 7_944, "vig_renderer": 1_647, "vig": 14_717, "vig_app": 8_208, "vig_world": 17_470,
     "vig_train": 10_141, "vig_paper": 2_404,
 }  # fmt: skip
 CONSTANTS = 979
-REACHED_LINES = {"vig.explainer": 12_686, "vig_app.cli.fit": 18_378}
+REACHED_LINES = {"vig.explainer": 12_686, "vig_app.cli.fit": 18_376}
 """Lines of the modules that one imports, directly and indirectly: what is read to change it."""
 
 PICKLERS = {"pickle", "cPickle", "_pickle", "dill", "cloudpickle", "joblib", "shelve", "marshal"}

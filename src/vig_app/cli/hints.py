@@ -87,7 +87,7 @@ def read_marks(path: Path) -> np.ndarray:
 
 
 def read_pose(path: Path) -> np.ndarray:
-    """Return a pose from JSON: four lists of four numbers, or an object with them as `camera_from_object`."""
+    """Return a pose from JSON: lists of four numbers, or an object with them as `camera_from_object`."""
     with reading(path, "a 4 x 4 camera_from_object", "Write four lists of four numbers."):
         content: Any = read_json(path)
         if isinstance(content, dict):
@@ -96,9 +96,7 @@ def read_pose(path: Path) -> np.ndarray:
         pose = np.array(content, float)
         if pose.size == 16:
             pose = pose.reshape(4, 4)
-        elif pose.shape == (3, 4):
-            pose = np.concatenate([pose, [[0.0, 0, 0, 1]]])
-        if pose.shape != (4, 4):
+        if pose.shape not in ((4, 4), (3, 4)):  # without its last row, which `Hints.check` adds
             raise ValueError(f"its shape is {pose.shape}")
     return pose
 

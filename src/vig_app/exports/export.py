@@ -38,7 +38,7 @@ def export_explanation(
 
             _module(name).write_photos(Path(folder), *one_photo(explanation, photo))
         else:
-            _module(name).write(Path(folder), explanation, photo)
+            _module(name).write(Path(folder), explanation)
     return Path(folder)
 
 

@@ -27,8 +27,7 @@ def scene_camera(view: View, depth_scale: float) -> dict[str, Any]:
     The pixel in the upper left corner covers [0, 1] x [0, 1], as in the toolkit's renderers: for projections
     at which pixels' centres are whole numbers, take half a pixel from the principal point.
     """
-    camera = view.camera
-    matrix = [camera.focal, 0.0, camera.cx, 0.0, camera.focal, camera.cy, 0.0, 0.0, 1.0]
+    matrix = view.camera.K.ravel().tolist()
     rotation, translation = view.rotation.ravel().tolist(), (1000 * view.translation).tolist()
     return {"cam_K": matrix, "depth_scale": depth_scale, "cam_R_w2c": rotation, "cam_t_w2c": translation}
 

@@ -15,7 +15,7 @@ from vig_app.glb import bake, write_object
 FILES = tuple(f"blender/{name}" for name in "scene.py scene.json object.glb photo.png light.npy".split())
 
 
-def write(folder: Path, explanation: Explanation, photo: str) -> None:
+def write(folder: Path, explanation: Explanation) -> None:
     """Write the script and what it reads."""
     script, about, mesh, picture, light = (folder / name for name in FILES)
     write_png(picture, as_srgb(explanation.picture))

@@ -24,7 +24,7 @@ RUN_FILES = ("bop.csv",)
 POSE_COLUMNS = "scene_id,im_id,obj_id,score,R,t,time"
 
 
-def write(folder: Path, explanation: Explanation, photo: str) -> None:
+def write(folder: Path, explanation: Explanation) -> None:
     """Write the photo as image 0 of its scene."""
     pose, pixels, visible = explanation.camera_from_object, explanation.amodal.sum(), explanation.mask.sum()
     truth = {
