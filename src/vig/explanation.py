@@ -279,8 +279,7 @@ class Explanation:
 
     @cached_property
     def _vertices(self) -> np.ndarray:
-        vertices: np.ndarray = self.object_class.shape_model.vertices(self.latents.shape)[0]
-        return vertices
+        return np.asarray(self.object_class.shape_model.vertices(self.latents.shape)[0])
 
     @cached_property
     def points(self) -> dict[str, list[float]]:
@@ -344,13 +343,11 @@ class Explanation:
 
     def overlay(self) -> np.ndarray:
         """Return the photo (H, W, 3) uint8 with the object's outline in yellow, its hidden pixels in pink."""
-        picture: np.ndarray = output("overlay")(self)
-        return picture
+        return np.asarray(output("overlay")(self))
 
     def panels(self) -> np.ndarray:
         """Return photo, re-rendering, residual, normals and mask of the window side by side, (H, W, 3)."""
-        picture: np.ndarray = output("panels")(self)
-        return picture.copy()
+        return np.array(output("panels")(self))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of `explanation.json`, see `vig.record`."""
@@ -369,8 +366,7 @@ class Explanation:
             hints=HintsRecord(**(self.hints.to_plain() if self.hints else {})),
         )
         # Numbers of numpy are among a window's and a camera's.
-        plain: dict[str, Any] = msgspec.to_builtins(described, enc_hook=float)
-        return plain
+        return dict(msgspec.to_builtins(described, enc_hook=float))
 
     def save(
         self,
@@ -392,8 +388,7 @@ class Explanation:
         Raises:
             UserError: The folder cannot be written, or there is no such file.
         """
-        saved: Path = output("save")(self, folder, photo, files, full_size)
-        return saved
+        return Path(output("save")(self, folder, photo, files, full_size))
 
     def report(self, photo: str = "photo") -> str:
         """Return a page of HTML that shows the explanation in any browser, in one file, without the network.
@@ -410,14 +405,13 @@ class Explanation:
 
         Args:
             folder: Folder of `save`, as some formats name its mask.
-            formats: Names of the modules in `vig_app.exports.formats`, such as "bop" or "usd".
+            formats: Names of formats, which docs/explanation.md and `vig fit --help` list.
             photo: Name of the photo in the files.
 
         Raises:
             UserError: There is no such format, its library is not installed, or the folder cannot be written.
         """
-        exported: Path = output("export")(self, folder, formats, photo)
-        return exported
+        return Path(output("export")(self, folder, formats, photo))
 
     def pinhole_pose(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the pose in the frame of the camera that took the photo, as robots need it.
@@ -451,8 +445,7 @@ class Explanation:
         """
         axes, deviations = sight_axes(pose), self.fit.position_deviation.astype(np.float64)
         deviations[2] = deviations[2] if distance_known else 1.0
-        covariance: np.ndarray = (axes * (deviations * self.position_units) ** 2) @ axes.T
-        return covariance
+        return np.asarray((axes * (deviations * self.position_units) ** 2) @ axes.T)
 
     @property
     def position_units(self) -> np.ndarray:

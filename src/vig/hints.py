@@ -302,8 +302,7 @@ def _share(mask: np.ndarray, window: Window) -> np.ndarray:
     """Return the share (S, S) of the window's pixels that a mask (H, W) bool covers; 0 beyond the photo."""
     grey = np.repeat(mask[:, :, None].astype(np.float32), 3, axis=2)
     cut, inside = window.crop(grey)
-    share: np.ndarray = cut[..., 0] * inside
-    return share
+    return np.asarray(cut[..., 0] * inside)
 
 
 def _beyond(box: tuple[float, float, float, float], window: Window) -> np.ndarray:
@@ -313,8 +312,7 @@ def _beyond(box: tuple[float, float, float, float], window: Window) -> np.ndarra
     # 0.03: the object may reach beyond a box drawn by hand by this share of its longer side
     margin = 0.03 * max(box[2:])
     off_x, off_y = abs(x - box[0] - box[2] / 2) - box[2] / 2, abs(y - box[1] - box[3] / 2) - box[3] / 2
-    beyond: np.ndarray = np.maximum(off_x, off_y) > margin
-    return beyond
+    return np.asarray(np.maximum(off_x, off_y) > margin)
 
 
 def _finite(what: str, value: Any, count: int) -> tuple[Any, ...]:

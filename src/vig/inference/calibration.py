@@ -19,7 +19,7 @@ import numpy as np
 
 from vig.io.checks import check_number, decode, read_json, reading
 from vig.io.errors import UserError
-from vig.io.files import atomic_write
+from vig.io.files import write_bytes
 from vig.likelihood.pixel import DEFAULT_DENSITY
 from vig.scene import ObjectClass, latent_layout
 from vig.scene.functions import sigmoid
@@ -128,8 +128,7 @@ class FitCalibration:
 
     def save(self, path: Path) -> None:
         """Write as JSON."""
-        with atomic_write(path) as temporary:
-            Path(temporary).write_text(self.to_json())
+        write_bytes(path, self.to_json().encode())
 
     @staticmethod
     def load(path: Path) -> FitCalibration:

@@ -93,10 +93,15 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
             temporary.unlink()
 
 
+def write_bytes(path: str | Path, data: bytes) -> None:
+    """Write a file, whole or not at all; see `atomic_write`."""
+    with atomic_write(path) as temporary:
+        temporary.write_bytes(data)
+
+
 def write_json(path: str | Path, described: Any, indent: int | None = 2) -> None:
     """Write a JSON file, whole or not at all; see `atomic_write`."""
-    with atomic_write(path) as temporary:
-        temporary.write_text(json.dumps(described, indent=indent) + "\n")
+    write_bytes(path, (json.dumps(described, indent=indent) + "\n").encode())
 
 
 def write_arrays(

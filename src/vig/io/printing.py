@@ -1,7 +1,10 @@
 """The lines that commands print."""
 
+import json
 import sys
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 
 def note(words: str) -> None:
@@ -9,9 +12,15 @@ def note(words: str) -> None:
     print(f"vig: {in_one_line(words)}", file=sys.stderr, flush=True)
 
 
-def end(folder: Path, words: str) -> None:
-    """End a command: print its output folder, then on stderr a summary and the next steps."""
-    print(folder, flush=True)
+def end(folder: Path, words: str, result: Mapping[str, Any] | None = None, lines: Iterable[Any] = ()) -> None:
+    """End a command: print lines and its output folder, then on stderr a summary and the next steps.
+
+    With the result that --json asks for print that alone, and the folder, as one JSON object.
+    """
+    if result is not None:
+        print(json.dumps({**result, "folder": str(folder)}, indent=2, default=str), flush=True)
+        return
+    print(*lines, folder, sep="\n", flush=True)
     note(words)
 
 

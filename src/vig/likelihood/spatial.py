@@ -78,8 +78,7 @@ def visible_log_odds(observed: np.ndarray, rendered: np.ndarray, log_prior: np.n
     density = functools.reduce(np.logaddexp, normals) - math.log(len(RESIDUAL_SCALES))
     # The hidden component is a density of linear colour: sRGB's slope there converts.
     slope = (1 / 2.4 - 1) * np.log(np.maximum(observed, 0.0031308)) + math.log(1.055 / 2.4)
-    log_odds: np.ndarray = log_prior[..., 0] - log_prior[..., 1] + density + slope.sum(-1)
-    return log_odds
+    return np.asarray(log_prior[..., 0] - log_prior[..., 1] + density + slope.sum(-1))
 
 
 def links(photo: np.ndarray, covered: np.ndarray, photographed: np.ndarray, model: SpatialMask) -> np.ndarray:
@@ -142,8 +141,7 @@ def graph_cut(log_odds: np.ndarray, covered: np.ndarray, weights: np.ndarray) ->
         here, there = _ends(step, *alone.shape[1:])
         both = strengths[:, index][:, *here] * (covered[:, *here] & covered[:, *there])
         links[:, 2 * index][:, *here] = links[:, 2 * index + 1][:, *there] = both
-    cut: np.ndarray = engine.minimum_cut(np.ascontiguousarray(covered), alone, links)
-    return cut
+    return np.asarray(engine.minimum_cut(np.ascontiguousarray(covered), alone, links))
 
 
 def _capacity(nats: np.ndarray) -> np.ndarray:

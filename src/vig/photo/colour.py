@@ -109,8 +109,7 @@ def _adapted_xyz(chromaticities: Sequence[float]) -> np.ndarray:
     matrix = primaries * np.linalg.solve(primaries, white)
     d65 = np.array([D65[0], D65[1], 1 - sum(D65)]) / D65[1]
     gain = (_BRADFORD @ d65) / (_BRADFORD @ white)
-    adapted: np.ndarray = np.linalg.solve(_BRADFORD, gain[:, None] * _BRADFORD) @ matrix
-    return adapted
+    return np.asarray(np.linalg.solve(_BRADFORD, gain[:, None] * _BRADFORD) @ matrix)
 
 
 def gamma(exponent: float) -> Curve:
@@ -121,16 +120,14 @@ def _pq(samples: np.ndarray) -> np.ndarray:
     """Return the light of samples by SMPTE ST 2084, in units of `SDR_WHITE`."""
     root = samples ** (32 / 2523)
     ratio = np.maximum(root - 3424 / 4096, 0) / (2413 / 128 - 2392 / 128 * root)
-    light: np.ndarray = 10_000 / SDR_WHITE * ratio ** (16384 / 2610)
-    return light
+    return np.asarray(10_000 / SDR_WHITE * ratio ** (16384 / 2610))
 
 
 def _hlg(samples: np.ndarray) -> np.ndarray:
     """Return light by ARIB STD-B67, scaled so that its system gamma of 1.2 gives 1000 cd/m2 on a display."""
     a, b, c = 0.17883277, 0.28466892, 0.55991073
     scene = np.where(samples <= 0.5, samples**2 / 3, (np.exp((samples - c) / a) + b) / 12)
-    scaled: np.ndarray = scene * (1000 / SDR_WHITE) ** (1 / 1.2)
-    return scaled
+    return np.asarray(scene * (1000 / SDR_WHITE) ** (1 / 1.2))
 
 
 _TRANSFERS: dict[int, Curve] = {
@@ -164,8 +161,7 @@ def tone_mapped(light: np.ndarray, peak: float) -> np.ndarray:
     """
     light = np.maximum(light, 0)
     largest = light.max(-1, keepdims=True)
-    mapped: np.ndarray = np.minimum(light * (1 + largest / peak**2) / (1 + largest), 1)
-    return mapped
+    return np.asarray(np.minimum(light * (1 + largest / peak**2) / (1 + largest), 1))
 
 
 def encoding_of(image: Image.Image, stated: Codes | None) -> Encoding | Profile | None:

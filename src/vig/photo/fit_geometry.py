@@ -64,8 +64,7 @@ class FitGeometry:
         straight = np.diag([self.window.focal, self.window.focal, 1.0])
         undone = np.eye(4)
         undone[:3, :3] = self.window.turn.T
-        pose: np.ndarray = undone @ turned_pose(camera, camera.camera_from_object(latents), straight)
-        return pose
+        return np.asarray(undone @ turned_pose(camera, camera.camera_from_object(latents), straight))
 
     def covariance(
         self, matrix: np.ndarray, latents: Latents, framing: np.ndarray, deviation: np.ndarray

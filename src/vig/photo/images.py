@@ -16,7 +16,7 @@ from isal import isal_zlib
 from PIL import Image, UnidentifiedImageError
 
 from vig.io.errors import UserError
-from vig.io.files import atomic_write
+from vig.io.files import write_bytes
 from vig.photo.checks import check_size, existing_file, refuse
 from vig.photo.decoding import LINEAR, PHOTO, decode_picture, open_picture
 from vig.photo.formats import unread_samples
@@ -125,24 +125,14 @@ def coded_photo(photo: "Photo") -> np.ndarray:
         refuse(name, "(H, W, 3) or (H, W)", f"shape {tuple(array.shape)}", remedy)
     check_size(name, array.shape[1], array.shape[0])
     if array.dtype == np.uint8:
-        byte: np.ndarray = array.copy()
-        return byte
+        return np.array(array, order="C")
     if not np.issubdtype(array.dtype, np.floating):
         refuse(name, "uint8 sRGB or floating-point linear RGB", str(array.dtype), "Convert it to uint8.")
     least, most = float(array.min()), float(array.max())
     if not (least >= -ROUNDING and most <= 1 + ROUNDING):  # NaN fails both
         remedy = "Are these 8-bit values? Pass them as uint8." if most > 1 else "Clip or clean it."
         refuse(name, "linear RGB in [0, 1]", f"values from {least:g} to {most:g}", remedy)
-    clipped: np.ndarray = np.clip(array, 0, 1).astype(np.float32, order="C")
-    return clipped
-
-
-def eight_bit_photo(path: Path) -> np.ndarray:
-    """Return a picture's bytes (H, W, 3) uint8; UserError for one with more bits or transparency."""
-    picture = coded_photo(path)
-    if picture.dtype != np.uint8:
-        refuse(path, "an 8-bit picture without transparency", "another", "Save it so.")
-    return picture
+    return np.asarray(np.clip(array, 0, 1).astype(np.float32, order="C"))
 
 
 def write_png(path: str | Path, array: np.ndarray) -> None:
@@ -174,8 +164,7 @@ def write_png(path: str | Path, array: np.ndarray) -> None:
         array = srgb8_from_linear(array)
     elif array.dtype != np.uint8:
         raise ValueError(f"a picture must be uint8, bool or floating; got {array.dtype}. Convert it.")
-    with atomic_write(path) as temporary:
-        temporary.write_bytes(png_bytes(array))
+    write_bytes(path, png_bytes(array))
 
 
 def png_bytes(picture: np.ndarray) -> bytes:

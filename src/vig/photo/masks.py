@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -28,6 +29,21 @@ def box_of(mask: np.ndarray) -> tuple[int, int, int, int] | None:
         return None
     x, y = int(columns[0]), int(rows[0])
     return x, y, int(columns[-1]) + 1 - x, int(rows[-1]) + 1 - y
+
+
+def bop_box(mask: np.ndarray, origin: tuple[int, int] = (0, 0)) -> list[int]:
+    """Return BOP's x, y, width, height of a mask (H, W) whose first pixel is at `origin`; -1s for none."""
+    if (box := box_of(mask)) is None:
+        return [-1] * 4
+    x, y, width, height = box
+    # Last minus first column and row: as bop_toolkit's calc_2d_bbox; its detections have COCO's boxes.
+    return [x + origin[0], y + origin[1], width - 1, height - 1]
+
+
+def coco_region(mask: np.ndarray) -> dict[str, Any]:
+    """Return COCO's segmentation, bbox and area of a mask (H, W) bool; the box of an empty one is all 0."""
+    box = list(box_of(mask) or (0, 0, 0, 0))
+    return {"segmentation": run_lengths(mask), "bbox": box, "area": int(np.count_nonzero(mask))}
 
 
 def run_lengths(mask: np.ndarray) -> dict[str, list[int]]:
@@ -71,10 +87,8 @@ def mask_of_picture(path: Path, image: Image.Image) -> np.ndarray:
             if 1 < len(colours) <= 64:
                 refuse(path, "a mask of one object", f"{len(colours)} colours", REMEDY)
         values = values.max(2)
-    by_value = _by_value(path, values) if alpha is None or (alpha == 255).all() else None
-    if by_value is not None:
-        return by_value
-    assert alpha is not None
+    if alpha is None or (alpha == 255).all():
+        return _by_value(path, values)
     by_alpha: np.ndarray = alpha > 127
     shades = np.unique(values)
     if len(shades) == 2 and shades[0] == 0:  # a mask by its colours, too

@@ -73,5 +73,4 @@ def _points_to(places: np.ndarray, reach: float) -> np.ndarray:
         np.minimum(nearest[step:], farther[:-step], out=nearest[step:])
         np.minimum(nearest[:-step], farther[step:], out=nearest[:-step])
     roots = np.sqrt(np.arange((most + 1) ** 2 + 1, dtype=np.float32))
-    distance: np.ndarray = roots[np.minimum(nearest, (most + 1) ** 2)]
-    return distance
+    return np.asarray(roots[np.minimum(nearest, (most + 1) ** 2)])

@@ -17,8 +17,7 @@ STEPS = 10  # Gauss-Newton steps, at most; three are enough for most poses
 def project(K: np.ndarray, pose: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Return x, y in pixels and depth in metres, (N, 3), of points (N, 3) in a frame of a pose (4, 4)."""
     seen = (points @ pose[:3, :3].T + pose[:3, 3]) @ K.T
-    placed: np.ndarray = np.c_[seen[:, :2] / seen[:, 2:], seen[:, 2]]
-    return placed
+    return np.asarray(np.c_[seen[:, :2] / seen[:, 2:], seen[:, 2]])
 
 
 def turned_pose(camera: Camera, pose: np.ndarray, matrix: np.ndarray) -> np.ndarray:
@@ -157,8 +156,7 @@ def _turn(vector: np.ndarray) -> np.ndarray:
     generator, angle = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]], np.float64), math.hypot(x, y, z)
     # Rodrigues' formula; sin(a) / a and (1 - cos(a)) / a^2 = (sin(a / 2) / (a / 2))^2 / 2, also at 0.
     sine, half = np.sinc(angle / math.pi), np.sinc(angle / (2 * math.pi))
-    rotation: np.ndarray = np.eye(3) + sine * generator + 0.5 * half**2 * generator @ generator
-    return rotation
+    return np.asarray(np.eye(3) + sine * generator + 0.5 * half**2 * generator @ generator)
 
 
 def covariance_at(covariance: np.ndarray, offset: np.ndarray, unit: float = 1.0) -> np.ndarray:
@@ -169,5 +167,4 @@ def covariance_at(covariance: np.ndarray, offset: np.ndarray, unit: float = 1.0)
     change = np.eye(6)
     change[:3, 3:] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
     change[:3] /= unit
-    moved: np.ndarray = change @ covariance @ change.T
-    return moved
+    return np.asarray(change @ covariance @ change.T)

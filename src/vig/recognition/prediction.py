@@ -29,8 +29,7 @@ def bin_centres(bins: int, fold: int = 1) -> np.ndarray:
 
 def round_to_grid(numbers: np.ndarray, step: float) -> np.ndarray:
     """Return the numbers rounded to multiples of `step`, a power of two, so that results are exact."""
-    rounded: np.ndarray = np.round(numbers / step) * step
-    return rounded
+    return np.asarray(np.round(numbers / step) * step)
 
 
 @dataclass(frozen=True)
@@ -151,8 +150,7 @@ class Prediction:
     def _smooth(self) -> np.ndarray:
         """Return the probability (bins,) float64 of the first photo's azimuth in a bin or two either side."""
         azimuth = self.azimuth[0].astype(np.float64)
-        smooth: np.ndarray = np.sum([np.roll(azimuth, offset) for offset in range(-2, 3)], axis=0)
-        return smooth
+        return np.asarray(np.sum([np.roll(azimuth, offset) for offset in range(-2, 3)], axis=0))
 
     def log_mass(self, azimuth: np.ndarray) -> np.ndarray:
         """Return log probability of the first photo's azimuth within 2.5 bins of each angle (B,), float64.
@@ -166,15 +164,13 @@ class Prediction:
         low = np.floor(at).astype(np.int64) % bins
         share = at - np.floor(at)
         mass = self._smooth[low] * (1 - share) + self._smooth[(low + 1) % bins] * share
-        logs: np.ndarray = np.log(np.maximum(mass, 1e-3))
-        return logs
+        return np.asarray(np.log(np.maximum(mass, 1e-3)))
 
     def azimuth_offsets(self, azimuth: np.ndarray) -> np.ndarray:
         """Return radians (bins,) by which each bin of azimuth lies off one (); of views alike the least."""
         bins = self.azimuth.shape[1]
         centres = bin_centres(bins, self.symmetry.fold)
-        offsets: np.ndarray = self.symmetry.difference(centres, azimuth)
-        return offsets
+        return np.asarray(self.symmetry.difference(centres, azimuth))
 
     def __getitem__(self, index: slice) -> Prediction:
         return Prediction(*(array[index] for array in self.arrays), symmetry=self.symmetry)

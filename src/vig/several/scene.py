@@ -40,8 +40,7 @@ class SceneExplanation:
         objects'.
         """
         shown = [self.objects[number] for number in self.shown] or self.objects
-        light: np.ndarray = np.mean([heading_light(each) for each in shown], axis=0)
-        return light
+        return np.asarray(np.mean([heading_light(each) for each in shown], axis=0))
 
     @property
     def shown(self) -> list[int]:
@@ -65,8 +64,7 @@ class SceneExplanation:
         """Return the photo (H, W, 3) uint8, each object's visible pixels tinted in a colour of its own and
         its whole outline drawn in it.
         """
-        picture: np.ndarray = output("scene_overlay")(self)
-        return picture
+        return np.asarray(output("scene_overlay")(self))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of `scene.json`."""
@@ -111,8 +109,7 @@ class SceneExplanation:
         Raises:
             UserError: The folder cannot be written, or there is no such file.
         """
-        saved: Path = output("scene_save")(self, folder, photo, export, files, full_size)
-        return saved
+        return Path(output("scene_save")(self, folder, photo, export, files, full_size))
 
     @property
     def order_note(self) -> str:
@@ -123,5 +120,4 @@ class SceneExplanation:
 
 def heading_light(each: Explanation) -> np.ndarray:
     """Return light (9,) in the frame that turns along with the camera."""
-    light: np.ndarray = rotate_z(each.latents.light[0], -each.latents.azimuth[0])
-    return light
+    return np.asarray(rotate_z(each.latents.light[0], -each.latents.azimuth[0]))

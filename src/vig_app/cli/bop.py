@@ -1,6 +1,5 @@
 """`vig bop`: poses of known objects in a data set in BOP's format, as bop_toolkit scores them."""
 
-import json
 import math
 import sys
 import time
@@ -84,10 +83,8 @@ def bop(settings: BopCommand) -> int:
                     note(problem)
                 poses, missed = poses + len(lines), missed + len(problems)
                 meter.advance(1)
-    if settings.json:
-        print(json.dumps({"poses": poses, "missed": missed, "file": str(settings.out / name)}))
-    else:
-        end(settings.out, f"found {poses} poses in {len(images)} images: {name}")
+    result = {"poses": poses, "missed": missed, "file": str(settings.out / name)} if settings.json else None
+    end(settings.out, f"found {poses} poses in {len(images)} images: {name}", result)
     return 0 if poses else 2
 
 

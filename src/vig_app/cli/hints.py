@@ -11,7 +11,7 @@ from vig.inference import PixelLabel
 from vig.io.checks import MOST_TABLE, read_json, reading
 from vig.io.errors import UserError
 from vig.photo.checks import refuse
-from vig.photo.images import eight_bit_photo
+from vig.photo.images import coded_photo
 from vig.photo.lens import FIELDS, MATRICES, PARAMETERS
 from vig.photo.masks import mask_files
 from vig_app.cli.naming import by_photo
@@ -73,7 +73,9 @@ def parse_point(text: str) -> tuple[str, tuple[float, float]]:
 
 def read_marks(path: Path) -> np.ndarray:
     """Return marks (H, W) uint8, `PixelLabel`, from a picture."""
-    colours = eight_bit_photo(path).astype(int)
+    if (picture := coded_photo(path)).dtype != np.uint8:
+        refuse(path, "an 8-bit picture without transparency", "another", "Save it so.")
+    colours = picture.astype(int)
     marks = np.zeros(colours.shape[:2], np.uint8)
     for channel, kind in MARK_CHANNELS:
         others = np.delete(colours, channel, axis=-1).max(-1)
@@ -85,7 +87,7 @@ def read_marks(path: Path) -> np.ndarray:
 
 
 def read_pose(path: Path) -> np.ndarray:
-    """Return a pose from JSON: four lists of four numbers, or an object with them as `camera_from_object`."""
+    """Return a pose from JSON: lists of four numbers, or an object with them as `camera_from_object`."""
     with reading(path, "a 4 x 4 camera_from_object", "Write four lists of four numbers."):
         content: Any = read_json(path)
         if isinstance(content, dict):
@@ -94,9 +96,7 @@ def read_pose(path: Path) -> np.ndarray:
         pose = np.array(content, float)
         if pose.size == 16:
             pose = pose.reshape(4, 4)
-        elif pose.shape == (3, 4):
-            pose = np.concatenate([pose, [[0.0, 0, 0, 1]]])
-        if pose.shape != (4, 4):
+        if pose.shape not in ((4, 4), (3, 4)):  # without its last row, which `Hints.check` adds
             raise ValueError(f"its shape is {pose.shape}")
     return pose
 

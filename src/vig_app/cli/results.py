@@ -21,12 +21,9 @@ def export(settings: ExportCommand) -> int:
     """Write and name the files; returns the exit code."""
     written = export_run(settings.results, settings.to, settings.out)
     folder = settings.out or settings.results
-    if settings.json:
-        print(json.dumps({"files": [str(path) for path in written], "folder": str(folder)}, indent=2))
-        return 0
-    print(*written, sep="\n")
     names = list_names(path.name for path in written)
-    end(folder, f"exported {names}: vig export --help says what reads it")
+    result = {"files": [*map(str, written)]} if settings.json else None
+    end(folder, f"exported {names}: vig export --help says what reads it", result, written)
     return 0
 
 
@@ -36,11 +33,8 @@ def gallery(settings: Gallery) -> int:
     shown, page = len(cards), settings.out / "index.html"
     title = f"{shown} objects explained" if shown == found else f"{shown} of {found} objects explained"
     write_page(page, gallery_html(cards, title))
-    if settings.json:
-        result = {"page": str(page), "photos": shown, "folder": str(settings.out)}
-        print(json.dumps(result, indent=2))
-    else:
-        end(settings.out, f"made a page: open {page}")
+    result = {"page": str(page), "photos": shown} if settings.json else None
+    end(settings.out, f"made a page: open {page}", result)
     if not settings.no_open and not settings.json and has_screen():
         webbrowser.open(page.resolve().as_uri())
     return 0

@@ -1,6 +1,5 @@
 """`vig fit --track`: one object through the frames of a folder or video, or before a camera."""
 
-import json
 import signal
 from collections.abc import Callable
 from functools import partial
@@ -94,13 +93,12 @@ def _track_live(command: FitCommand, live: str) -> int:
         note(f"{ended.problem} What came before stays.")
     if lost == len(poses):
         note(f"no {explainer.object_class.name} was found before the camera")
-    if options.json:
-        print(json.dumps({"frames": len(poses), "lost": lost, "folder": str(options.out)}))
-    elif options.quiet:
+    result = {"frames": len(poses), "lost": lost} if options.json else None
+    if options.quiet and result is None:
         print(options.out)
     else:
         path = f"{lost} of {len(poses)} frames are lost, the path is {options.out / TRACK}.csv"
-        end(options.out, f"tracked: {path}; watch {options.out / OVERLAY}")
+        end(options.out, f"tracked: {path}; watch {options.out / OVERLAY}", result)
     if ended.signal is not None:
         return 128 + ended.signal
     return 1 if ended.problem is not None or lost == len(poses) else 0

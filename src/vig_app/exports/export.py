@@ -38,7 +38,7 @@ def export_explanation(
 
             _module(name).write_photos(Path(folder), *one_photo(explanation, photo))
         else:
-            _module(name).write(Path(folder), explanation, photo)
+            _module(name).write(Path(folder), explanation)
     return Path(folder)
 
 
@@ -49,7 +49,7 @@ def export_run(
 
     Args:
         results: Folder of `vig fit` of several photos.
-        formats: Any of "bop", "coco", "coco-annotations", "cvat", "labelme" and "yolo".
+        formats: Any of those of `run_formats`.
         out: Folder for the files; by default that of the results.
         first_id: Number of the class in the dataset; where there are several classes that of the first by
             name, the others follow.

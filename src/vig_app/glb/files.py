@@ -14,7 +14,7 @@ from PIL import Image
 
 from vig import __version__
 from vig.explanation import Explanation
-from vig.io.files import atomic_write
+from vig.io.files import write_bytes
 from vig.photo.images import png_bytes
 from vig.record import glb_from_object
 from vig.scene import Camera, ObjectClass
@@ -139,8 +139,7 @@ def write_glb(
         file.add_object(each)
     file.add_node("camera", world_from_camera @ LOOKS_BACK, camera=0)
     file.described["cameras"] = [_camera(camera)]
-    with atomic_write(path) as temporary:
-        Path(temporary).write_bytes(file.data())
+    write_bytes(path, file.data())
 
 
 class _File:

@@ -13,7 +13,7 @@ from urllib.parse import quote
 import numpy as np
 from PIL import Image
 
-from vig.io.files import atomic_write
+from vig.io.files import write_bytes
 from vig.photo.outline import SMALLEST_PICTURE
 from vig_app.report.html import fill_template, jpeg_bytes, write_page
 from vig_app.results import VERDICTS, name_of
@@ -129,5 +129,4 @@ def reduce_picture(picture: np.ndarray, side: int = SMALLEST_PICTURE) -> np.ndar
 
 def write_thumbnail(folder: Path, thumbnail: np.ndarray) -> None:
     """Write a picture (h, w, 3) uint8 of `SMALLEST_PICTURE` pixels that pages and sheets show."""
-    with atomic_write(folder / THUMBNAIL_FILE) as temporary:
-        temporary.write_bytes(jpeg_bytes(thumbnail))
+    write_bytes(folder / THUMBNAIL_FILE, jpeg_bytes(thumbnail))

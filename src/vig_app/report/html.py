@@ -9,7 +9,7 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from PIL import Image
 
-from vig.io.files import atomic_write
+from vig.io.files import write_bytes
 from vig.photo.images import png_bytes
 
 QUALITY = 88  # quality of JPEG files, of at most 100
@@ -22,8 +22,7 @@ def fill_template(template: str, **content: Any) -> str:
 
 def write_page(path: Path, html: str) -> None:
     """Write a page, in whose text a photo's name may have bytes of no encoding."""
-    with atomic_write(path) as temporary:
-        temporary.write_text(html, encoding="utf-8", errors="replace")
+    write_bytes(path, html.encode(errors="replace"))
 
 
 def jpeg_bytes(picture: np.ndarray) -> bytes:

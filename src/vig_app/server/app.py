@@ -156,7 +156,7 @@ def app_of(service: Service, **limits: Any) -> FastAPI:
 
         def make(explanation: Explanation, folder: Path) -> Response:
             data = (explanation.save(folder / "result", "photo", [file]) / file).read_bytes()
-            verdict = {"X-Vig-Verdict": explanation.verdict.value}
+            verdict = {"X-Vig-Verdict": str(explanation.verdict)}
             return Response(data, headers=verdict, media_type=KINDS[file.rpartition(".")[2]])
 
         return service.answer(make, *posted.given)

@@ -2,6 +2,7 @@
 
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -79,7 +80,7 @@ class Walk:
         self.place = -1
         self.session: Session
         self.saved = False
-        self._explainers: dict[str, Explainer] = {}
+        self._explainer = cache(Explainer)
         self._ahead: tuple[int, Session] | None = None
 
     @staticmethod
@@ -130,9 +131,7 @@ class Walk:
             return self._ahead[1]
         item = self.items[place]
         photo, object_class, state = item.read()
-        if object_class not in self._explainers:
-            self._explainers[object_class] = Explainer(object_class)
-        return Session(self._explainers[object_class], photo, state, item.others())
+        return Session(self._explainer(object_class), photo, state, item.others())
 
     def step(self, by: int) -> str:
         """Open the next item in a direction, +1 or -1, that can be; returns why others could not be, and

@@ -1,6 +1,5 @@
 """`vig calibrate`: uncertainties of a network and of fits, calibrated on validation photos."""
 
-import json
 import shutil
 from math import inf
 
@@ -66,9 +65,7 @@ def calibrate(settings: Calibrate) -> int:
     calibration.save(folder / FILE)
     shutil.rmtree(fits, ignore_errors=True)
     lines += describe(calibration, samples)
-    if settings.json:
-        print(json.dumps({"report": lines, "calibration": str(folder / FILE), "folder": str(folder)}))
-    else:
-        print("\n".join(lines))
-        end(folder, f"calibrated: {folder / FILE} holds for its weights; vig evaluate measures them")
+    path = folder / FILE
+    result = {"report": lines, "calibration": str(path)} if settings.json else None
+    end(folder, f"calibrated: {path} holds for its weights; vig evaluate measures them", result, lines)
     return 0

@@ -1,7 +1,6 @@
 """`vig class train`: recognition weights for a class pack within a budget of minutes."""
 
 import contextlib
-import json
 import sys
 from math import inf
 
@@ -27,12 +26,7 @@ def train_class(settings: TrainClass) -> int:
             settings.pack, settings.minutes, settings.seed, settings.workers, props=str(settings.props or "")
         )
         errors = training.run()
-    if settings.json:
-        print(json.dumps({"folder": str(settings.pack), "steps": training.record.data["steps"]} | errors))
-    else:
-        end(
-            settings.pack,
-            f"trained: vig fit photo.jpg --class {settings.pack} takes it; its errors are in"
-            f" {settings.pack / 'card.md'}",
-        )
+    card = settings.pack / "card.md"
+    words = f"trained: vig fit photo.jpg --class {settings.pack} takes it; its errors are in {card}"
+    end(settings.pack, words, {"steps": training.record.data["steps"]} | errors if settings.json else None)
     return 0

@@ -1,7 +1,6 @@
 """`vig class VERB`: the work of each verb."""
 
 import itertools
-import json
 import re
 import time
 from math import inf
@@ -63,31 +62,26 @@ def build(settings: Build) -> int:
         class_training.ClassTraining(settings.out, quick, workers=settings.workers, say=say).run()
     (settings.out / BUILD_COMMAND).unlink(missing_ok=True)
     is_trained = (settings.out / WEIGHTS_FILE).exists()
-    if settings.json:
-        errors, components = result.components.errors, len(result.components.basis)
-        described = {
-            "folder": str(settings.out),
-            "meshes": len(result.scans),
-            "taken": {result.scans[number].name: split for number, split in result.splits.items()},
-            "refused": result.refused,
-            "symmetry": result.upright.symmetries.symmetry,
-            "components": components,
-            "leave_one_out": errors[components] if errors else None,
-        }
-        print(json.dumps(described, indent=2))
-        return 0
+    errors, components = result.components.errors, len(result.components.basis)
+    described = {
+        "meshes": len(result.scans),
+        "taken": {result.scans[number].name: split for number, split in result.splits.items()},
+        "refused": result.refused,
+        "symmetry": result.upright.symmetries.symmetry,
+        "components": components,
+        "leave_one_out": errors[components] if errors else None,
+    }
     upright = settings.out / "build" / "2-upright.png"
-    print(f"look at {settings.out / 'card.md'}; where {upright} is wrong: --up, --front, --turn, --drop")
+    look = f"look at {settings.out / 'card.md'}; where {upright} is wrong: --up, --front, --turn, --drop"
     train = f"vig class train {settings.out} gives it a good recognizer"
     if class_training is None:
         train = f"pip install 'vig[train]', then {train}"
     taken, refused = len(result.splits), len(result.refused)
     of = f" of {taken} of {taken + refused} meshes, {refused} refused (see {settings.out / 'card.md'})"
     made = "made a class" + (of if refused else "")
-    if is_trained:
-        end(settings.out, f"{made}: vig fit photo.jpg --class {settings.out} takes it; {train}")
-    else:
-        end(settings.out, f"{made}, without a recognizer: {train}")
+    without = "" if is_trained else ", without a recognizer"
+    use = f"vig fit photo.jpg --class {settings.out} takes it; " if is_trained else ""
+    end(settings.out, f"{made}{without}: {use}{train}", described if settings.json else None, [look])
     return 0
 
 

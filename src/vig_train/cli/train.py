@@ -1,6 +1,5 @@
 """`vig train`: a recognition network trained on datasets."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import replace
 from math import ceil, inf
@@ -69,13 +68,9 @@ def train(settings: Train) -> int:
         )
         log = TrainingLog(settings.out)
         path = train_network(datasets, settings.out, chosen, report, log.add, not settings.json)
-    if settings.json:
-        described = {} if settings.map_alone else {"log": lines}
-        print(json.dumps({"weights": str(path), **described, "folder": str(settings.out)}))
-    else:
-        print(path)
-        next_steps = f"vig calibrate DATASETS --weights {path}, then vig evaluate --weights ..."
-        end(settings.out, f"trained: next, {next_steps}")
+    result = {"weights": str(path)} if settings.map_alone else {"weights": str(path), "log": lines}
+    next_steps = f"vig calibrate DATASETS --weights {path}, then vig evaluate --weights ..."
+    end(settings.out, f"trained: next, {next_steps}", result if settings.json else None, [path])
     return 0
 
 

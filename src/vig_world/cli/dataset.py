@@ -1,6 +1,5 @@
 """`vig dataset VERB`: the work of each verb."""
 
-import json
 import re
 import sys
 from dataclasses import asdict
@@ -40,17 +39,17 @@ def make(settings: Make) -> int:
         normals=settings.normals,
     )
     described = describe_split(folder, settings.split)
-    if settings.json:
-        print(json.dumps({"folder": str(folder)} | asdict(settings) | described, default=str))
-        return 0
     deciles = [f"{10 * i}-{10 * i + 10}%: {n}" for i, n in enumerate(described["occlusion_deciles"])]
-    print("hidden    " + "  ".join(deciles))
     reasons = ", ".join(
         f"{REASONS.get(name, name)} {count}" for name, count in described["rejections"].items()
     )
     redrawn = described["rejections_per_sample"]
-    print(f"redrawn   {redrawn:.1f} placements a sample, before one suited ({reasons or 'none'})")
-    end(folder, f"made a dataset: vig dataset show {folder} draws a sheet of it")
+    lines = [
+        "hidden    " + "  ".join(deciles),
+        f"redrawn   {redrawn:.1f} placements a sample, before one suited ({reasons or 'none'})",
+    ]
+    result = asdict(settings) | described if settings.json else None
+    end(folder, f"made a dataset: vig dataset show {folder} draws a sheet of it", result, lines)
     return 0
 
 
@@ -103,18 +102,16 @@ def check(settings: Check) -> int:
     own = _own(settings)
     findings = [check_dataset(settings.dataset, name, settings.render, object_class, own) for name in splits]
     clean = all(of_split.clean for of_split in findings)
-    if settings.json:
-        splits_found = {of_split.split: asdict(of_split) | {"clean": of_split.clean} for of_split in findings}
-        print(json.dumps({"clean": clean, "splits": splits_found, "folder": str(settings.dataset)}))
-        return 0 if clean else 1
+    lines = []
     for of_split in findings:
-        for problem in of_split.problems[:SHOWN]:
-            print(f"{of_split.split}: {problem}")
+        lines += [f"{of_split.split}: {problem}" for problem in of_split.problems[:SHOWN]]
         if len(of_split.problems) > SHOWN:
-            print(f"{of_split.split}: and {len(of_split.problems) - SHOWN} more (--json lists them)")
-        print(of_split.summary())
+            lines.append(f"{of_split.split}: and {len(of_split.problems) - SHOWN} more (--json lists them)")
+        lines.append(of_split.summary())
+    splits_found = {of_split.split: asdict(of_split) | {"clean": of_split.clean} for of_split in findings}
+    result = {"clean": clean, "splits": splits_found} if settings.json else None
     found = "it is as it was made" if clean else "some of it is not as it was made; make that split again"
-    end(settings.dataset, f"checked: {found}")
+    end(settings.dataset, f"checked: {found}", result, lines)
     return 0 if clean else 1
 
 
@@ -142,13 +139,9 @@ def show(settings: Show) -> int:
             print(f"vig: {error} The sheet has no keypoints.", file=sys.stderr)
     contact_sheet(dataset, sheet, settings.count, not settings.plain, object_class)
     distributions = histograms(settings.dataset, split, out / f"histograms-{split}.png")
-    if settings.json:
-        described = {"sheet": str(sheet), "histograms": str(distributions), "split": split}
-        print(json.dumps(described | describe_split(settings.dataset, split) | {"folder": str(out)}))
-        return 0
-    print(sheet)
-    print(distributions)
-    end(out, f"drawn: open {sheet}, and {distributions.name} beside it")
+    described = {"sheet": str(sheet), "histograms": str(distributions), "split": split}
+    result = described | describe_split(settings.dataset, split) if settings.json else None
+    end(out, f"drawn: open {sheet}, and {distributions.name} beside it", result, (sheet, distributions))
     return 0
 
 
@@ -167,10 +160,8 @@ def export(settings: ExportDataset) -> int:
     else:
         exporters = {"coco-keypoints": export_coco_keypoints, "yolo-pose": export_yolo_pose}
         exporters[settings.to](*where, _class(settings.object_class))
-    if settings.json:
-        print(json.dumps({"folder": str(out)}))
-    else:
-        end(out, f"exported: {READERS[settings.to]} reads it; docs/dataset.md says what it holds")
+    result = dict[str, str]() if settings.json else None
+    end(out, f"exported: {READERS[settings.to]} reads it; docs/dataset.md says what it holds", result)
     return 0
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.distance import pdist
 
+from vig.photo.masks import bop_box
 from vig.scene import Camera, ObjectClass, Symmetry
 from vig_world.dataset.format import DEPTH_SCALES, OBJECT_ID, Size
 from vig_world.mesh import Mesh, vertex_normals
@@ -26,8 +27,7 @@ def scene_camera(view: View, depth_scale: float) -> dict[str, Any]:
     The pixel in the upper left corner covers [0, 1] x [0, 1], as in the toolkit's renderers: for projections
     at which pixels' centres are whole numbers, take half a pixel from the principal point.
     """
-    camera = view.camera
-    matrix = [camera.focal, 0.0, camera.cx, 0.0, camera.focal, camera.cy, 0.0, 0.0, 1.0]
+    matrix = view.camera.K.ravel().tolist()
     rotation, translation = view.rotation.ravel().tolist(), (1000 * view.translation).tolist()
     return {"cam_K": matrix, "depth_scale": depth_scale, "cam_R_w2c": rotation, "cam_t_w2c": translation}
 
@@ -53,26 +53,13 @@ def visibility(
     height, width = visible.shape
     aside = CANVAS // 2
     return {
-        "bbox_obj": box(canvas, (-aside * width, -aside * height)) if visible_pixels else box(visible),
-        "bbox_visib": box(visible),
+        "bbox_obj": bop_box(canvas, (-aside * width, -aside * height)) if visible_pixels else [-1] * 4,
+        "bbox_visib": bop_box(visible),
         "px_count_all": whole,
         "px_count_valid": int(np.count_nonzero(amodal & (depth > 0))),
         "px_count_visib": visible_pixels,
         "visib_fract": visible_pixels / whole if whole else 0.0,
     }
-
-
-def box(mask: np.ndarray, origin: tuple[int, int] = (0, 0)) -> list[int]:
-    """Return x, y, width, height of the true pixels of a mask (H, W) whose upper left pixel is at `origin`.
-
-    Width and height are last minus first column and row, one less than the pixels covered: so the toolkit
-    computes them and so the published datasets have them. All -1 when nothing is true.
-    """
-    rows, columns = np.nonzero(mask.any(axis=1))[0], np.nonzero(mask.any(axis=0))[0]
-    if not len(rows):
-        return [-1, -1, -1, -1]
-    left, top, right, bottom = (int(edge) for edge in (columns[0], rows[0], columns[-1], rows[-1]))
-    return [left + origin[0], top + origin[1], right - left, bottom - top]
 
 
 def camera(size: Size) -> dict[str, Any]:

@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from vig.photo.masks import box_of, run_lengths
+from vig.io.files import write_bytes
+from vig.photo.masks import coco_region, run_lengths
 from vig.scene import ObjectClass
 from vig_world.dataset.format import OBJECT_ID, image_paths, read_info
 from vig_world.dataset.read import Dataset, image_bytes, read_dataset
-from vig_world.generation.files import refuse_used, write_bytes
+from vig_world.generation.files import refuse_used
 from vig_world.generation.keypoints import EDGES, OUTSIDE, class_of, keypoints, names_of
 
 
@@ -37,7 +38,7 @@ def export_coco(root: str | Path, out: str | Path, split: str | None = None) -> 
         alone, visible_masks = dataset.read("mask", indices), dataset.read("mask_visib", indices)
         for index, whole, part in zip(indices, alone, visible_masks, strict=True):
             if part.any():
-                visible.append(_instance(index) | _region(part))
+                visible.append(_instance(index) | coco_region(part))
             amodal.append(_instance(index) | _amodal(whole, part))
             copy_image(dataset, index, out / "images" / split / f"{index:06d}.png")
     for name, regions in (("instances", visible), ("amodal", amodal)):
@@ -68,7 +69,7 @@ def export_coco_keypoints(
             labelled = int(np.count_nonzero(located.seen != OUTSIDE))
             numbers = [round(number, 2) for row in located.rows() for number in row]
             points = {"keypoints": numbers, "num_keypoints": labelled}
-            annotations.append(_instance(index) | _region(part) | points)
+            annotations.append(_instance(index) | coco_region(part) | points)
         copy_image(dataset, index, out / "images" / split / f"{index:06d}.png")
     first = len(object_class.points) + 1  # COCO counts from 1
     skeleton = [[first + i, first + j] for i, j in EDGES]
@@ -101,22 +102,12 @@ def _write(dataset: Dataset, path: Path, annotations: list[dict[str, Any]], cate
     write_bytes(path, json.dumps(data).encode())
 
 
-def bounding_box(mask: np.ndarray) -> list[float]:
-    """Return COCO's x, y, width, height of a mask (H, W), whole pixels; all 0 when it is empty."""
-    return list(map(float, box_of(mask) or (0, 0, 0, 0)))
-
-
 def _instance(index: int) -> dict[str, Any]:
     return {"id": index + 1, "image_id": index, "category_id": OBJECT_ID, "iscrowd": 0}
 
 
-def _region(mask: np.ndarray) -> dict[str, Any]:
-    area = int(np.count_nonzero(mask))
-    return {"segmentation": run_lengths(mask), "bbox": bounding_box(mask), "area": area}
-
-
 def _amodal(whole: np.ndarray, part: np.ndarray) -> dict[str, Any]:
-    full, visible = _region(whole), _region(part)
+    full, visible = coco_region(whole), coco_region(part)
     return {
         **full,
         "visible_mask": visible["segmentation"],

@@ -6,7 +6,7 @@ from typing import Any
 
 from vig.io.checks import decode, read_json
 from vig.io.errors import UserError
-from vig.io.files import atomic_write
+from vig.io.files import write_bytes
 from vig_world.dataset.format import PARTIAL, SCENE, inside
 
 
@@ -28,12 +28,6 @@ def write_json(path: Path, data: Any) -> bytes:
     written = json.dumps(data).encode()
     write_bytes(path, written)
     return written
-
-
-def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all."""
-    with atomic_write(path) as temporary:
-        temporary.write_bytes(data)
 
 
 def write_picture(path: Path, data: bytes) -> None:

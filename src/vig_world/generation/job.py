@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vig.io.errors import UserError
+from vig.io.files import write_bytes
 from vig.photo.images import png_bytes
 from vig.scene import ObjectClass, linear_from_srgb
 from vig_world import World
@@ -16,7 +17,7 @@ from vig_world.composition.sampling import CompositionError, sample
 from vig_world.dataset.format import STANDARD_SIZE, Size, image_paths
 from vig_world.dataset.spec import SampleError, SceneSpec, Split
 from vig_world.generation.describe import depth_units, describe, normal_units
-from vig_world.generation.files import sidecar_path, write_bytes, write_picture
+from vig_world.generation.files import sidecar_path, write_picture
 from vig_world.library import Library, OwnAssets
 from vig_world.raster.picture import Picture
 from vig_world.raster.view import View

@@ -19,7 +19,7 @@ except ImportError:  # Windows: simultaneous runs are not detected there
 
 from vig.io.checks import read_json, reading
 from vig.io.errors import UserError
-from vig.io.files import atomic_write
+from vig.io.files import atomic_write, write_bytes
 from vig.io.progress import Meter
 from vig.parallel import check_main_module
 from vig.parallel.cluster import require_ray
@@ -42,7 +42,7 @@ from vig_world.dataset.format import (
 from vig_world.dataset.spec import SPLITS, WORLD_VERSION
 from vig_world.extras import optional_import
 from vig_world.generation import bop
-from vig_world.generation.files import sidecar_path, write_bytes, write_json
+from vig_world.generation.files import sidecar_path, write_json
 from vig_world.generation.job import TIERS, Job
 from vig_world.generation.pool import make_samples
 from vig_world.library import OwnAssets

@@ -4,11 +4,13 @@ import json
 from pathlib import Path
 
 from vig.io.errors import UserError
+from vig.io.files import write_bytes
+from vig.photo.masks import box_of
 from vig.scene import ObjectClass
 from vig_world.dataset.read import read_dataset
 from vig_world.dataset.spec import SPLITS
-from vig_world.generation.coco import bounding_box, copy_image
-from vig_world.generation.files import refuse_used, write_bytes
+from vig_world.generation.coco import copy_image
+from vig_world.generation.files import refuse_used
 from vig_world.generation.keypoints import class_of, keypoints, mirror_order, names_of
 
 DESCRIPTION = "data.yaml"
@@ -36,7 +38,7 @@ def export_yolo_pose(
     _description(out, object_class)  # refuses a folder of another class
     width, height = dataset.size
     for index, located in enumerate(keypoints(dataset, object_class, range(len(dataset)))):
-        x, y, w, h = bounding_box(dataset.read("mask_visib", [index])[0])
+        x, y, w, h = box_of(dataset.read("mask_visib", [index])[0]) or (0, 0, 0, 0)
         box = [(x + w / 2) / width, (y + h / 2) / height, w / width, h / height]
         points = [f"{px / width:.6f} {py / height:.6f} {seen}" for px, py, seen in located.rows()]
         line = " ".join(["0", *(f"{number:.6f}" for number in box), *points]) + "\n"

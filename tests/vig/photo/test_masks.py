@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from vig.io.errors import UserError
-from vig.photo.masks import box_of, mask_files, read_mask
+from vig.photo.masks import bop_box, box_of, coco_region, mask_files, read_mask
 
 TRUE = np.zeros((40, 60), bool)
 TRUE[10:30, 20:50] = True
@@ -87,6 +87,18 @@ def test_a_mask_that_says_several_things_is_refused(picture: Image.Image, words:
 def test_a_masks_box_and_that_of_an_empty_one() -> None:
     assert box_of(TRUE) == (20, 10, 30, 20)
     assert box_of(np.zeros((4, 4), bool)) is None
+
+
+def test_bops_box_is_the_first_pixel_and_the_distance_to_the_last_and_cocos_a_pixel_more() -> None:
+    """Two pixels side by side at columns 5 and 6: width 1, as BOP's toolkit computes it, and 2."""
+    mask = np.zeros((10, 10), bool)
+    mask[3, 5:7] = True
+    assert bop_box(mask) == [5, 3, 1, 0]
+    assert bop_box(mask, (-10, -10)) == [-5, -7, 1, 0]
+    assert bop_box(np.zeros((3, 3), bool)) == [-1, -1, -1, -1]
+    region = coco_region(mask)
+    assert region["bbox"] == [5, 3, 2, 1] and region["area"] == 2
+    assert coco_region(np.zeros((3, 3), bool))["bbox"] == [0, 0, 0, 0]
 
 
 @pytest.mark.parametrize(

@@ -68,7 +68,9 @@ def test_the_pose_in_millimetres_is_found(dataset: Path, tmp_path: Path) -> None
     assert turned < 4 and moved < 0.01
 
 
-def test_detections_are_taken_the_surest_first(dataset: Path, tmp_path: Path) -> None:
+def test_detections_are_taken_the_surest_first(
+    dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     _, mask = photo_of(pose_at(2))
     column_by_column = np.concatenate([[False], mask.T.ravel()])
     runs = np.diff([0, *(np.flatnonzero(np.diff(column_by_column.astype(int)))), mask.size])
@@ -78,7 +80,10 @@ def test_detections_are_taken_the_surest_first(dataset: Path, tmp_path: Path) ->
     found = [place | {"score": s, "segmentation": each} for s, each in ((0.3, wrong), (0.8, right))]
     dump(tmp_path / "detections.json", found)
     assert bop(BopCommand(dataset, detections=tmp_path / "detections.json", out=tmp_path, json=True)) == 0
-    row, pose = pose_in(tmp_path / f"vig_{dataset.name}-test.csv")
+    file = tmp_path / f"vig_{dataset.name}-test.csv"
+    told = {"poses": 1, "missed": 0, "file": str(file), "folder": str(tmp_path)}
+    assert json.loads(capsys.readouterr().out) == told
+    row, pose = pose_in(file)
     assert off(pose, pose_at(2))[0] < 4 and float(row["score"]) < 0.8
     dump(tmp_path / "detections.json", [found[0] | {"segmentation": {"size": [4, 4], "counts": [3]}}])
     with pytest.raises(UserError, match="run lengths"):

@@ -21,7 +21,7 @@ from vig_app.cli.hints import cameras_of
 from vig_app.cli.options import CameraOptions, ModelOptions
 from vig_app.corrections import State
 from vig_app.examples import example_photos
-from vig_app.exports import export_run
+from vig_app.exports import export_run, run_formats
 
 
 def refused(capsys, *arguments: object, code: int = 2) -> str:
@@ -49,6 +49,12 @@ def test_help_states_no_empty_defaults(verb: str, capsys: pytest.CaptureFixture[
     words = " ".join(capsys.readouterr().out.replace("│", " ").split())
     assert "default: " in words or verb == "export"
     assert not re.search(r"\{None\}|default: (None|False)?\)", words)
+
+
+def test_help_describes_each_format_of_a_run(capsys: pytest.CaptureFixture[str]) -> None:
+    run_vig("export", "--help")
+    words = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert [name for name in run_formats() if f" {name}: " not in words] == []
 
 
 def test_chosen_files_have_the_mask_of_an_export_and_links_that_lead_somewhere(tmp_path: Path) -> None:

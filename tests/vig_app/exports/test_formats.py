@@ -17,7 +17,6 @@ from vig.io.errors import UserError
 from vig.photo.masks import run_lengths
 from vig_app.examples import example_photos
 from vig_app.exports import FORMATS, formats_in, remove_exports
-from vig_app.exports.formats.bop import bop_box
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +76,8 @@ def test_bops_model_pose_and_camera_put_the_object_on_the_photo(
     expected = projected(explanation.camera.K, explanation.camera_from_object, explanation.vertices)
     np.testing.assert_allclose(projected(k, pose, np.asarray(model.vertices)), expected, atol=1e-2)
     (info,) = read_json(folder / "bop/scene_gt_info.json")["0"]
-    assert tuple(info["bbox_obj"]) == explanation.box
+    x, y, width, height = explanation.box or ()
+    assert info["bbox_obj"] == [x, y, width - 1, height - 1]  # last minus first pixel, as the toolkit has it
     assert info["visib_fract"] == pytest.approx(1 - explanation.hidden_fraction)
 
 
@@ -224,8 +224,16 @@ def test_run_lengths_begin_with_zeros(first: bool) -> None:
     assert run_lengths(mask)["counts"] == ([0, 1, 1, 2] if first else [2, 2])
 
 
-def test_the_box_of_nothing() -> None:
-    assert bop_box(np.zeros((3, 3), bool)) == [-1] * 4
+def test_an_object_of_which_nothing_is_seen_is_no_visible_one(
+    explanation: vig.Explanation, tmp_path: Path
+) -> None:
+    pytest.importorskip("cv2")
+    hidden = replace(explanation, others=np.ones_like(explanation.mask))
+    hidden.export(tmp_path, ["coco-annotations"])
+    visible, amodal = (read_json(tmp_path / f"annotations_{name}.json") for name in ("visible", "amodal"))
+    assert visible["annotations"] == [] and visible["categories"] == amodal["categories"]
+    (annotation,) = amodal["annotations"]
+    assert tuple(annotation["bbox"]) == explanation.box and annotation["id"] == 1
 
 
 def test_a_gltf_library_reads_the_object(folder: Path, explanation: vig.Explanation) -> None:

@@ -13,7 +13,7 @@ from scipy.spatial.distance import pdist
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig_world.dataset import Dataset, read_dataset
-from vig_world.generation.bop import box, localisation_targets, visibility
+from vig_world.generation.bop import localisation_targets, visibility
 from vig_world.generation.describe import depth_units
 
 COUNT = 10  # of the fixture `made`
@@ -110,15 +110,6 @@ def test_counts_are_those_of_the_masks_and_the_whole_silhouette(
         if not dataset.truncated[int(key)]:
             assert info["px_count_all"] == (alone > 0).sum()
         assert info["visib_fract"] == pytest.approx(info["px_count_visib"] / info["px_count_all"])
-
-
-def test_boxes_are_first_pixel_and_distance_to_the_last() -> None:
-    """Two pixels side by side at columns 5 and 6: width 1, as the toolkit computes it."""
-    mask = np.zeros((10, 10), bool)
-    mask[3, 5:7] = True
-    assert box(mask) == [5, 3, 1, 0]
-    assert box(mask, (-10, -10)) == [-5, -7, 1, 0]
-    assert box(np.zeros((3, 3), bool)) == [-1, -1, -1, -1]
 
 
 def test_a_truncated_object_is_counted_on_the_canvas() -> None:

@@ -8,9 +8,9 @@ import pytest
 from PIL import Image
 
 from vig.io.errors import UserError
-from vig.photo.masks import run_lengths
+from vig.photo.masks import coco_region, run_lengths
 from vig_world.dataset import Dataset
-from vig_world.generation.coco import bounding_box, export_coco
+from vig_world.generation.coco import export_coco
 from vig_world.generation.webdataset import export_webdataset
 
 
@@ -46,7 +46,7 @@ def test_run_lengths_by_hand(rows: str, counts: list[int]) -> None:
 def test_a_box_covers_whole_pixels() -> None:
     mask = np.zeros((6, 8), bool)
     mask[2:4, 3] = True
-    assert bounding_box(mask) == [3, 2, 1, 2]
+    assert coco_region(mask)["bbox"] == [3, 2, 1, 2]
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ and either, for one photo or many of a run,
 
 or
 
-    write(folder, explanation, photo)   makes them; `photo` is the photo's name in them
+    write(folder, explanation)          makes them
     RUN_FILES, write_run(folder, run)   where the format has files for a run: their names, and what makes them
                                         of an `ExportedRun`
 

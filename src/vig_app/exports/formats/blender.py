@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from vig.explanation import Explanation
-from vig.io.files import atomic_write, write_json
+from vig.io.files import atomic_write, write_bytes, write_json
 from vig.photo.images import as_srgb, write_png
 from vig.scene import rotate_z
 from vig.scene.light import sh_basis
@@ -15,7 +15,7 @@ from vig_app.glb import bake, write_object
 FILES = tuple(f"blender/{name}" for name in "scene.py scene.json object.glb photo.png light.npy".split())
 
 
-def write(folder: Path, explanation: Explanation, photo: str) -> None:
+def write(folder: Path, explanation: Explanation) -> None:
     """Write the script and what it reads."""
     script, about, mesh, picture, light = (folder / name for name in FILES)
     write_png(picture, as_srgb(explanation.picture))
@@ -26,8 +26,7 @@ def write(folder: Path, explanation: Explanation, photo: str) -> None:
     turned = rotate_z(latents.light[0], -float(latents.azimuth[0]))
     with atomic_write(light) as temporary, temporary.open("wb") as file:
         np.save(file, panorama(np.asarray(turned)))
-    with atomic_write(script) as temporary:
-        temporary.write_text((Path(__file__).parents[1] / "blender_scene.py").read_text())
+    write_bytes(script, (Path(__file__).parents[1] / "blender_scene.py").read_bytes())
 
 
 def panorama(light: np.ndarray, rows: int = 32) -> np.ndarray:

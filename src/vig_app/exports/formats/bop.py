@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from vig.explanation import Explanation
-from vig.io.files import atomic_write, write_json
-from vig.photo.masks import box_of
+from vig.io.files import atomic_write, write_bytes, write_json
+from vig.photo.masks import bop_box
 from vig.record import read_explanation
 from vig_app.exports.run import OBJECT_ID, SCENE_NUMBERS, ExportedRun
 
@@ -24,7 +24,7 @@ RUN_FILES = ("bop.csv",)
 POSE_COLUMNS = "scene_id,im_id,obj_id,score,R,t,time"
 
 
-def write(folder: Path, explanation: Explanation, photo: str) -> None:
+def write(folder: Path, explanation: Explanation) -> None:
     """Write the photo as image 0 of its scene."""
     pose, pixels, visible = explanation.camera_from_object, explanation.amodal.sum(), explanation.mask.sum()
     truth = {
@@ -49,13 +49,7 @@ def write(folder: Path, explanation: Explanation, photo: str) -> None:
     rows += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]
     rows += [" ".join(f"{number:.4f}" for number in row) for row in MILLIMETRES * vertices]
     rows += [f"3 {a} {b} {c}" for a, b, c in faces]
-    with atomic_write(folder / MODEL) as temporary:
-        temporary.write_text("\n".join(rows) + "\n")
-
-
-def bop_box(mask: np.ndarray) -> list[int]:
-    """Return x, y, width, height round a mask (H, W) bool; -1 four times for nothing, as BOP has it."""
-    return list(box_of(mask) or (-1, -1, -1, -1))
+    write_bytes(folder / MODEL, ("\n".join(rows) + "\n").encode())
 
 
 def score(explanation: Explanation) -> float | None:

@@ -9,16 +9,13 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from vig import __version__
 from vig.io.files import atomic_write
-from vig.photo.masks import run_lengths
+from vig.photo.masks import coco_region, run_lengths
 from vig_app.exports.annotations import AnnotatedPhoto, Annotation
-from vig_app.exports.formats.bop import bop_box
 
 FILES = ("coco.json",)
-Fields = Callable[[Annotation], dict[str, Any]]  # fields of an annotation that depend on its masks
+Fields = Callable[[Annotation], dict[str, Any]]  # fields of an object that depend on its masks; none skip it
 
 
 def write_photos(folder: Path, photos: Sequence[AnnotatedPhoto], class_ids: Mapping[str, int]) -> None:
@@ -28,12 +25,7 @@ def write_photos(folder: Path, photos: Sequence[AnnotatedPhoto], class_ids: Mapp
 
 def both_masks(annotation: Annotation) -> dict[str, Any]:
     """Return box and mask of the whole object, and the visible part beside them."""
-    return mask_fields(annotation.amodal) | {"visible_segmentation": run_lengths(annotation.visible)}
-
-
-def mask_fields(mask: np.ndarray) -> dict[str, Any]:
-    """Return box, area and run lengths of a mask (H, W) bool."""
-    return {"bbox": bop_box(mask), "area": int(mask.sum()), "segmentation": run_lengths(mask)}
+    return coco_region(annotation.amodal) | {"visible_segmentation": run_lengths(annotation.visible)}
 
 
 def write_file(
@@ -52,8 +44,10 @@ def write_file(
         count = 0
         for photo in photos:
             for each in photo.read():
-                count += 1
                 points[each.category] = [*each.points]
+                if not (shown := fields(each)):
+                    continue
+                count += 1
                 width, height = photo.size
                 places = [
                     (x, y, 1 + int(seen)) if 0 <= x < width and 0 <= y < height else (0, 0, 0)
@@ -64,7 +58,7 @@ def write_file(
                     "image_id": photo.number,
                     "category_id": class_ids[each.category],
                     "iscrowd": 0,
-                    **fields(each),
+                    **shown,
                     "score": each.score,
                 }
                 if places:

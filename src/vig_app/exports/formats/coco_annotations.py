@@ -5,8 +5,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from vig.photo.masks import coco_region
 from vig_app.exports.annotations import SETS, AnnotatedPhoto, Annotation, polygons_of
-from vig_app.exports.formats.coco import mask_fields, write_file
+from vig_app.exports.formats.coco import write_file
 
 FILES = tuple(f"annotations_{name}.json" for name in SETS)
 
@@ -18,7 +19,7 @@ def write_photos(folder: Path, photos: Sequence[AnnotatedPhoto], class_ids: Mapp
 
 
 def _fields(name: str, annotation: Annotation) -> dict[str, Any]:
-    """Return box, area and polygons of a mask; Label Studio takes no run lengths."""
+    """Return box, area and polygons of a mask, none of an empty one; Label Studio takes no run lengths."""
     mask = getattr(annotation, name)
     polygons = [polygon.round(2).ravel().tolist() for polygon in polygons_of(mask)]
-    return mask_fields(mask) | {"segmentation": polygons}
+    return coco_region(mask) | {"segmentation": polygons} if polygons else {}

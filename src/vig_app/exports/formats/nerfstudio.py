@@ -15,7 +15,7 @@ from vig_app.glb import LOOKS_BACK
 FILES = ("transforms.json", "nerfstudio/photo.png", "nerfstudio/mask.png")
 
 
-def write(folder: Path, explanation: Explanation, photo: str) -> None:
+def write(folder: Path, explanation: Explanation) -> None:
     """Write one frame."""
     camera, (described, picture, mask) = explanation.camera, FILES
     write_png(folder / picture, as_srgb(explanation.picture))

@@ -14,7 +14,7 @@ from vig.io.files import write_json
 FILES = ("pose.yaml", "camera_info.yaml")
 
 
-def write(folder: Path, explanation: Explanation, photo: str) -> None:
+def write(folder: Path, explanation: Explanation) -> None:
     """Write JSON, which is YAML."""
     intrinsics, pose, covariance = explanation.pinhole_pose()
     stamp: dict[str, Any] = {"header": {"frame_id": "camera_optical_frame"}}

@@ -14,7 +14,7 @@ from vig_renderer.edges import smooth_normals
 FILES = ("object.usdc",)
 
 
-def write(folder: Path, explanation: Explanation, photo: str) -> None:
+def write(folder: Path, explanation: Explanation) -> None:
     """Write the scene. Raises UserError where usd-core is not installed."""
     try:
         from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade

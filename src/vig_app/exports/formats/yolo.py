@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vig.io.files import atomic_write
+from vig.io.files import write_bytes
 from vig.photo.masks import box_of
 from vig_app.exports.annotations import AnnotatedPhoto, Annotation, polygons_of
 
@@ -38,17 +38,16 @@ def write_photos(folder: Path, photos: Sequence[AnnotatedPhoto], class_ids: Mapp
                     row = " ".join(f"{number:.6g}" for number in scaled)
                     lines[kind].append(f"{class_ids[each.category] - first} {row}\n")
         for kind, rows in lines.items():
-            with atomic_write(folder / f"yolo/{kind}/labels/{split}/{photo.stem}.txt") as temporary:
-                temporary.write_text("".join(rows))
+            write_bytes(folder / f"yolo/{kind}/labels/{split}/{photo.stem}.txt", "".join(rows).encode())
             if photo.path is not None and photo.path.exists():
                 link = folder / f"yolo/{kind}/images/{split}/{photo.stem}{photo.path.suffix}"
                 link.parent.mkdir(parents=True, exist_ok=True)
                 with suppress(FileExistsError):
                     link.symlink_to(os.path.relpath(photo.path.resolve(), link.parent.resolve()))
     names = "".join(f"  {number - first}: {name}\n" for name, number in class_ids.items())
+    described = f"train: images/train\nval: images/val\nnames:\n{names}".encode()
     for kind in ("segments", "boxes"):
-        with atomic_write(folder / f"yolo/{kind}/data.yaml") as temporary:
-            temporary.write_text(f"train: images/train\nval: images/val\nnames:\n{names}")
+        write_bytes(folder / f"yolo/{kind}/data.yaml", described)
 
 
 def segment(each: Annotation) -> np.ndarray:
