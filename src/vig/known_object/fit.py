@@ -257,10 +257,7 @@ class KnownObject:
         height, width = pyramid.shape[:2]
         if verdict is Verdict.TRUSTED and not (0 <= lens.cx <= width and 0 <= lens.cy <= height):
             reason = f"the principal point is beside the photo of {width} x {height}: is K of another size?"
-            verdict, right = (
-                Verdict.AMBIGUOUS,
-                0.99 * TRUSTED,
-            )  # below the threshold, as any verdict but trusted
+            verdict, right = Verdict.AMBIGUOUS, 0.99 * TRUSTED
         if not (visible > 0.5).any():
             verdict, reason, right = Verdict.FAILED, Verdict.FAILED.value, 0.0
         small = self._picture(pyramid, around, place, IMAGE_SIZE // 2).native(self.surface)
