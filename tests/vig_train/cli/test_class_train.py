@@ -4,9 +4,7 @@ import json
 import re
 import shutil
 import time
-from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +12,7 @@ import torch
 import trimesh
 
 from tests.source_meshes import two_boxes
+from tests.support import in_this_process
 from tests.toys import toy
 from vig import Explainer
 from vig.io.checks import read_tensors
@@ -41,13 +40,6 @@ MOST_BYTES = 2_000_000
 
 PLAN = ClassTraining.plan
 """As it is, before the tests make it tiny."""
-
-
-def in_this_process(
-    prepare: Callable[[Any], Callable[[Any], Any]], shared: Any, items: Iterable[Any], processes: int
-) -> Iterator[Any]:
-    """In place of `map_in_processes`: a process takes seconds to begin."""
-    return map(prepare(shared), items)
 
 
 @pytest.fixture(scope="module", autouse=True)
