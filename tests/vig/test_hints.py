@@ -349,10 +349,7 @@ POSE = np.array([[0.0, 1, 0, 0.02], [0.6, 0, -0.8, 0.01], [-0.8, 0, -0.6, 0.7], 
 @pytest.mark.parametrize(
     ("pose", "words"),
     [
-        (
-            np.diag([1.0, -1, -1, 1]) @ POSE,
-            r"behind the camera, z = -0.7; of OpenGL or Blender\?",
-        ),
+        (np.diag([1.0, -1, -1, 1]) @ POSE, r"behind the camera, z = -0.7; of OpenGL or Blender\?"),
         (POSE.T, "transposed"),
         (POSE * [[2, 2, 2, 1]] * 3 + np.diag([0, 0, 0, -2.0]), "scaled by 6"),
         (POSE @ np.diag([1.0, -1, 1, 1]), "left-handed"),

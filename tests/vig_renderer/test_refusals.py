@@ -188,10 +188,7 @@ def test_shape_models(name: str, value: np.ndarray, why: str) -> None:
 @pytest.mark.parametrize(
     ("linear", "why"),
     [
-        (
-            np.zeros((1, 8, 8, 3), np.uint8),
-            "photos must be arrays of floating-point linear RGB; got uint8",
-        ),
+        (np.zeros((1, 8, 8, 3), np.uint8), "photos must be arrays of floating-point linear RGB; got uint8"),
         (torch.zeros(1, 8, 8, 3), "photos must be arrays of floating-point .* got torch.float32"),
         (np.full((1, 8, 8, 3), -1.5), "photos must be linear RGB in .* got a minimum of -1.5"),
         (np.zeros((1, 3, 8, 8)), r"photos must be \(N, H, W, 3\)"),

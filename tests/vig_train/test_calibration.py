@@ -540,21 +540,12 @@ def test_mistakes_are_told_before_any_work(
             [photos, "--split", "train", "--weights", weights],
             "has no train split; it has validation",
         ),
-        "weights": (
-            [photos, "--weights", tmp_path / "file"],
-            "expected recognition weights",
-        ),
-        "workers": (
-            [photos, "--weights", weights, "--workers", 0],
-            "--workers of at least 1",
-        ),
+        "weights": ([photos, "--weights", tmp_path / "file"], "expected recognition weights"),
+        "workers": ([photos, "--weights", weights, "--workers", 0], "--workers of at least 1"),
         "studio": ([photos, "--weights", weights, "--studio", -5], "--studio of at least 0; got -5"),
         "seed": ([photos, "--weights", weights, "--seed", -1], "--seed of at least 0; got -1"),
         "class": ([photos, "--weights", weights, "--class", "car"], "dataset of class 'car' with 15"),
-        "modes": (
-            [photos, "--weights", untrained(tmp_path / "w", modes=4)],
-            "10 shape components",
-        ),
+        "modes": ([photos, "--weights", untrained(tmp_path / "w", modes=4)], "10 shape components"),
     }[wrong]
     code, printed, error = run(capsys, *arguments)
     assert code == 2 and printed == "" and said in " ".join(error.split())

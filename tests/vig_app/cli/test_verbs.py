@@ -270,11 +270,7 @@ def test_cameras_are_those_of_a_file_by_path_by_name_or_by_number(tmp_path: Path
         cameras_given(photos, cameras=file)
     with pytest.raises(vig.UserError, match="expected a camera of .*000004.png"):
         cameras_given([tmp_path / "000004.png"], cameras=file)
-    for camera in (
-        [9.0, 9, 1, 1],
-        {"fx": 9, "fy": 9, "cx": 1, "cy": 1},
-        {"K": [[9, 0, 1]]},
-    ):
+    for camera in ([9.0, 9, 1, 1], {"fx": 9, "fy": 9, "cx": 1, "cy": 1}, {"K": [[9, 0, 1]]}):
         file.write_text(json.dumps(camera))
         assert cameras_given(photos, cameras=file) == [camera] * 4
     assert cameras_given(photos, intrinsics="9, 8,1,2.5") == [(9.0, 8.0, 1.0, 2.5)] * 4

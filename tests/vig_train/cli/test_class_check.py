@@ -12,14 +12,7 @@ import vig
 from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration
 from vig.io.errors import UserError
 from vig.scene.object_class import PACKAGED
-from vig_train.cli.class_check import (
-    HEADING,
-    PhotoErrors,
-    check_class,
-    read_labels,
-    recalibrate,
-    row_of,
-)
+from vig_train.cli.class_check import HEADING, PhotoErrors, check_class, read_labels, recalibrate, row_of
 from vig_train.cli.settings import CheckClass
 
 

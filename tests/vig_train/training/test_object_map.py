@@ -17,12 +17,7 @@ from vig_train.training.object_map import CELLS, MapTraining, map_loss, targets_
 from vig_train.training.presence import PRESENCE, PRIOR_LOG_ODDS, dense_features, fit_presence, refit_logistic
 
 SMALL = NetworkSettings(
-    modes=2,
-    channels=(8, 8, 12, 16, 16, 16),
-    blocks=(1, 1, 1, 1, 1),
-    squeezed=4,
-    features=8,
-    object_map=32,
+    modes=2, channels=(8, 8, 12, 16, 16, 16), blocks=(1, 1, 1, 1, 1), squeezed=4, features=8, object_map=32
 )
 
 
