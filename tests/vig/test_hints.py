@@ -24,6 +24,8 @@ from vig.scene import ObjectClass
 from vig_app.cli.hints import mask_of, parse_point, read_marks, read_pose
 from vig_app.examples import Example, example_photos
 
+pytestmark = pytest.mark.usefixtures("remembered_networks")
+
 HIDDEN = 3
 
 

@@ -300,7 +300,9 @@ def test_the_card_names_the_authors_of_a_catalogues_meshes(
             fields = {"name": name, "model": f"/{number}.obj", "creator": creator, "category": "Things"}
             fields |= {"width": "30", "depth": "20", "height": str(28 + 2 * number)}
             lines += [f"{key}#{number}={value}" for key, value in fields.items()]
-            archive.writestr(f"{number}.obj", finned(1.0, 1.5, 0.4 + 0.1 * number).export(file_type="obj"))
+            archive.writestr(
+                f"{number}.obj", finned(1.0, 1.5, 0.4 + 0.1 * number).convex_hull.export(file_type="obj")
+            )
         archive.writestr("PluginFurnitureCatalog.properties", "\n".join([*lines, "name#3=Lost"]))
     said: list[str] = []
     settings = BuildSettings("fin", up="z", vertices=300)

@@ -112,8 +112,8 @@ def test_a_map_learns_where_things_are_and_all_else_stays() -> None:
             return float(map_loss(network.eval().object_map(network.coarse_maps(pictures)), batch))
 
     at_first, made = held_out(), []
-    MapTraining(examples, 320, 0, advance=made.append).run(network)
-    assert sum(made) == 320 and held_out() < 0.5 * at_first
+    MapTraining(examples, 256, 0, advance=made.append).run(network)
+    assert sum(made) == 256 and held_out() < 0.5 * at_first
     assert all(torch.equal(network.state_dict()[name], value) for name, value in before.items())
 
 
