@@ -11,6 +11,7 @@ import pytest
 
 from tests.remembering import remembered_networks
 from tests.support import TEAPOT, points_of
+from vig import Explainer
 from vig.likelihood import Likelihood, Photos, PixelModel
 from vig.likelihood.geometry import Geometry
 from vig.parallel import set_thread_count
@@ -113,6 +114,12 @@ def teapot() -> ObjectClass:
 @pytest.fixture(scope="session")
 def packaged() -> ObjectClass:
     return ObjectClass.load("teapot")
+
+
+@pytest.fixture(scope="session")
+def explainer() -> Explainer:
+    """Of the packaged teapot."""
+    return Explainer("teapot")
 
 
 @pytest.fixture(scope="session")

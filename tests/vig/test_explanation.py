@@ -22,11 +22,6 @@ from vig.scene import ObjectClass
 from vig_app.examples import example_photos
 
 
-@pytest.fixture(scope="module")
-def explainer() -> Explainer:
-    return Explainer("teapot")
-
-
 def written(
     folder: Path, photo: np.ndarray, window: Window, fit: Fit, object_class: ObjectClass
 ) -> dict[str, Any]:

@@ -30,11 +30,6 @@ HIDDEN = 3
 
 
 @pytest.fixture(scope="module")
-def explainer() -> vig.Explainer:
-    return vig.Explainer("teapot")
-
-
-@pytest.fixture(scope="module")
 def example() -> Example:
     return example_photos()[HIDDEN]
 

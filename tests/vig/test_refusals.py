@@ -51,11 +51,6 @@ def refused(call: Callable[[], Any], error: type[Exception], why: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def explainer() -> vig.Explainer:
-    return vig.Explainer("teapot")
-
-
-@pytest.fixture(scope="module")
 def explanation(explainer: vig.Explainer) -> vig.Explanation:
     return explainer.explain(GREY)
 
