@@ -15,6 +15,8 @@ from vig.scene.object_class import PACKAGED
 from vig_train.cli.class_check import HEADING, PhotoErrors, check_class, read_labels, recalibrate, row_of
 from vig_train.cli.settings import CheckClass
 
+pytestmark = pytest.mark.usefixtures("remembered_networks")
+
 
 @pytest.fixture(scope="module")
 def labelled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[dict[str, object]]]:
