@@ -359,7 +359,7 @@ POSE = np.array([[0.0, 1, 0, 0.02], [0.6, 0, -0.8, 0.01], [-0.8, 0, -0.6, 0.7], 
         (np.eye(3), r"shape \(3, 3\)"),
         ("here", "an array of shape"),
         (np.diag([1.0, 2, 3, 1]) + np.eye(4, k=3), "no rotation"),
-        (POSE + np.eye(4, k=3) * 4, "far beside"),
+        (POSE + np.eye(4, k=3) * 4, "far outside"),
     ],
 )
 def test_a_pose_of_another_convention_is_named(pose: object, words: str) -> None:
