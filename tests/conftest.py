@@ -9,13 +9,17 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+from tests.remembering import remembered_networks
 from tests.support import TEAPOT, points_of
+from vig import Explainer
 from vig.likelihood import Likelihood, Photos, PixelModel
 from vig.likelihood.geometry import Geometry
 from vig.parallel import set_thread_count
 from vig.scene import EXPOSURE_L00, Camera, Latents, ObjectClass
 from vig_world.dataset import Dataset, read_dataset
 from vig_world.generation.write import make_dataset
+
+__all__ = ["remembered_networks"]
 
 with suppress(ImportError):
     import torch  # noqa: F401  # whose number of threads is set with ours
@@ -110,6 +114,12 @@ def teapot() -> ObjectClass:
 @pytest.fixture(scope="session")
 def packaged() -> ObjectClass:
     return ObjectClass.load("teapot")
+
+
+@pytest.fixture(scope="session")
+def explainer() -> Explainer:
+    """Of the packaged teapot."""
+    return Explainer("teapot")
 
 
 @pytest.fixture(scope="session")

@@ -65,11 +65,7 @@ def drawn(folder: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "damage"),
-    [
-        ("class.json", damaged_json),
-        ("shape.safetensors", damaged_tensors),
-        (TRANSFER_FILE, damaged_tensors),
-    ],
+    [("class.json", damaged_json), ("shape.safetensors", damaged_tensors), (TRANSFER_FILE, damaged_tensors)],
 )
 def test_damaged_class_packs(name: str, damage: Damage, pack: Path) -> None:
     read_damaged(pack / name, damage, lambda _: drawn(pack), 100, 1, 40)

@@ -24,12 +24,9 @@ from vig.scene import ObjectClass
 from vig_app.cli.hints import mask_of, parse_point, read_marks, read_pose
 from vig_app.examples import Example, example_photos
 
+pytestmark = pytest.mark.usefixtures("remembered_networks")
+
 HIDDEN = 3
-
-
-@pytest.fixture(scope="module")
-def explainer() -> vig.Explainer:
-    return vig.Explainer("teapot")
 
 
 @pytest.fixture(scope="module")
@@ -349,10 +346,7 @@ POSE = np.array([[0.0, 1, 0, 0.02], [0.6, 0, -0.8, 0.01], [-0.8, 0, -0.6, 0.7], 
 @pytest.mark.parametrize(
     ("pose", "words"),
     [
-        (
-            np.diag([1.0, -1, -1, 1]) @ POSE,
-            r"behind the camera, z = -0.7; of OpenGL or Blender\?",
-        ),
+        (np.diag([1.0, -1, -1, 1]) @ POSE, r"behind the camera, z = -0.7; of OpenGL or Blender\?"),
         (POSE.T, "transposed"),
         (POSE * [[2, 2, 2, 1]] * 3 + np.diag([0, 0, 0, -2.0]), "scaled by 6"),
         (POSE @ np.diag([1.0, -1, 1, 1]), "left-handed"),
@@ -365,7 +359,7 @@ POSE = np.array([[0.0, 1, 0, 0.02], [0.6, 0, -0.8, 0.01], [-0.8, 0, -0.6, 0.7], 
         (np.eye(3), r"shape \(3, 3\)"),
         ("here", "an array of shape"),
         (np.diag([1.0, 2, 3, 1]) + np.eye(4, k=3), "no rotation"),
-        (POSE + np.eye(4, k=3) * 4, "far beside"),
+        (POSE + np.eye(4, k=3) * 4, "far outside"),
     ],
 )
 def test_a_pose_of_another_convention_is_named(pose: object, words: str) -> None:

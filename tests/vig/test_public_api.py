@@ -56,11 +56,6 @@ def photo() -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def explainer() -> vig.Explainer:
-    return vig.Explainer("teapot")
-
-
-@pytest.fixture(scope="module")
 def explanation(explainer: vig.Explainer, photo: np.ndarray) -> vig.Explanation:
     return explainer.explain(photo, BOX)
 

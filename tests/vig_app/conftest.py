@@ -12,6 +12,11 @@ FLAGS = (
 )  # fmt: skip
 
 
+@pytest.fixture(scope="module", autouse=True)
+def networks(remembered_networks: None) -> None:
+    """Most tests of files and pages explain the same few photos."""
+
+
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
     api = pytest.importorskip("playwright.sync_api")

@@ -61,10 +61,7 @@ def test_camera_and_pose_of_a_row_put_the_object_onto_the_photo(results: Path, r
         points = np.c_[positions, np.ones(len(positions))].T
         x, y, depth = pose @ points
         place = np.stack(
-            [
-                row["focal_px"] * x / depth + row["center_x"],
-                row["focal_y_px"] * y / depth + row["center_y"],
-            ]
+            [row["focal_px"] * x / depth + row["center_x"], row["focal_y_px"] * y / depth + row["center_y"]]
         )
         camera = explained["camera"]
         fitted = np.array(camera["K"]) @ (np.array(camera["camera_from_object"])[:3] @ points)

@@ -68,10 +68,7 @@ def test_interpolation_is_the_references(seen: tuple) -> None:
     agree(
         lambda a, w: interpolate(a, corners, w),
         lambda a, w: reference.interpolate(a, corners, w),
-        [
-            attributes,
-            weights,
-        ],
+        [attributes, weights],
     )
 
 

@@ -8,7 +8,6 @@ import pytest
 import torch
 
 from tests.support import TEAPOT
-from vig.likelihood import Photos
 from vig.scene import Camera, ObjectClass
 from vig_native import engine
 from vig_renderer import MeshObject, Pinhole, Pyramid, Scene, Topology, pyramid, render
@@ -183,23 +182,6 @@ def test_shape_models(name: str, value: np.ndarray, why: str) -> None:
     model = ObjectClass.load(TEAPOT).shape_model
     with pytest.raises(ValueError, match=why):
         replace(model, **{name: value})
-
-
-@pytest.mark.parametrize(
-    ("linear", "why"),
-    [
-        (
-            np.zeros((1, 8, 8, 3), np.uint8),
-            "photos must be arrays of floating-point linear RGB; got uint8",
-        ),
-        (torch.zeros(1, 8, 8, 3), "photos must be arrays of floating-point .* got torch.float32"),
-        (np.full((1, 8, 8, 3), -1.5), "photos must be linear RGB in .* got a minimum of -1.5"),
-        (np.zeros((1, 3, 8, 8)), r"photos must be \(N, H, W, 3\)"),
-    ],
-)
-def test_photos(linear: np.ndarray, why: str) -> None:
-    with pytest.raises(ValueError, match=why):
-        Photos(linear, np.zeros(linear.shape))
 
 
 @pytest.mark.parametrize(

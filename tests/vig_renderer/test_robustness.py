@@ -60,9 +60,7 @@ def check_random_scenes(count: int, seed: int) -> None:
         made = [strange_object(rng, dtype) for _ in range(rng.integers(0, 4))]
         focal, centre = rng.uniform(1, 50, 2), rng.normal(10, 10, 2)
         camera = Pinhole(
-            width,
-            height,
-            *(torch.tensor(a, dtype=dtype) for a in (focal, centre, np.eye(3), np.zeros(3))),
+            width, height, *(torch.tensor(a, dtype=dtype) for a in (focal, centre, np.eye(3), np.zeros(3)))
         )
         seen = render(
             Scene([item for item, _ in made], camera),

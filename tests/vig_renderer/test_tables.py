@@ -43,12 +43,7 @@ class Triangle:
 
 
 @pytest.mark.parametrize(
-    ("name", "place", "number"),
-    [
-        ("faces", (0, 1), 3),
-        ("texture_faces", (0, 2), 3),
-        ("edges", (0, 0), 3),
-    ],
+    ("name", "place", "number"), [("faces", (0, 1), 3), ("texture_faces", (0, 2), 3), ("edges", (0, 0), 3)]
 )
 def test_a_write_that_torch_does_not_know_of_changes_nothing(
     name: str, place: tuple[int, int], number: int

@@ -15,7 +15,7 @@ def photos(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     folder = tmp_path_factory.mktemp("mugs")
     make_dataset(
         folder,
-        24,
+        16,
         77,
         split="test",
         workers=1,

@@ -537,10 +537,7 @@ def test_a_users_setting_comes_before_the_classes_and_that_before_the_kind_of_ph
             {"free_framing": 1.0},
             "expected true or false as fit setting 'free_framing' of class '.*'; got 1.0",
         ),
-        (
-            {"prior_weight": True},
-            "expected a number as fit setting 'prior_weight' of class '.*'; got True",
-        ),
+        ({"prior_weight": True}, "expected a number as fit setting 'prior_weight' of class '.*'; got True"),
     ],
 )
 def test_a_class_whose_settings_are_none_is_refused(

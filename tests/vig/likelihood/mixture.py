@@ -11,11 +11,7 @@ LOG_DENSITIES = {"gaussian": lambda s: -s}
 
 
 def mixture(
-    observed: np.ndarray,
-    rendered: np.ndarray,
-    log_prior: np.ndarray,
-    sigma: float,
-    density: str = "gaussian",
+    observed: np.ndarray, rendered: np.ndarray, log_prior: np.ndarray, sigma: float, density: str = "gaussian"
 ) -> tuple[np.ndarray, np.ndarray]:
     """Log-likelihood of pixels that the object covers and the posterior of their being visible (Eq. 3).
 

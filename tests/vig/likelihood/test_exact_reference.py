@@ -127,11 +127,7 @@ def random_scene(seed: int, teapots: list[Geometry], target_height: float) -> Ra
     backdrop = np.kron(tiles, np.ones((8, 8, 1)))
     blank = RandomScene(geometry, camera, truth, backdrop, np.zeros_like(backdrop), 0.03)
     seen = blank.likelihood().at(
-        truth[None],
-        np.zeros(1, np.int32),
-        np.array([blank.sigma]),
-        derivatives=False,
-        images=True,
+        truth[None], np.zeros(1, np.int32), np.array([blank.sigma]), derivatives=False, images=True
     )
     colour = seen.irradiance[0, ..., None] * truth[layout["albedo"]]
     photo = np.where(seen.coverage[0, ..., None] > 0.5, colour, backdrop)

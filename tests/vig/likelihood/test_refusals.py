@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from tests.support import POINT
 from vig.likelihood import (
@@ -46,6 +47,10 @@ def density_of(shape: tuple[int, ...]) -> np.ndarray:
         (lambda: photos(-1.5), "minimum of -1.5"),
         (lambda: Photos(*np.zeros((2, 1, 4, 4, 3), np.uint8)), "floating-point linear RGB; got uint8"),
         (lambda: photos(214.0), "maximum of 214. Are these 8-bit"),
+        (
+            lambda: Photos(torch.zeros(1, 4, 4, 3), np.zeros((1, 4, 4, 3))),  # type: ignore[arg-type]
+            "photos must be arrays .* got torch.float32",
+        ),
         *(
             (lambda setting=setting: SpatialMask(**setting), "must be")
             for setting in ({"coupling": -1.0}, {"rim": -0.1}, {"contrast": 0.0}, {"sweeps": 0}, {"rim": NAN})

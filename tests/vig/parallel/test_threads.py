@@ -9,12 +9,7 @@ import pytest
 import torch
 
 from vig.io.errors import UserError
-from vig.parallel.threads import (
-    map_on_threads,
-    on_one_core,
-    set_thread_count,
-    thread_count,
-)
+from vig.parallel.threads import map_on_threads, on_one_core, set_thread_count, thread_count
 
 
 @pytest.fixture

@@ -265,10 +265,7 @@ OF_FILM = 26 / math.hypot(36, 24) * 500  # of 400 x 300 pixels
         (FILM | {Base.ExifImageWidth: 400, Base.ExifImageHeight: 300}, OF_FILM),
         (FILM | {Base.ExifImageWidth: 300, Base.ExifImageHeight: 400}, OF_FILM),  # turned upright since
         (FILM | {Base.ExifImageWidth: 416, Base.ExifImageHeight: 304}, OF_FILM),  # JPEG's blocks
-        (
-            FILM | {Base.ExifImageWidth: 4032, Base.ExifImageHeight: 3024},
-            None,
-        ),  # resized or cropped
+        (FILM | {Base.ExifImageWidth: 4032, Base.ExifImageHeight: 3024}, None),  # resized or cropped
         (FILM | {Base.ExifImageWidth: 800, Base.ExifImageHeight: 300}, None),  # cropped
         (PLANE, 500.0),
         (PLANE | {Base.FocalPlaneResolutionUnit: 2}, 5.0 * 1000 / 25.4),

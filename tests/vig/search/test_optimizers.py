@@ -92,18 +92,3 @@ def test_a_search_goes_the_same_way_with_and_without_a_matrix_at_its_end(studio,
     at_start, at_end = (objective(p, *studio.whose(1)).value.item() for p in (start, with_matrix.points))
     assert with_matrix.value.item() == pytest.approx(at_end) and at_end > at_start + 100
     assert with_matrix.points[0, 12] > 0.1, "the red came back"
-
-
-def test_each_search_of_a_batch_is_alone_and_leaves_its_start(studio, teapot: ObjectClass) -> None:
-    rng = np.random.default_rng(11)
-    truth = studio.latents(rng, 2)
-    photos = np.concatenate([studio.photo(rng, truth[i : i + 1], noise=0.01) for i in range(2)])
-    objective = Objective(studio.likelihood(photos), teapot)
-    starts = objective.point(start_near(studio, rng, truth))
-    kept, few = starts.copy(), Budget(6)  # rounding grows along a longer way
-    together = LevenbergMarquardt()(objective, starts, np.array([0, 1]), SIGMA, few)
-    for i in range(2):
-        alone = LevenbergMarquardt()(objective, starts[i : i + 1], np.array([i]), SIGMA, few)
-        np.testing.assert_allclose(alone.points[0], together.points[i], atol=1e-6, rtol=0)
-        assert alone.evaluations[0] == together.evaluations[i]
-    assert np.array_equal(starts, kept)

@@ -121,9 +121,9 @@ def test_a_start_without_a_value_stays_and_disturbs_no_other(name: str, nothing:
 
 
 @pytest.mark.parametrize("name", OPTIMIZERS)
-def test_each_search_of_a_batch_is_alone(name: str, zoo) -> None:
+def test_each_search_of_a_batch_is_alone_and_leaves_its_start(name: str, zoo) -> None:
     problem = zoo("pose")
-    few = Budget(6, 1e-9)
+    kept, few = problem.starts.copy(), Budget(6, 1e-9)
     together = OPTIMIZERS[name](problem.problem, problem.starts, np.arange(3), problem.sigma, few)
     for i in range(3):
         alone = OPTIMIZERS[name](
@@ -131,6 +131,7 @@ def test_each_search_of_a_batch_is_alone(name: str, zoo) -> None:
         )
         np.testing.assert_allclose(alone.points[0], together.points[i], atol=1e-8, rtol=0)
         assert alone.evaluations[0] == together.evaluations[i]
+    assert np.array_equal(problem.starts, kept)
 
 
 def test_the_path_goes_from_the_starts_to_the_ends_and_never_down(zoo) -> None:

@@ -20,6 +20,8 @@ from vig_app.exports import export_run
 from vig_app.results import read_results
 from vig_world.library import Library
 
+pytestmark = pytest.mark.usefixtures("remembered_networks")
+
 SEED, INDEX = 7, 44
 """Four objects; the fit alone of the second takes much of what is before it for its own."""
 

@@ -22,11 +22,6 @@ class Video:
 
 
 @pytest.fixture(scope="session")
-def explainer() -> vig.Explainer:
-    return vig.Explainer("teapot")
-
-
-@pytest.fixture(scope="session")
 def video(explainer: vig.Explainer) -> Video:
     """Twelve frames of a video in which another object passes before the pot, and hides it wholly in one."""
     return video_of(explainer, slice(None, None, 3), 4)

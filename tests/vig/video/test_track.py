@@ -16,6 +16,8 @@ from vig.scene import Camera
 from vig.video.following import Follower, Sighting, window_at
 from vig.video.trajectory import FAR, Trajectory, views_of
 
+pytestmark = pytest.mark.usefixtures("remembered_networks")
+
 
 def sighting(azimuth: float, probability: float = 0.8, **changed: Any) -> Sighting:
     """Of a pot in the middle of a frame of 150 x 150; azimuth in degrees; the other side is another view."""

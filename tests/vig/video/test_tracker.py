@@ -16,6 +16,8 @@ from vig.video.following import Follower
 from vig.video.tracker import GIVEN_UP, MEMORY, TrackedPose
 from vig.video.trajectory import view_evidence
 
+pytestmark = pytest.mark.usefixtures("remembered_networks")
+
 K = np.array([[400.0, 0, 75], [0, 400.0, 75], [0, 0, 1]])
 """Of a camera that may have taken the frames."""
 

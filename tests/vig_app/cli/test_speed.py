@@ -9,16 +9,7 @@ import pytest
 import torch
 
 from vig_app.cli import speed
-from vig_app.cli.speed import (
-    EXTRAS,
-    Extra,
-    extras,
-    load,
-    memory,
-    memory_of,
-    rows,
-    threads,
-)
+from vig_app.cli.speed import EXTRAS, Extra, extras, load, memory, memory_of, rows, threads
 
 ROOT = Path(__file__).parents[3]
 

@@ -14,7 +14,6 @@ from PIL import Image
 import vig
 from vig.inference.presence import judge_presence
 from vig.io.errors import UserError
-from vig.photo.masks import run_lengths
 from vig_app.examples import example_photos
 from vig_app.exports import FORMATS, formats_in, remove_exports
 
@@ -216,12 +215,6 @@ def test_unknown_formats_are_refused(explanation: vig.Explanation, tmp_path: Pat
     with pytest.raises(UserError, match="got 'bop'"):
         explanation.export(tmp_path, "bop")
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("first", [True, False])
-def test_run_lengths_begin_with_zeros(first: bool) -> None:
-    mask = np.array([[first, True], [False, True]])
-    assert run_lengths(mask)["counts"] == ([0, 1, 1, 2] if first else [2, 2])
 
 
 def test_an_object_of_which_nothing_is_seen_is_no_visible_one(

@@ -236,10 +236,7 @@ def test_the_file_holds_texture_and_origin(teapot: ObjectClass, tmp_path: Path) 
 
 
 def test_a_map_that_cannot_be_made_leaves_none_of_before(
-    teapot: ObjectClass,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    teapot: ObjectClass, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     explanation = painted(teapot)
     explanation.save(tmp_path, files=["texture_seen.png"])

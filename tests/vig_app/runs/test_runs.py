@@ -33,8 +33,9 @@ from vig_app.runs import PARTIAL, RunSettings, Task, run
 from vig_app.runs.ledger import ledger_of, rows_done
 from vig_app.runs.work import Rows, Work
 
-BOX = ["--box", "10,10,130,130"]
-"""Of all the photos: a search takes ten times as long as a fit."""
+PLACE = (10, 10, 130, 130)
+"""The box of all the photos: a search takes ten times as long as a fit."""
+BOX = ["--box", ",".join(map(str, PLACE))]
 COMMAND = [sys.executable, "-m", "vig", "fit", *BOX]
 
 
@@ -110,7 +111,7 @@ def test_a_run_that_is_killed_goes_on_with_the_same_rows(photos: Path, tmp_path:
 
 
 def test_two_runs_do_not_write_to_one_folder(photos: Path, tmp_path: Path) -> None:
-    tasks = [Task(photos / "0.png", tmp_path / "out" / "0")]
+    tasks = [Task(photos / "0.png", tmp_path / "out" / "0", PLACE)]
     first = run(tasks, tmp_path / "out", RunSettings())
     next(first)
     with pytest.raises(UserError, match="another run is writing to .*wait until it ends"):
@@ -157,7 +158,7 @@ def test_a_disk_without_locks_is_told(photos: Path, tmp_path: Path, monkeypatch:
 
     monkeypatch.setattr("fcntl.flock", refuse)
     with pytest.raises(UserError, match="cannot lock .*results.jsonl: No locks available; choose an --out"):
-        next(run([Task(photos / "0.png", tmp_path / "0")], tmp_path, RunSettings()))
+        next(run([Task(photos / "0.png", tmp_path / "0", PLACE)], tmp_path, RunSettings()))
 
 
 def test_a_full_disk_is_told_and_keeps_what_is_done(
@@ -171,7 +172,7 @@ def test_a_full_disk_is_told_and_keeps_what_is_done(
     out.mkdir()
     monkeypatch.setattr("vig_app.runs.photos.ledger_of", lambda _: nullcontext(Full("\n")))
     with pytest.raises(UserError, match="cannot write .*results.jsonl: No space left.* same command"):
-        list(run([Task(photos / "0.png", out / "0")], out, RunSettings()))
+        list(run([Task(photos / "0.png", out / "0", PLACE)], out, RunSettings()))
     assert (out / "0" / "explanation.json").exists()
 
 
@@ -207,7 +208,7 @@ def test_tasks_are_taken_as_they_are_needed(photos: Path, tmp_path: Path) -> Non
     def tasks() -> Iterator[Task]:
         for number in range(8):
             taken.append(number)
-            yield Task(photos / f"{number}.png", tmp_path / "out" / str(number))
+            yield Task(photos / f"{number}.png", tmp_path / "out" / str(number), PLACE)
 
     rows = run(tasks(), tmp_path / "out", RunSettings())
     next(rows)
@@ -216,7 +217,7 @@ def test_tasks_are_taken_as_they_are_needed(photos: Path, tmp_path: Path) -> Non
 
 
 def test_a_photo_that_vanishes_during_a_run_is_its_own_error(photos: Path, tmp_path: Path) -> None:
-    tasks = [Task(photos / f"{number}.png", tmp_path / "out" / str(number)) for number in range(3)]
+    tasks = [Task(photos / f"{number}.png", tmp_path / "out" / str(number), PLACE) for number in range(3)]
     rows = run(tasks, tmp_path / "out", RunSettings())
     first = next(rows)
     (photos / "1.png").unlink()
@@ -242,7 +243,7 @@ def test_a_folder_that_cannot_be_written_is_its_photos_error(
         rename(source, target)
 
     monkeypatch.setattr("vig_app.runs.work.os.rename", refusing)
-    rows = list(run([Task(photos / f"{name}.png", out / name) for name in "012"], out, RunSettings()))
+    rows = list(run([Task(photos / f"{name}.png", out / name, PLACE) for name in "012"], out, RunSettings()))
     assert [row["error"] is None for row in rows] == [True, False, True]
     assert reason in rows[1]["error"] and "choose another --out" in rows[1]["error"]
     assert sorted(path.name for path in out.iterdir()) == ["0", "2", "results.jsonl"]
@@ -295,6 +296,7 @@ def test_a_terminal_shows_how_many_are_done_and_the_time_left(
     os.close(terminal)
     assert run.returncode == 0 and lines[-1] == str(tmp_path / "out")
     assert len([line for line in lines if "azimuth" in line]) == (3 if shown else 0)
+    assert shown or len(lines) == 1
     steps = [step in written for step in (b"0/3", b"1/3", b"2/3")]
     assert steps == [shown] * 3 and (b"left" in written) == shown
 
@@ -346,7 +348,7 @@ def test_bad_files_of_all_kinds_are_rows_with_a_reason(photos: Path, tmp_path: P
 
 
 def test_the_table_has_the_pose_and_types_whatever_is_in_it(photos: Path, tmp_path: Path) -> None:
-    (row,) = run([Task(photos / "0.png", tmp_path / "out" / "0")], tmp_path / "out", RunSettings())
+    (row,) = run([Task(photos / "0.png", tmp_path / "out" / "0", PLACE)], tmp_path / "out", RunSettings())
     described = json.loads((tmp_path / "out" / "0" / "explanation.json").read_text())
     pose = [[row[f"camera_from_object_{i}{j}"] for j in range(4)] for i in range(3)]
     assert pose == described["pinhole"]["camera_from_object"][:3]
@@ -366,10 +368,7 @@ def test_a_photo_that_kills_its_worker_is_named_and_the_others_go_on(
 ) -> None:
     """Any worker that begins with photo 3 is killed by us."""
     monkeypatch.setattr("vig_app.runs.photos.prepare", deadly)
-    tasks = [
-        Task(photo, tmp_path / "out" / photo.stem, (10, 10, 130, 130))
-        for photo in sorted(photos.iterdir())[1:5]
-    ]
+    tasks = [Task(photo, tmp_path / "out" / photo.stem, PLACE) for photo in sorted(photos.iterdir())[1:5]]
     rows = {Path(row["photo"]).name: row for row in run(tasks, tmp_path / "out", RunSettings(), workers=2)}
     assert len(rows) == 4
     assert "killed 3 times" in rows.pop("3.png")["error"]
@@ -423,7 +422,7 @@ def test_a_cluster_one_of_whose_nodes_is_killed_has_the_same_rows(photos: Path, 
 
 def test_where_there_is_no_cluster_it_is_told(photos: Path, tmp_path: Path) -> None:
     with pytest.raises(UserError, match=r"no Ray cluster answers at '127.0.0.1:1'|vig\[cluster\]"):
-        task = Task(photos / "0.png", tmp_path / "o" / "0")
+        task = Task(photos / "0.png", tmp_path / "o" / "0", PLACE)
         list(run([task], tmp_path / "o", RunSettings(), cluster="127.0.0.1:1"))
 
 

@@ -24,11 +24,6 @@ def large_photo(path: Path, number: int = 3) -> Path:
 
 
 @pytest.fixture(scope="session")
-def explainer() -> vig.Explainer:
-    return vig.Explainer("teapot")
-
-
-@pytest.fixture(scope="session")
 def opened(explainer: vig.Explainer, tmp_path_factory: pytest.TempPathFactory) -> Session:
     return Session(explainer, large_photo(tmp_path_factory.mktemp("opened") / "photo.png"))
 

@@ -38,7 +38,7 @@ def test_a_mesh_becomes_a_pack_once(cache: Path, tmp_path: Path, monkeypatch: py
     from vig import Explainer
 
     file, told = tmp_path / ".thing.ply", list[str]()
-    finned(1.0, 1.5, 0.45).export(file)
+    finned(1.0, 1.5, 0.45).convex_hull.export(file)
     pack = pack_of_mesh(file, 0.4, told.append, "-x")
     explainer = Explainer(pack)
     object_class = explainer.object_class

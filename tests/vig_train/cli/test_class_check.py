@@ -12,15 +12,10 @@ import vig
 from vig.inference.calibration import CONFIDENCE_FEATURES, FitCalibration
 from vig.io.errors import UserError
 from vig.scene.object_class import PACKAGED
-from vig_train.cli.class_check import (
-    HEADING,
-    PhotoErrors,
-    check_class,
-    read_labels,
-    recalibrate,
-    row_of,
-)
+from vig_train.cli.class_check import HEADING, PhotoErrors, check_class, read_labels, recalibrate, row_of
 from vig_train.cli.settings import CheckClass
+
+pytestmark = pytest.mark.usefixtures("remembered_networks")
 
 
 @pytest.fixture(scope="module")
@@ -70,9 +65,12 @@ def test_errors_are_those_of_the_labels(
 def test_the_card_of_a_pack_gets_the_table_once(
     labelled: tuple[Path, list[dict[str, object]]],
     small_pack: Callable[[], Path],
+    tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    pack = small_pack()
+    """Also where it lies in a folder called classes, as the packaged ones do."""
+    (tmp_path / "classes").mkdir()
+    pack = small_pack().rename(tmp_path / "classes" / "pot")
     for _ in range(2):
         check_class(CheckClass(str(pack), labelled[0]))
     text = (pack / "card.md").read_text()
@@ -90,16 +88,6 @@ def small_pack(tmp_path: Path) -> Callable[[], Path]:
         return pack
 
     return made
-
-
-def test_a_pack_in_a_folder_called_classes_is_the_users(
-    labelled: tuple[Path, list[dict[str, object]]], small_pack: Callable[[], Path], tmp_path: Path
-) -> None:
-    pack = small_pack().rename(tmp_path / "moved")
-    (tmp_path / "classes").mkdir()
-    pack = pack.rename(tmp_path / "classes" / "pot")
-    check_class(CheckClass(str(pack), labelled[0]))
-    assert HEADING in (pack / "card.md").read_text()
 
 
 def test_what_is_not_known_is_a_dash_and_null_and_names_stay(
@@ -163,18 +151,6 @@ def test_a_file_without_labels_gets_one_line(tmp_path: Path, text: str, said: st
         read_labels(tmp_path / "none", path)
 
 
-def test_a_silhouette_of_another_size_gets_one_line(
-    labelled: tuple[Path, list[dict[str, object]]], tmp_path: Path
-) -> None:
-    folder, labels = labelled
-    for name in ("a.png",):
-        (tmp_path / name).write_bytes((folder / name).read_bytes())
-    Image.new("L", (20, 20), 255).save(tmp_path / "small.png")
-    (tmp_path / "labels.json").write_text(json.dumps([labels[0] | {"silhouette": "small.png"}]))
-    with pytest.raises(UserError, match="none of 1 can.*a mask as large as 'a.png'"):
-        check_class(CheckClass("teapot", tmp_path))
-
-
 def test_one_silhouette_that_does_not_fit_ends_no_run(
     labelled: tuple[Path, list[dict[str, object]]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -182,10 +158,14 @@ def test_one_silhouette_that_does_not_fit_ends_no_run(
     for name in ("a.png", "b.png", "outline.png", "seen.png"):
         (tmp_path / name).write_bytes((folder / name).read_bytes())
     Image.new("L", (20, 20), 255).save(tmp_path / "small.png")
-    (tmp_path / "labels.json").write_text(json.dumps([labels[0] | {"silhouette": "small.png"}, labels[1]]))
+    wrong = labels[0] | {"silhouette": "small.png"}
+    (tmp_path / "labels.json").write_text(json.dumps([wrong, labels[1]]))
     check_class(CheckClass("teapot", tmp_path, json=True))
     said = capsys.readouterr()
     assert json.loads(said.out)["rows"][0]["count"] == 1 and "left out a.png" in said.err
+    (tmp_path / "labels.json").write_text(json.dumps([wrong]))
+    with pytest.raises(UserError, match="none of 1 can.*a mask as large as 'a.png'"):
+        check_class(CheckClass("teapot", tmp_path))
 
 
 def test_temperature_and_threshold_are_those_of_the_photos(tmp_path: Path) -> None:

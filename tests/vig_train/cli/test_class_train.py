@@ -4,9 +4,7 @@ import json
 import re
 import shutil
 import time
-from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +12,7 @@ import torch
 import trimesh
 
 from tests.source_meshes import two_boxes
+from tests.support import in_this_process
 from tests.toys import toy
 from vig import Explainer
 from vig.io.checks import read_tensors
@@ -43,19 +42,12 @@ PLAN = ClassTraining.plan
 """As it is, before the tests make it tiny."""
 
 
-def in_this_process(
-    prepare: Callable[[Any], Callable[[Any], Any]], shared: Any, items: Iterable[Any], processes: int
-) -> Iterator[Any]:
-    """In place of `map_in_processes`: a process takes seconds to begin."""
-    return map(prepare(shared), items)
-
-
 @pytest.fixture(scope="module", autouse=True)
 def tiny() -> object:
     """Two files of some images, two passes, two steps, some photos."""
     with pytest.MonkeyPatch.context() as patch:
         for module in (class_network, class_heads, steps):
-            patch.setattr(module, "CHUNK", 24)
+            patch.setattr(module, "CHUNK", 16)
             patch.setattr(module, "map_in_processes", in_this_process)
         patch.setattr(ClassTraining, "plan", lambda self: Plan(2, 2, 20, 2))
         patch.setattr(steps, "PHOTOS", 36)
@@ -132,7 +124,7 @@ def test_the_card_has_the_errors_that_were_measured(pack: Path) -> None:
     assert 8 <= errors["photos"] <= 20 and set(errors["methods"]) == {"network", "fit"}
     assert f"{errors['methods']['fit']['azimuth_deg']:.1f} degrees" in text
     assert "by each of the network's 3 members on meshes that it has not seen" in text
-    assert "48 rendered images" in text
+    assert "32 rendered images" in text
     trust = r"\d+ fits, .* within 15 degrees of azimuth; trusted from a confidence of .*%.*\."
     assert re.search(r"\(up to four of them: over photos\): " + trust, text)
     assert (pack / "reliability.png").exists() and "reliability.png" in text
@@ -170,7 +162,7 @@ def test_more_minutes_begin_with_the_images_that_are_there_and_the_card_tells_bo
     assert (other / "training/images/00000.safetensors").stat().st_mtime_ns == first
     assert len(list((other / "training/images").glob("*.safetensors"))) == 3
     text = (other / "card.md").read_text()
-    assert text.count(HEADING) == 1 and "| 48 |" in text and "| 72 |" in text
+    assert text.count(HEADING) == 1 and "| 32 |" in text and "| 48 |" in text
 
 
 @pytest.mark.slow

@@ -6,12 +6,13 @@ from typing import Any
 import pytest
 import torch
 
-from tests.support import TEAPOT, run_vig
+from tests.support import TEAPOT, in_this_process, run_vig
 from vig.io.checks import read_tensors
 from vig.recognition import NetworkSettings, Recognizer
 from vig.scene.object_class import PACKAGED
 from vig_train.cli import train as verb
 from vig_train.cli.train import CONTEXT
+from vig_train.training import drawing
 from vig_train.training.drawing import Drawing
 from vig_train.training.training import TrainingSettings
 from vig_world.studio.studio import StudioSettings
@@ -122,6 +123,7 @@ def test_a_map_is_added_to_weights_of_which_the_rest_stays(
     """Of images of the studio alone, which the folder keeps; the map of before goes."""
     start, out = TRUNK, tmp_path / "w"
     monkeypatch.setattr(verb, "MAP_PICTURES", 16)
+    monkeypatch.setattr(drawing, "map_in_processes", in_this_process)
     given = ["--studio", "8", "--distinct", "24", "--map-alone", "--start", str(start), "--out", str(out)]
     given += ["--others", "mug"]
     assert run_vig("train", "--class", TEAPOT, "--dataset", "--json", *given) == 0

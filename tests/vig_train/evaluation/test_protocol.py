@@ -248,10 +248,7 @@ def test_mistakes_are_told_in_a_line_before_any_work(
     given = {"--dataset": made, "--out": tmp_path / "r", "--weights": weights}
     extra, said = {
         "occlusion": ({"--max-occlusion": 75}, "--max-occlusion from 0 to 1; got 75"),
-        "range": (
-            {"--min-occlusion": 0.8},
-            "--min-occlusion below --max-occlusion; got 0.8 and 0.75",
-        ),
+        "range": ({"--min-occlusion": 0.8}, "--min-occlusion below --max-occlusion; got 0.8 and 0.75"),
         "none": ({"--min-occlusion": 0.99, "--max-occlusion": 1}, "more than 99% and at most 100%"),
         "limit": ({"--limit": 0}, "expected --limit of at least 1; got 0"),
         "out": ({"--out": tmp_path / "file" / "r"}, "cannot write"),

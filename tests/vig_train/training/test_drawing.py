@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 import torch
 
+from tests.support import in_this_process
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig.scene.object_class import PACKAGED
@@ -29,6 +30,7 @@ def test_they_are_those_of_their_numbers_and_stay(tmp_path: Path, monkeypatch: p
     done: list[int] = []
     once = drawn_once(DRAWING, tmp_path, 7, done.append)
     assert len(once) == 6 and done == [3, 3]
+    monkeypatch.setattr(module, "map_in_processes", in_this_process)
     drawn = studio_examples(Studio(ObjectClass.load("teapot"), DRAWING.studio), 7, range(3, 6))
     torch.testing.assert_close(once[3:].images, drawn.images)
     (folder,) = tmp_path.iterdir()
@@ -48,6 +50,7 @@ def test_they_are_those_of_their_numbers_and_stay(tmp_path: Path, monkeypatch: p
 
 def test_each_step_takes_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "DRAWN", 8)
+    monkeypatch.setattr(module, "map_in_processes", in_this_process)
     once = drawn_once(replace(DRAWING, distinct=8), tmp_path, 7)
 
     def taken(first: int, last: int) -> list[list[float]]:

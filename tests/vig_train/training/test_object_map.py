@@ -17,12 +17,7 @@ from vig_train.training.object_map import CELLS, MapTraining, map_loss, targets_
 from vig_train.training.presence import PRESENCE, PRIOR_LOG_ODDS, dense_features, fit_presence, refit_logistic
 
 SMALL = NetworkSettings(
-    modes=2,
-    channels=(8, 8, 12, 16, 16, 16),
-    blocks=(1, 1, 1, 1, 1),
-    squeezed=4,
-    features=8,
-    object_map=32,
+    modes=2, channels=(8, 8, 12, 16, 16, 16), blocks=(1, 1, 1, 1, 1), squeezed=4, features=8, object_map=32
 )
 
 
@@ -117,8 +112,8 @@ def test_a_map_learns_where_things_are_and_all_else_stays() -> None:
             return float(map_loss(network.eval().object_map(network.coarse_maps(pictures)), batch))
 
     at_first, made = held_out(), []
-    MapTraining(examples, 320, 0, advance=made.append).run(network)
-    assert sum(made) == 320 and held_out() < 0.5 * at_first
+    MapTraining(examples, 256, 0, advance=made.append).run(network)
+    assert sum(made) == 256 and held_out() < 0.5 * at_first
     assert all(torch.equal(network.state_dict()[name], value) for name, value in before.items())
 
 

@@ -86,13 +86,7 @@ def test_a_run_says_one_line_an_epoch_and_writes_weights_that_can_be_read(traine
 def test_each_epoch_is_recorded_with_losses_and_errors(dataset: Dataset, tmp_path: Path) -> None:
     epochs: list[Epoch] = []
     said: list[str] = []
-    train(
-        [dataset],
-        tmp_path,
-        dataclasses.replace(SETTINGS, epochs=2),
-        said.append,
-        epochs.append,
-    )
+    train([dataset], tmp_path, dataclasses.replace(SETTINGS, epochs=2), said.append, epochs.append)
     assert [epoch.number for epoch in epochs] == [1, 2]
     for epoch, line in zip(epochs, said, strict=True):
         assert epoch.trained.keys() == epoch.validated.keys() == set(LOSS_WEIGHTS)

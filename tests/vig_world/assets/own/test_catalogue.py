@@ -102,11 +102,7 @@ def test_props_have_the_catalogues_size_front_and_picture(tmp_path: Path) -> Non
     assert problems == []
     cup, car = props
     assert (car.name, car.family, car.zones) == ("red-car/red-car.obj", "red_car", ("floor",))
-    assert (cup.name, cup.family, cup.zones) == (
-        "cafe-cup/cafe-cup.obj",
-        "cafe_cup",
-        ("dining", "drinks"),
-    )
+    assert (cup.name, cup.family, cup.zones) == ("cafe-cup/cafe-cup.obj", "cafe_cup", ("dining", "drinks"))
     vertices = points(car.read())  # width along X, depth along Y, height along Z
     np.testing.assert_allclose(np.ptp(vertices, axis=0), [0.2, 0.4, 0.1], atol=1e-6)
     np.testing.assert_allclose(vertices.min(0), [-0.1, -0.2, 0], atol=1e-6)
