@@ -52,18 +52,18 @@ class PointCloud:
 
     def distance(self, other: "PointCloud", rotation: np.ndarray) -> float:
         """Return the mean distance, both ways, to another cloud turned by a rotation (3, 3)."""
-        there, back = self.distances(other, rotation), other.distances(self, rotation.T)
         # Truncated at .3 root mean square radii, so that a part of one mesh alone cannot dominate.
-        return float(sum(0.5 * np.minimum(each, 0.3).mean() for each in (there, back)))
+        there, back = self.distances(other, rotation, 0.3), other.distances(self, rotation.T, 0.3)
+        return float(0.5 * there.mean() + 0.5 * back.mean())
 
-    def distances(self, other: "PointCloud", rotation: np.ndarray) -> np.ndarray:
-        """Return distances (M,) of another cloud's points, turned by a rotation (3, 3), to the nearest."""
+    def distances(self, other: "PointCloud", rotation: np.ndarray, most: float = math.inf) -> np.ndarray:
+        """Return distances (M,), `most` at most, of another cloud's points, turned (3, 3), to the nearest."""
         # The nearest point is searched for about 250 of the other's points.
         step = max(1, len(other.points) // 250)
         features = np.concatenate(
             [other.points[::step] @ rotation.T, NORMAL_WEIGHT * other.normals[::step] @ rotation.T], axis=1
         )
-        return np.asarray(self.tree.query(features)[0])
+        return np.minimum(self.tree.query(features, distance_upper_bound=most)[0], most)
 
     def refine_rotation(self, other: "PointCloud", rotation: np.ndarray) -> np.ndarray:
         """Return the rotation (3, 3) near a start that brings another cloud nearest, by ICP.
