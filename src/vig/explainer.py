@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from vig.explanation import Explanation
-from vig.hints import Hints, checked_hints
+from vig.hints import Hints, check_hints
 from vig.inference import (
     ExpectedStart,
     ExplainSettings,
@@ -142,7 +142,7 @@ class Explainer:
         Raises:
             UserError: The photo, the box, the window, the focal length, the camera or a hint cannot be used.
         """
-        hints = checked_hints(hints, mask)
+        hints = check_hints(hints, mask)
         if window is not None and isinstance(hints, Hints) and hints.roll_deg is not None:
             raise UserError("expected a window or a roll among the hints; got both. Turn the window by it.")
         if window is not None and (box is not None or not isinstance(window, Window)):
@@ -184,11 +184,11 @@ class Explainer:
         """Explain one photo. `standard_camera`: whether a given window is the picture of that camera; `aim`:
         whether the camera of a known lens is turned towards the object.
         """
-        hints, coded = checked_hints(hints), coded_photo(photo)
+        hints, coded = check_hints(hints), coded_photo(photo)
         pyramid, (height, width) = ImagePyramid(coded), coded.shape[:2]
         settings = resolve(self.settings, self.object_class, photo=window is None or not standard_camera)
         hints = hints.check(width, height, self.object_class) if hints else None
-        box = None if box is None else checked_box(box)
+        box = None if box is None else check_box(box)
         if not self.recognizer.informed:
             settings, expected = without_network(settings), None
         elif expected is not None:
@@ -367,7 +367,7 @@ def recognizer_of(object_class: ObjectClass) -> Recognizer:
     return Recognizer.of_class(object_class)
 
 
-def checked_box(box: Any) -> Box:
+def check_box(box: Any) -> Box:
     """Return a given box as four finite numbers; UserError when it is something else."""
     try:
         numbers = [float(number) if isinstance(number, str) else number_of(number) for number in box]
@@ -381,7 +381,7 @@ def checked_box(box: Any) -> Box:
     return x, y, w, h
 
 
-def checked_focal(focal: float) -> float:
+def check_focal(focal: float) -> float:
     """Return a focal length in pixels; UserError when it is not positive and finite."""
     number = number_of(focal)
     if number is None or not 0 < number < math.inf:
@@ -400,7 +400,7 @@ def lens_of(photo: Photo, focal: float | None = None, camera: Any = None) -> Len
             raise UserError("expected K or a focal length; got both. K has its own.")
         return camera_as_shown(photo, camera), "given"
     if focal is not None:
-        return checked_focal(focal), "given"
+        return check_focal(focal), "given"
     of_file = focal_of(photo)
     return None if of_file is None else (of_file, "exif")
 

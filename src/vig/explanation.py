@@ -333,10 +333,10 @@ class Explanation:
         changed: dict[str, np.ndarray] = {}
         for name, size, numbers in (("light", 9, light), ("albedo", 3, albedo)):
             if numbers is not None:
-                changed[name] = _checked_numbers(name, size, numbers, 1.0 if name == "albedo" else math.inf)
+                changed[name] = _check_numbers(name, size, numbers, 1.0 if name == "albedo" else math.inf)
         for name, angle in (("azimuth", azimuth_deg), ("elevation", elevation_deg)):
             if angle is not None:
-                changed[name] = np.deg2rad(_checked_numbers(f"{name}_deg", 1, [angle], math.inf)[0])
+                changed[name] = np.deg2rad(_check_numbers(f"{name}_deg", 1, [angle], math.inf)[0])
         latents, seen_by = replace(self.latents, **changed), camera or self.camera
         drawn = on_one_core(partial(draw_latents, latents, self.object_class, seen_by, samples=2))
         return np.concatenate([drawn.rgb, drawn.coverage[:, :, None]], axis=-1)
@@ -486,7 +486,7 @@ class Explanation:
         return png_bytes(self.overlay())
 
 
-def _checked_numbers(name: str, size: int, value: Any, most: float) -> np.ndarray:
+def _check_numbers(name: str, size: int, value: Any, most: float) -> np.ndarray:
     """Return (1, size) float32 from an argument of `Explanation.render`."""
     try:
         array: np.ndarray = np.asarray(numpy_of_tensor(value), np.float32)

@@ -158,7 +158,7 @@ class Hints(PlainHints):
                     raise UserError(f"expected {name} within {most:g} degrees; got {number:g}. Give degrees.")
                 changed[name] = number
         if self.pose is not None:
-            changed["pose"] = checked_pose(self.pose, object_class.viewing_distance)
+            changed["pose"] = check_pose(self.pose, object_class.viewing_distance)
         return replace(self, **changed)
 
     def _paint_strokes(self, marks: np.ndarray | None, width: int, height: int) -> np.ndarray:
@@ -244,7 +244,7 @@ class Hints(PlainHints):
         )
 
 
-def checked_hints(hints: Any, mask: Any = None) -> Hints | None:
+def check_hints(hints: Any, mask: Any = None) -> Hints | None:
     """Return hints, with a mask that is given beside them. UserError for other objects, or a mask in both."""
     if hints is not None and not isinstance(hints, Hints):
         raise UserError(f"expected vig.Hints; got a {type(hints).__name__}. Name what you know in one.")
@@ -255,7 +255,7 @@ def checked_hints(hints: Any, mask: Any = None) -> Hints | None:
     return replace(hints or Hints(), mask=mask)
 
 
-def checked_pose(value: Any, usual_distance: float) -> np.ndarray:
+def check_pose(value: Any, usual_distance: float) -> np.ndarray:
     """Return a pose (4, 4) camera_from_object of an object before the camera; UserError lists accepted forms.
 
     usual_distance: Metres at which a photo is taken of such an object.

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from vig.explainer import Box, Explainer, checked_focal
+from vig.explainer import Box, Explainer, check_focal
 from vig.explanation import Explanation
 from vig.hints import Hints, PlainHints
 from vig.inference import PixelLabel
@@ -52,7 +52,7 @@ class State(PlainHints):
         if self.box is not None:
             Window.of(width, height, self.box)
         if self.focal is not None:
-            checked_focal(self.focal)
+            check_focal(self.focal)
         if self.camera is not None:
             Intrinsics.of(self.camera, width, height)
         self.hints(width, height).check(width, height, object_class)
@@ -155,7 +155,7 @@ class Correction:
     problem: str = ""
 
 
-def corrected_in(folder: Path, object_class: str | Path | None = None) -> tuple[Correction, ...]:
+def read_corrections(folder: Path, object_class: str | Path | None = None) -> tuple[Correction, ...]:
     """Return the corrections by hand in the folder of a photo's results: those of its one object, which must
     be of a class, or of several. Files that do not say whether they were corrected (older ones) are skipped.
     """

@@ -220,12 +220,12 @@ def read_results(folder: str | Path) -> list[dict[str, Any]]:
         with open(path, encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
         return [
-            checked_row({name: _value(kind_of(column), row[name]) for name, column in COLUMNS.items()})
+            check_row({name: _value(kind_of(column), row[name]) for name, column in COLUMNS.items()})
             for row in rows
         ]
 
 
-def checked_row(row: dict[str, Any]) -> dict[str, Any]:
+def check_row(row: dict[str, Any]) -> dict[str, Any]:
     """Return a row whose photo and folder are named, the folder within the run, and whose values are of
     their types; ValueError for others.
     """

@@ -106,7 +106,7 @@ def pack(scenes: Sequence[Scene]) -> PackedScenes:
             *(camera.rotation, camera.translation, camera.focal, camera.centre),
         )
         for number, item in enumerate(scene.objects):
-            meshes.append(_checked_mesh(f"object {number} of scene {index}", item, like))
+            meshes.append(_check_mesh(f"object {number} of scene {index}", item, like))
             image.append(index)
             place.append(number)
             counts.append(item.topology.vertex_count)
@@ -175,7 +175,7 @@ def _check_scene(index: int, scene: Scene, size: tuple[int, int], like: torch.Te
     _check(name, _scene_tensors(scene), like)
 
 
-def _checked_mesh(name: str, item: MeshObject, like: torch.Tensor) -> Any:
+def _check_mesh(name: str, item: MeshObject, like: torch.Tensor) -> Any:
     """Return the mesh of an object, see `Topology.mesh`."""
     _check(f"of {name}", _object_tensors(item), like)
     mesh = item.topology.mesh

@@ -13,7 +13,7 @@ from PIL import Image
 
 import vig
 from tests.support import run_vig
-from vig.hints import Hints, checked_pose, view_of
+from vig.hints import Hints, check_pose, view_of
 from vig.inference import Objective, PixelLabel, ReprojectionTerm, objective_of, resolve
 from vig.io.errors import UserError
 from vig.photo import Window
@@ -364,12 +364,12 @@ POSE = np.array([[0.0, 1, 0, 0.02], [0.6, 0, -0.8, 0.01], [-0.8, 0, -0.6, 0.7], 
 )
 def test_a_pose_of_another_convention_is_named(pose: object, words: str) -> None:
     with pytest.raises(UserError, match=words) as caught:
-        checked_pose(pose, 0.4)
+        check_pose(pose, 0.4)
     assert "\n" not in str(caught.value)
 
 
 def test_a_pose_may_lack_its_last_row() -> None:
-    np.testing.assert_array_equal(checked_pose(POSE[:3].tolist(), 0.4), POSE)
+    np.testing.assert_array_equal(check_pose(POSE[:3].tolist(), 0.4), POSE)
 
 
 @pytest.mark.parametrize(

@@ -36,7 +36,7 @@ def open_picture(path: Path) -> Image.Image:
 
         image: ImageFile.ImageFile = HeifImageFile(path)  # type: ignore[no-untyped-call]
     else:
-        image = _opened_of_any_size(path)
+        image = _open_of_any_size(path)
     try:
         return _largest(path, image)
     except BaseException:
@@ -44,7 +44,7 @@ def open_picture(path: Path) -> Image.Image:
         raise
 
 
-def _opened_of_any_size(path: Path) -> ImageFile.ImageFile:
+def _open_of_any_size(path: Path) -> ImageFile.ImageFile:
     """Open a file without pillow's own limit, which is that of the process; `check_size` has ours."""
     with _PILLOW_LIMIT:
         former, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
@@ -175,7 +175,7 @@ def _sixteen_bits(path: str, image: Image.Image) -> np.ndarray | None:
     swapped = {"L": "B", "B": "L", "N": "B" if sys.byteorder == "little" else "L"}
     if not path or getattr(image, "tag_v2", {}).get(ExifTags.Base.PlanarConfiguration) == 2:
         return None
-    with _opened_of_any_size(Path(path)) as lower:
+    with _open_of_any_size(Path(path)) as lower:
         lower.seek(image.tell())
         tiles = []
         for tile in lower.tile:

@@ -178,7 +178,7 @@ class Follower:
         # Frames without the object of which a tracker seeks it in one, which takes longer than a step.
         seek_every = 3
         seek = self.view is None or self.missed % seek_every == seek_every - 1
-        found = self._found_again(frame, self.place) if seek and not self._is_object(sighting) else None
+        found = self._find_again(frame, self.place) if seek and not self._is_object(sighting) else None
         if found is not None:
             again = self._at(frame, found)
             if self._is_object(again[1]):
@@ -213,7 +213,7 @@ class Follower:
         latents = replace(fitted, azimuth=azimuth, elevation=elevation, light=light)
         return ExpectedStart(latents, (left + 0.5, top + 0.5, wide, high), self.predict)
 
-    def _found_again(self, frame: Photo, place: np.ndarray) -> Window | None:
+    def _find_again(self, frame: Photo, place: np.ndarray) -> Window | None:
         """Return the window of an object near the predicted place, if it is surely there."""
         if not self.explainer.recognizer.has_map:
             return None

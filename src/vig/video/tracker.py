@@ -12,7 +12,7 @@ import numpy as np
 
 from vig.explainer import Box, Explainer, Photo
 from vig.explanation import Explanation
-from vig.hints import Hints, checked_hints
+from vig.hints import Hints, check_hints
 from vig.inference.settings import UNIFORM_TURN, Verdict
 from vig.io.errors import UserError
 from vig.known_object import Keypoints, PoseFollower, WholePhoto, explained_share
@@ -125,7 +125,7 @@ class Tracker:
         self._number += 1
         if (K := self._K if K is None else K) is not None:
             self._K = camera_as_shown(frame, K)
-        return self._begin(coded_photo(frame), checked_hints(hints, mask), box)
+        return self._begin(coded_photo(frame), check_hints(hints, mask), box)
 
     def step(self, frame: Photo) -> TrackedPose:
         """Return the pose in the next frame, from that of the last.

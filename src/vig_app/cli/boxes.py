@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from vig.explainer import Box, checked_box
+from vig.explainer import Box, check_box
 from vig.io.checks import MOST_TABLE, read_json, reading
 from vig.io.errors import UserError
 from vig.io.printing import note
@@ -166,7 +166,7 @@ def _packs_of(place: PlaceOptions, say: Callable[[str], None]) -> tuple[str, ...
 def parse_box(text: str) -> Box:
     """Return "x,y,w,h" as four numbers; UserError when it is not."""
     try:
-        return checked_box(text.replace(" ", "").split(","))
+        return check_box(text.replace(" ", "").split(","))
     except UserError:
         raise UserError(f"expected --box x,y,w,h in pixels, such as 40,30,200,160; got '{text}'") from None
 
@@ -198,4 +198,4 @@ def _box(numbers: Any) -> Box:
         raise ValueError(f"a box is not a list of four numbers; it is {str(numbers)[:60]}")
     if any(isinstance(number, str) for number in numbers):  # which is --box's own form
         raise ValueError(f"a box has a text among its numbers; it is {str(numbers)[:60]}")
-    return checked_box(numbers)
+    return check_box(numbers)

@@ -20,7 +20,7 @@ from vig_app.cli.hints import cameras_of, hints_of, mask_of
 from vig_app.cli.naming import list_names
 from vig_app.cli.options import FitCommand, ModelOptions, RunOptions, VideoOptions, changed_options
 from vig_app.cli.photos import photos_of, result_folders
-from vig_app.corrections import CORRECTIONS, Correction, corrected_in
+from vig_app.corrections import CORRECTIONS, Correction, read_corrections
 from vig_app.report.folder import FILES, check_files
 from vig_app.runs import RunSettings, Task, ledger_of
 
@@ -64,7 +64,7 @@ def plan_of(command: FitCommand) -> Plan:
     hinted = changed_options(command.hints, command.camera) or located
     by_hand: dict[Path, tuple[Correction, ...]] = dict.fromkeys(folders, ())
     if not (len(folders) == 1 and hinted):
-        by_hand = {folder: corrected_in(folder, object_class) for folder in folders}
+        by_hand = {folder: read_corrections(folder, object_class) for folder in folders}
     taken = [
         folder.name
         for folder, corrections in by_hand.items()

@@ -60,7 +60,7 @@ def summary(described: dict[str, Any]) -> str:
         if described["present"] is None:  # stated, not estimated
             return f"{described['class']}: none; below is the fit that was dismissed"
         return (
-            f"{described['class']}: in the photo with a probability of {_rounded_down(described):.0%}, below"
+            f"{described['class']}: in the photo with a probability of {_round_down(described):.0%}, below"
             f" the {LEAST_PRESENT:.0%} needed; below is the fit at the likeliest place, which was rejected"
         )
     if confidence is None:
@@ -82,7 +82,7 @@ def summary(described: dict[str, Any]) -> str:
     return f"{described['class']}: {trusted} ({confidences}){hidden_share}"
 
 
-def _rounded_down(described: dict[str, Any]) -> float:
+def _round_down(described: dict[str, Any]) -> float:
     """Return the probability of presence in whole percent, at most: below a bound it never reads as that."""
     return math.floor(100 * described["present"]) / 100
 
@@ -92,7 +92,7 @@ def probabilities(described: dict[str, Any]) -> list[tuple[str, float]]:
     named = (("in the photo", "present"), ("view right", "confidence"), ("mask right", "mask_confidence"))
     known = [(name, described[key]) for name, key in named if described[key] is not None]
     if described["verdict"] == "absent":
-        return [(f"in the photo ({LEAST_PRESENT:.0%} needed)", _rounded_down(described))]
+        return [(f"in the photo ({LEAST_PRESENT:.0%} needed)", _round_down(described))]
     others = [
         (f"or azimuth {view['azimuth_deg']:.0f}°", view["probability"]) for view in described["alternatives"]
     ]

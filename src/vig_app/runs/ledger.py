@@ -12,7 +12,7 @@ from vig import __version__
 from vig.explainer import Explainer
 from vig.io.errors import UserError
 from vig.known_object.keypoints import FILE as KEYPOINTS
-from vig_app.results import checked_row
+from vig_app.results import check_row
 from vig_app.runs.work import KEY, PARTIAL, Rows, RunSettings, Task
 
 LEDGER = "results.jsonl"
@@ -66,7 +66,7 @@ def rows_done(ledger: Any) -> dict[str, tuple[str, Rows]]:
     for line in ledger:
         with suppress(ValueError, LookupError, TypeError, AttributeError):
             entry = json.loads(line)
-            if all(checked_row(row)["error"] is None for row in entry["rows"]):
+            if all(check_row(row)["error"] is None for row in entry["rows"]):
                 done[entry["rows"][0]["folder"].split("/")[0]] = str(entry["key"]), entry["rows"]
     if not line.endswith("\n"):
         ledger.write("\n")

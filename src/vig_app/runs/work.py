@@ -48,7 +48,7 @@ class Task:
         objects: Class and box of each of several objects, which are explained together.
         most: Number of objects, of any of the run's classes, to find and explain together.
         camera: Its intrinsics in place of the focal length, as `vig.photo.Intrinsics.of` takes them.
-        corrected: Corrections by hand, see `vig_app.corrections.corrected_in`; in place of box, focal
+        corrected: Corrections by hand, see `vig_app.corrections.read_corrections`; in place of box, focal
             length, camera and hints of the one object, or of that of several.
         labels: Labels of its objects by a tool, checked with the photo: one of the run's class, or of up to
             `most`, whose names are then those of classes.

@@ -15,7 +15,7 @@ from PIL import Image
 from starlette.exceptions import HTTPException as StarletteError
 
 from vig import __version__
-from vig.explainer import Explainer, checked_box
+from vig.explainer import Explainer, check_box
 from vig.explanation import Explanation
 from vig.hints import Hints
 from vig.io.errors import UserError
@@ -102,7 +102,7 @@ class Service:
                 words = str(error).replace(f"{folder}/", "")
                 raise HTTPException(413 if "pixels" in words else 415, words) from None
         hints = Hints(mask=read_mask(mask)) if mask.exists() else None
-        return explainer.explain(photo, checked_box(box.split(",")) if box else None, hints=hints)
+        return explainer.explain(photo, check_box(box.split(",")) if box else None, hints=hints)
 
 
 def _check(path: Path, image: Image.Image) -> None:

@@ -70,7 +70,7 @@ class _Server(ThreadingHTTPServer):
             super().handle_error(request, client_address)
 
 
-def _bound(port: int, host: str, handler: Callable[..., Any]) -> _Server:
+def _bind(port: int, host: str, handler: Callable[..., Any]) -> _Server:
     """Return a server at the port, or the next one that is free; UserError when none is."""
     if not 1 <= port <= 65535:
         raise UserError(f"expected a port of 1 to 65535; got {port}. 8080 is usual.")
@@ -96,7 +96,7 @@ class Viewer:
             UserError: No port is free, or no photo can be opened.
         """
         self.walk = walk
-        self._server = _bound(port, host, partial(_Handler, self))
+        self._server = _bind(port, host, partial(_Handler, self))
         self.port = int(self._server.server_address[1])
         self._thread = ThreadPoolExecutor(1)  # all that fits, in its order
         self._found: list[dict[str, Any]] = []

@@ -13,7 +13,7 @@ from vig.io.checks import read_json, reading
 from vig.io.errors import UserError
 from vig.photo.decoding import open_picture
 from vig.record import read_explanation
-from vig_app.corrections import CORRECTIONS, State, corrected_in
+from vig_app.corrections import CORRECTIONS, State, read_corrections
 from vig_app.exports import export_explanation, export_run, formats_in
 from vig_app.report.folder import FILES, OPTIONAL_FILES
 from vig_app.report.folder_page import review_order, write_run_page
@@ -222,4 +222,4 @@ def _of_result(path: Path) -> Item:
 
 
 def _is_corrected(folder: Path) -> bool:
-    return any(not correction.name for correction in corrected_in(folder))
+    return any(not correction.name for correction in read_corrections(folder))
