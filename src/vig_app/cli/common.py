@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, get_type_hints
 
 import tyro
+from docstring_parser import parse_from_object
 
 from vig_app.exports import FORMATS
 
@@ -186,15 +187,20 @@ class Verb:
 
 
 @cache
-def hide_empty_defaults(settings: type) -> type:
-    """Leave defaults None, False and () out of the help of a dataclass and of its groups; returns it."""
+def format_help(settings: type) -> type:
+    """Join the lines of each option's help, and hide defaults None, False and (); returns the dataclass."""
     settings.__annotations__ = get_type_hints(settings, include_extras=True)
+    params = [each for kind in settings.__mro__[-2::-1] for each in parse_from_object(kind).params]
+    described = {each.arg_name: each.description or "" for each in params}
     for each in fields(settings):
         kind = settings.__annotations__[each.name]
         if is_dataclass(kind):
-            hide_empty_defaults(kind)  # type: ignore[arg-type]
-        elif any(each.default is empty for empty in (None, False, ())):
-            settings.__annotations__[each.name] = Annotated[kind, tyro.conf.arg(help_behavior_hint="")]
+            format_help(kind)  # type: ignore[arg-type]
+            continue
+        empty = any(each.default is value for value in (None, False, ()))
+        words = " ".join(described[each.name].split())
+        options = tyro.conf.arg(help=words, **({"help_behavior_hint": ""} if empty else {}))
+        settings.__annotations__[each.name] = Annotated[kind, options]
     return settings
 
 

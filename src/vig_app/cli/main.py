@@ -18,7 +18,7 @@ import tyro
 from vig import __version__
 from vig.io.errors import UserError
 from vig_app.cli import common
-from vig_app.cli.common import ExitCode, Verb, hide_empty_defaults, verbs_of_packages
+from vig_app.cli.common import ExitCode, Verb, format_help, verbs_of_packages
 from vig_app.cli.options import FitCommand
 from vig_app.cli.speed import extra_of
 
@@ -116,7 +116,8 @@ def _parse_arguments(verbs: list[Verb], arguments: list[str]) -> Any:
         group, _, name = verb.name.rpartition(" ")
         if group and group not in groups:
             groups[group] = tyro.extras.SubcommandApp()
-        (groups[group] if group else app).command(name=name)(hide_empty_defaults(verb.settings))
+        settings = format_help(verb.settings) if {"-h", "--help"} & {*arguments} else verb.settings
+        (groups[group] if group else app).command(name=name)(settings)
     for group, inner in groups.items():
         app.command(inner, name=group, help=GROUPS[group])
     complaint = io.StringIO()

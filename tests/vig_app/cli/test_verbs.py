@@ -51,6 +51,18 @@ def test_help_states_no_empty_defaults(verb: str, capsys: pytest.CaptureFixture[
     assert not re.search(r"\{None\}|default: (None|False)?\)", words)
 
 
+def test_help_fills_the_lines_of_the_terminal(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The text of an option is broken by the terminal's width, not as in the source."""
+    monkeypatch.setenv("COLUMNS", "100")
+    run_vig("fit", "--help")
+    lines = [line.strip("│ ") for line in capsys.readouterr().out.splitlines()]
+    first = next(number for number, line in enumerate(lines) if line.startswith("--boxes"))
+    described = lines[first : next(n for n, line in enumerate(lines) if line.startswith("--labels"))]
+    assert all(len(line) > 70 for line in described[1:-1]) and len(described) == 3
+
+
 def test_help_describes_each_format_of_a_run(capsys: pytest.CaptureFixture[str]) -> None:
     run_vig("export", "--help")
     words = " ".join(capsys.readouterr().out.replace("│", " ").split())
