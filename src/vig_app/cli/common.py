@@ -199,7 +199,7 @@ def format_help(settings: type) -> type:
             continue
         empty = any(each.default is value for value in (None, False, ()))
         words = " ".join(described[each.name].split())
-        options = tyro.conf.arg(help=words, **({"help_behavior_hint": ""} if empty else {}))
+        options = tyro.conf.arg(help=words, help_behavior_hint="" if empty else None)
         settings.__annotations__[each.name] = Annotated[kind, options]
     return settings
 
