@@ -15,6 +15,7 @@ from vig.recognition import Recognizer
 from vig.scene import ObjectClass
 from vig_paper import ablation
 from vig_paper.ablation import ABLATIONS, DEFAULT, ablation_markdown, run_ablations, variants
+from vig_train.evaluation.fits import FitRun
 from vig_train.evaluation.protocol import evaluate
 from vig_world.dataset import Dataset
 
@@ -85,8 +86,8 @@ def table(
         patch.setattr(ablation, "time_variants", lambda *given: dict.fromkeys(given[-1], 7.0))
         for _ in range(2):
             told: list[int] = []
-            given = (dataset, teapot, Recognizer(weights), cache, FITTED, 1, told.append, quick)
-            tables.append(run_ablations(*given))
+            run = FitRun(teapot, 1, told.append, cache)
+            tables.append(run_ablations(dataset, Recognizer(weights), run, FITTED, quick))
             assert sum(told) == len(dataset) * (1 + len(FITTED))
             written = {path: path.stat().st_mtime_ns for path in cache.rglob("*.safetensors")}
             patch.setattr("vig_train.evaluation.fits.explain_one", None)  # nothing may be fitted again
@@ -103,7 +104,7 @@ def test_every_variant_has_its_errors_failures_and_difference(
     assert list(rows) == [DEFAULT, *FITTED]
     paper = replace(quick, silhouette="paper")
     errors = [
-        evaluate(dataset, teapot, Recognizer(weights), ("spatial",), settings, 1)["spatial"].errors
+        evaluate(dataset, Recognizer(weights), FitRun(teapot, 1), ("spatial",), settings)["spatial"].errors
         for settings in (quick, paper)
     ]
     for metric, found in rows["silhouettes"]["metrics"].items():

@@ -25,6 +25,7 @@ from vig_paper.settings import ReproductionSettings
 from vig_paper.teapot_class import copy_class
 from vig_train.calibration.learning import describe
 from vig_train.calibration.samples import calibrate_fits, fit_count
+from vig_train.evaluation.fits import FitRun
 from vig_train.evaluation.paper import comparison_block
 from vig_train.evaluation.presentation import markdown_table
 from vig_train.evaluation.protocol import evaluate as run_methods
@@ -177,16 +178,9 @@ def calibrate(run: Run) -> None:
     if run.settings.net == "vig":  # the paper's networks predict their errors on held-out photos
         calibrate_network(run.folder.weights, [dataset], run.report)
     with Meter(fit_count(dataset), 0, run.progress, "fits") as meter:
-        calibration, samples = calibrate_fits(
-            [dataset],
-            run.object_class,
-            run.recognizer(),
-            ExplainSettings(),  # the standard camera, as the test photos are fitted
-            workers=run.threads,
-            advance=meter.advance,
-            cache=run.folder.fits("validation"),
-            processes=True,
-        )
+        fits = FitRun(run.object_class, run.threads, meter.advance, run.folder.fits("validation"), True)
+        # The standard camera, as the test photos are fitted.
+        calibration, samples = calibrate_fits([dataset], run.recognizer(), fits, ExplainSettings())
     calibration.save(run.folder.calibration)
     for line in describe(calibration, samples):
         run.report(f"calibrate: {line}")
@@ -216,15 +210,8 @@ def ablate(run: Run) -> None:
     dataset = run.dataset("test_raster").first(run.settings.count("ablation_images"))
     settings = run.explain_settings()
     with Meter(len(variants(settings)) * len(dataset), 0, run.progress, "fits") as meter:
-        table = run_ablations(
-            dataset,
-            run.object_class,
-            run.recognizer(),
-            run.folder.fits("ablations"),
-            workers=run.threads,
-            advance=meter.advance,
-            settings=settings,
-        )
+        fits = FitRun(run.object_class, run.threads, meter.advance, run.folder.fits("ablations"))
+        table = run_ablations(dataset, run.recognizer(), fits, settings=settings)
     save_table(run.folder.ablations, table)
     with atomic_write(run.folder.ablations.with_suffix(".md")) as temporary:
         temporary.write_text(ablation_markdown(table))
@@ -244,14 +231,5 @@ def _results(run: Run, renderer: str, dataset: Dataset) -> dict[str, MethodResul
     with Meter(
         len(dataset) * len(fitted_likelihoods(run.settings.methods)), 0, run.progress, "fits"
     ) as meter:
-        return run_methods(
-            dataset,
-            run.object_class,
-            run.recognizer(),
-            run.settings.methods,
-            run.explain_settings(),
-            workers=run.threads,
-            advance=meter.advance,
-            cache=run.folder.fits(renderer),
-            processes=True,
-        )
+        fits = FitRun(run.object_class, run.threads, meter.advance, run.folder.fits(renderer), True)
+        return run_methods(dataset, run.recognizer(), fits, run.settings.methods, run.explain_settings())

@@ -35,6 +35,7 @@ from vig_train.class_training.plan import (
     Plan,
     measured_plan,
 )
+from vig_train.evaluation.fits import FitRun
 from vig_train.packs.card import replace_section
 from vig_train.plots import describe_calibration, plot_reliability
 from vig_train.record import Record, read_record
@@ -246,16 +247,8 @@ class ClassTraining:
         plot_reliability(self.run_folder / RELIABILITY_FILE, result)
         write_calibration(self._weights, result.calibration)
         with Meter(sum(map(fit_count, photos)), 0, unit="fits") as meter:
-            calibration, samples = calibrate_fits(
-                photos,
-                self.object_class,
-                self._recognizers(),
-                workers=self.workers,
-                advance=meter.advance,
-                cache=self.calibration_fits,
-                processes=True,
-                pooled=True,
-            )
+            run = FitRun(self.object_class, self.workers, meter.advance, self.calibration_fits, True)
+            calibration, samples = calibrate_fits(photos, self._recognizers(), run, pooled=True)
         calibration.save(self.run_folder / CALIBRATION_FILE)
         trust = describe(calibration, samples)[0]
         self.say(trust)
@@ -288,15 +281,10 @@ class ClassTraining:
         if held_out:
             recognizers = [Recognizer.of_class(self.object_class, self._weights)]
         settings = ExplainSettings(calibration=FitCalibration.load(self.run_folder / CALIBRATION_FILE))
-        with Meter(sum(len(photos) for photos, _ in parts), 0, unit="fits") as meter:
-            errors = studio_errors(
-                [(photos, recognizer) for (photos, _), recognizer in zip(parts, recognizers, strict=True)],
-                self.object_class,
-                settings,
-                self.workers,
-                meter.advance,
-                self.test_fits,
-            )
+        photos = [each for each, _ in parts]
+        with Meter(sum(map(len, photos)), 0, unit="fits") as meter:
+            run = FitRun(self.object_class, self.workers, meter.advance, self.test_fits, processes=True)
+            errors = studio_errors(list(zip(photos, recognizers, strict=True)), run, settings)
         shutil.rmtree(self.test_fits, ignore_errors=True)
         write_json(self.run_folder / "test.json", errors)
 

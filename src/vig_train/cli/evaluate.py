@@ -17,6 +17,7 @@ from vig.recognition import Recognizer
 from vig.scene import ObjectClass
 from vig_train.cli.common import check_ranges, check_writable
 from vig_train.cli.settings import Evaluate
+from vig_train.evaluation.fits import FitRun
 from vig_train.evaluation.presentation import blocks, markdown_table
 from vig_train.evaluation.protocol import evaluate as run_methods
 from vig_train.evaluation.protocol import fitted_likelihoods
@@ -45,18 +46,9 @@ def evaluate(settings: Evaluate) -> int:
     check_writable(settings.out)
     fits = len(dataset) * len(fitted_likelihoods(settings.methods))
     with Meter(fits, 0, not settings.json, "fits") as meter:
-        results = run_methods(
-            dataset,
-            object_class,
-            recognizer,
-            settings.methods,
-            explain_settings,
-            workers=settings.workers,
-            advance=meter.advance,
-            cache=settings.out / "fits",
-            processes=True,
-            cluster=settings.cluster,
-        )
+        cache, cluster = settings.out / "fits", settings.cluster
+        run = FitRun(object_class, settings.workers, meter.advance, cache, True, cluster)
+        results = run_methods(dataset, recognizer, run, settings.methods, explain_settings)
     write_csv(settings.out / "errors.csv", dataset, results)
     table = summarise(results, dataset, renderer, settings.min_occlusion, settings.max_occlusion)
     save_table(settings.out / "table.json", table)
