@@ -1,6 +1,6 @@
 """Summaries as short tables, for a terminal of 100 columns and in Markdown."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -53,20 +53,32 @@ def markdown_table(table: Mapping[str, Any]) -> str:
     return "\n".join(block.markdown() for block in blocks(table))
 
 
-def _medians(table: Mapping[str, Any]) -> TableBlock:
-    rows = table["rows"]
+def metric_block(
+    title: str, rows: Mapping[str, Any], cell: Callable[[str, str, Mapping[str, Any]], str]
+) -> TableBlock:
+    """Return a block with a line for each metric and a column for each method.
+
+    Args:
+        title: Its title.
+        rows: Metric to method to summary.
+        cell: Text of a summary, by metric and method.
+    """
     methods = list(dict.fromkeys(method for row in rows.values() for method in row if method != MASK_HEAD))
-    lines = [
-        [METRICS[metric], *(_median(row[method]) if method in row else "-" for method in methods)]
-        for metric, row in rows.items()
-    ]
-    if MASK_HEAD in rows.get("segmentation_iou", {}):  # one number: no column of its own
-        head = _median(rows["segmentation_iou"][MASK_HEAD])
-        lines.append([f"{MASK_HEAD} (IoU)", *(head if method == "rm" else "-" for method in methods)])
+    lines = []
+    for metric, row in rows.items():
+        texts = {method: cell(metric, method, summary) for method, summary in row.items()}
+        lines.append([METRICS[metric], *(texts.get(method, "-") for method in methods)])
+        if MASK_HEAD in texts:  # one number: no column of its own
+            head = texts[MASK_HEAD]
+            lines.append([f"{MASK_HEAD} (IoU)", *(head if method == "rm" else "-" for method in methods)])
+    return TableBlock(title, ["", *methods], lines)
+
+
+def _medians(table: Mapping[str, Any]) -> TableBlock:
     least, most = table.get("min_occlusion", 0.0), table["max_occlusion"]
     limits = f"at most {most:.0%} hidden" if least == 0 else f"{least:.0%} to {most:.0%} hidden"
     title = f"Table 1: {table['tier']}, {table['count']} images, {limits}; median (mean), 95 % interval"
-    return TableBlock(title, ["", *methods], lines)
+    return metric_block(title, table["rows"], _median)
 
 
 def _fits(table: Mapping[str, Any]) -> TableBlock:
@@ -126,7 +138,7 @@ def _coverage(table: Mapping[str, Any]) -> TableBlock:
     return TableBlock("Truths within the predicted 90 % interval", ["", *GROUPS, "least", "most"], lines)
 
 
-def _median(summary: Mapping[str, Any]) -> str:
+def _median(metric: str, method: str, summary: Mapping[str, Any]) -> str:
     low, high = summary["ci95"]
     return f"{_digits(summary['median'])} ({_digits(summary['mean'])})\n[{_digits(low)}, {_digits(high)}]"
 
