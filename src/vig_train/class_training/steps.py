@@ -46,11 +46,9 @@ from vig_train.training.class_network import (
     CHUNK,
     PIXEL_CHUNKS,
     SIZES,
+    ClassImages,
     DecoderTraining,
-    chunk_path,
-    draw_chunks,
     new_network,
-    read_images,
 )
 from vig_train.training.examples import Examples
 from vig_train.training.object_map import MapTraining
@@ -117,7 +115,8 @@ class ClassTraining:
         self.object_class = ObjectClass.load(pack, unfinished=True)
         self.workers = workers or os.cpu_count() or 1
         self.folder = self.pack / "training"
-        self.images, self.run_folder = self.folder / "images", self.folder / "run"
+        self.images = ClassImages(self.object_class, self.folder / "images", seed, self.workers, props)
+        self.run_folder = self.folder / "run"
         self.calibration_fits = self.folder / "calibration_fits"
         self.test_fits = self.folder / "test_fits"
         meshes = meshes_fingerprint(self.pack)
@@ -149,7 +148,7 @@ class ClassTraining:
         for folder in (self.run_folder, self.calibration_fits, self.test_fits):
             shutil.rmtree(folder, ignore_errors=True)
         if changed != ["minutes"]:
-            shutil.rmtree(self.images, ignore_errors=True)
+            shutil.rmtree(self.images.folder, ignore_errors=True)
         record.renew(settings, list(STEPS))
 
     @property
@@ -180,11 +179,9 @@ class ClassTraining:
         chunks, models = range(self.plan().chunks), Studio(self.object_class).models.values()
         shown = sum(model.mesh is not None for model in models)
         self.say(f"they show {len(models) or 'no'} meshes, {shown or 'none'} of them with its materials")
-        there = sum(chunk_path(self.images, chunk).exists() for chunk in chunks)
+        there = sum(self.images.path(chunk).exists() for chunk in chunks)
         with Meter(CHUNK * len(chunks), CHUNK * there, unit="images") as meter:
-            draw_chunks(
-                self.object_class, self.images, chunks, self.seed, self.workers, meter.advance, self.props
-            )
+            self.images.draw(chunks, meter.advance)
 
     def plan(self) -> Plan:
         """Return the plan for the time; measured once, on the first images, which count."""
@@ -194,29 +191,18 @@ class ClassTraining:
         if path.exists():
             with reading(path, "the plan of a training", "Remove it."):
                 return decode(Plan, read_json(path))
-        plan = measured_plan(
-            self.object_class, self.images, self.minutes, self.seed, self.workers, self.props
-        )
+        plan = measured_plan(self.images, self.minutes)
         write_json(path, vars(plan), None)
         return plan
 
     def _train(self) -> None:
-        plan, modes = self.plan(), self.object_class.shape_model.modes
-        heads = HeadsTraining(
-            self.images,
-            plan.chunks,
-            modes,
-            self.object_class.symmetry,
-            self.folds,
-            self.seed,
-            self.run_folder,
-            plan.epochs,
-        )
+        plan = self.plan()
+        heads = HeadsTraining(self.images, plan.chunks, self.folds, self.run_folder, plan.epochs)
         steps = SIZES.members * heads.steps + plan.decoder_steps
         with thread_limit(self.workers), Meter(steps, 0, unit="steps") as meter:
             network = new_network(self.object_class)
             scale = heads.run(network, self.workers, meter.advance)
-            examples = read_images(self.images, range(min(plan.chunks, PIXEL_CHUNKS)))
+            examples = self.images.examples(range(min(plan.chunks, PIXEL_CHUNKS)))
             decoder = DecoderTraining(network, examples, self.object_class.mirror, self.seed)
             decoder.run(plan.decoder_steps, self.run_folder / "checkpoint.safetensors", meter.advance)
         with thread_limit(self.workers), Meter(plan.pictures, 0, unit="pictures") as meter:
