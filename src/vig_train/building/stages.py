@@ -6,12 +6,9 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
-from safetensors.numpy import load_file
 
-from vig.io.files import write_arrays
 from vig.io.progress import Meter
 from vig_train.building.acceptance import Quality, judge_meshes, quality_of
 from vig_train.building.pose import PointCloud
@@ -19,17 +16,11 @@ from vig_train.building.reading import Scan
 from vig_train.building.registration import Registration
 from vig_train.building.surface import SurfaceSample, visible_surface
 from vig_train.building.template import closed_template, genus
+from vig_world.asset_cache import AssetCache
 
 
-@dataclass(frozen=True)
-class StageCache:
-    """Arrays by stage and inputs, a file for each.
-
-    Attributes:
-        folder: Folder of the files, made where it is missing.
-    """
-
-    folder: Path
+class StageCache(AssetCache):
+    """Arrays by stage and inputs, a file for each."""
 
     def result(
         self, stage: str, inputs: list[str], compute: Callable[[], Mapping[str, np.ndarray]]
@@ -37,15 +28,9 @@ class StageCache:
         """Return a stage's result for these inputs, from the cache where an earlier run left it there."""
         # 1 is the version of the results; those of another are computed again.
         key = hashlib.sha256(json.dumps([1, stage, inputs]).encode()).hexdigest()[:24]
-        path = self.folder / f"{stage}-{key}.safetensors"
-        if path.exists():
-            try:
-                return load_file(path)
-            except Exception:  # a damaged file is made again
-                path.unlink()
-        result = {name: np.ascontiguousarray(value) for name, value in compute().items()}
-        write_arrays(path, result)
-        return result
+        return self.arrays(
+            f"{stage}-{key}", lambda: {name: np.ascontiguousarray(value) for name, value in compute().items()}
+        )
 
 
 def surface_of(scan: Scan, cache: StageCache) -> SurfaceSample:
