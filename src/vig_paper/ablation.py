@@ -189,11 +189,6 @@ def time_variants(
     return {name: 1000 * seconds / len(photos) for name, seconds in spent.items()}
 
 
-def ablation_markdown(table: Mapping[str, Any]) -> str:
-    """Return the table of `run_ablations` in Markdown."""
-    return "\n".join(block.markdown() for block in ablation_blocks(table))
-
-
 def ablation_blocks(table: Mapping[str, Any]) -> list[TableBlock]:
     """Return the table of `run_ablations`: a block of errors, and one of differences to the default."""
     rows = table["variants"]

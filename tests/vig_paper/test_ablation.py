@@ -14,8 +14,9 @@ from vig.likelihood import ROBUST, SPATIAL
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass
 from vig_paper import ablation
-from vig_paper.ablation import ABLATIONS, DEFAULT, ablation_markdown, run_ablations, variants
+from vig_paper.ablation import ABLATIONS, DEFAULT, ablation_blocks, run_ablations, variants
 from vig_train.evaluation.fits import FitRun
+from vig_train.evaluation.presentation import markdown
 from vig_train.evaluation.protocol import evaluate
 from vig_world.dataset import Dataset
 
@@ -134,7 +135,7 @@ def test_fits_are_timed_by_variant(
 
 
 def test_the_markdown_has_a_row_for_each_variant_in_both_tables(table: dict[str, Any]) -> None:
-    said = ablation_markdown(table)
+    said = markdown(ablation_blocks(table))
     assert f"{table['count']} images" in said
     for name in FITTED:
         assert said.count(f"| {ABLATIONS[name].title} |") == 2
@@ -142,5 +143,5 @@ def test_the_markdown_has_a_row_for_each_variant_in_both_tables(table: dict[str,
     row = next(line for line in said.splitlines() if line.startswith("| default |"))
     median = table["variants"][DEFAULT]["metrics"]["azimuth_deg"]["median"]
     assert row.startswith(f"| default | {median:.3g} (") and row.endswith("| 7 |")
-    alone = ablation_markdown({**table, "variants": {DEFAULT: table["variants"][DEFAULT]}})
+    alone = markdown(ablation_blocks({**table, "variants": {DEFAULT: table["variants"][DEFAULT]}}))
     assert alone.count("| default |") == 1 and "Less the default" not in alone

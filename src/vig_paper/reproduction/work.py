@@ -16,7 +16,7 @@ from vig.io.progress import Meter
 from vig.recognition import Recognizer
 from vig.recognition.weights import TRUNK_FILE
 from vig.scene import ObjectClass
-from vig_paper.ablation import ablation_markdown, run_ablations, variants
+from vig_paper.ablation import ablation_blocks, run_ablations, variants
 from vig_paper.figures import draw_figures as draw_all_figures
 from vig_paper.network.recognizer import recognizer_of
 from vig_paper.network.training import PaperTrainingSettings, train_paper
@@ -27,12 +27,12 @@ from vig_train.calibration.learning import describe
 from vig_train.calibration.samples import calibrate_fits, fit_count
 from vig_train.evaluation.fits import FitRun
 from vig_train.evaluation.paper import comparison_block
-from vig_train.evaluation.presentation import markdown_table
+from vig_train.evaluation.presentation import blocks, save_table
 from vig_train.evaluation.protocol import evaluate as run_methods
 from vig_train.evaluation.protocol import fitted_likelihoods
 from vig_train.evaluation.results import MethodResult, write_csv
 from vig_train.evaluation.statistics import within_occlusion
-from vig_train.evaluation.table import save_table, summarise
+from vig_train.evaluation.table import summarise
 from vig_train.plots import TrainingLog
 from vig_train.plots import calibrate_and_plot as calibrate_network
 from vig_train.training.calibration import MIN_IMAGES
@@ -197,12 +197,8 @@ def evaluate(run: Run, renderer: str) -> None:
             run.report(f"evaluate {renderer}: no photo has {least:.0%} to {most:.0%} of the object hidden")
             continue
         table = summarise(results, dataset, renderer, least, most, run.settings.seed)
-        save_table(folder / f"{name}.json", table)
-        with atomic_write(folder / f"{name}.md") as temporary:
-            text = markdown_table(table)
-            if name == "table":
-                text = comparison_block(table).markdown() + "\n" + text
-            temporary.write_text(text)
+        comparison = [comparison_block(table)] if name == "table" else []
+        save_table(folder / f"{name}.json", table, comparison + blocks(table))
 
 
 def ablate(run: Run) -> None:
@@ -212,9 +208,7 @@ def ablate(run: Run) -> None:
     with Meter(len(variants(settings)) * len(dataset), 0, run.progress, "fits") as meter:
         fits = FitRun(run.object_class, run.threads, meter.advance, run.folder.fits("ablations"))
         table = run_ablations(dataset, run.recognizer(), fits, settings=settings)
-    save_table(run.folder.ablations, table)
-    with atomic_write(run.folder.ablations.with_suffix(".md")) as temporary:
-        temporary.write_text(ablation_markdown(table))
+    save_table(run.folder.ablations, table, ablation_blocks(table))
 
 
 def draw_figures(run: Run, renderer: str) -> None:

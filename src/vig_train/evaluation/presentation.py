@@ -1,7 +1,9 @@
 """Summaries as short tables, for a terminal of 100 columns and in Markdown."""
 
-from collections.abc import Callable, Mapping, Sequence
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from rich import box
@@ -9,6 +11,7 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
+from vig.io.files import atomic_write
 from vig_train.evaluation.protocol import MASK_HEAD
 from vig_train.evaluation.statistics import FAR_DEG, NEAR_DEG
 from vig_train.evaluation.table import METRICS
@@ -48,9 +51,17 @@ def blocks(table: Mapping[str, Any]) -> list[TableBlock]:
     return [block for block in candidates if block.rows]
 
 
-def markdown_table(table: Mapping[str, Any]) -> str:
-    """Return the table as Markdown: every block, one after another."""
-    return "\n".join(block.markdown() for block in blocks(table))
+def markdown(blocks: Iterable[TableBlock]) -> str:
+    """Return blocks in Markdown, one after another."""
+    return "\n".join(block.markdown() for block in blocks)
+
+
+def save_table(path: Path, table: Mapping[str, Any], blocks: Iterable[TableBlock]) -> None:
+    """Write a table as JSON, and the blocks that show it in Markdown beside it."""
+    plain = json.dumps(table, indent=2, allow_nan=False) + "\n"
+    for name, text in ((path, plain), (path.with_suffix(".md"), markdown(blocks))):
+        with atomic_write(name) as temporary:
+            temporary.write_text(text)
 
 
 def metric_block(
