@@ -43,7 +43,7 @@ _CHUNK = 1024
 
 Compute = Callable[[], Mapping[str, np.ndarray]]
 Keep = Callable[[str, list[str], Compute], Mapping[str, np.ndarray]]
-"""Returns the result of a stage for its inputs, computed if not kept, as `StageCache.result` does."""
+"""Returns the result of a stage for its inputs, computed if not kept, as `BuildRun.result` does."""
 
 
 def compute_stage(stage: str, inputs: list[str], compute: Compute) -> Mapping[str, np.ndarray]:
