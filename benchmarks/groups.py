@@ -20,13 +20,13 @@ from vig_world.assets.footprint import Footprint, extreme_points
 from vig_world.assets.target import draw_shape, standing_vertices, target_vertices
 from vig_world.composition.photographs import DECORATED, METAL
 from vig_world.composition.sampling import CompositionError, sample
-from vig_world.composition.stage import LAYOUT_SIZE, MARGIN, Actor, StagedRoom, items_of
+from vig_world.composition.stage import LAYOUT_SIZE, MARGIN, Actor, StagedRoom
 from vig_world.dataset.spec import SceneSpec, Split
 from vig_world.library import Library
 from vig_world.raster.draw import depth
 from vig_world.raster.view import View
 from vig_world.renderers.photo import photograph
-from vig_world.renderers.rasterized import render
+from vig_world.renderers.rasterized import items_of, render
 from vig_world.rotations import about_z
 from vig_world.streams import stream
 

@@ -13,11 +13,12 @@ from vig_world.composition.clutter import scatter
 from vig_world.composition.occlusion import hide
 from vig_world.composition.photographs import draw_manner
 from vig_world.composition.place import find_place, fits_seamless_ground
-from vig_world.composition.stage import LAYOUT_SIZE, Actor, items_of
+from vig_world.composition.stage import LAYOUT_SIZE, Actor
 from vig_world.dataset.spec import Lens, Placed, Room, SampleError, SceneSpec, Split
 from vig_world.library import SLOTS, Library
 from vig_world.raster.draw import depth
 from vig_world.raster.view import View
+from vig_world.renderers.rasterized import items_of
 from vig_world.rooms.unfurnished import SPACE
 from vig_world.streams import stream
 
