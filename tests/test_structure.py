@@ -52,7 +52,7 @@ PLACES = [f"{package}.{name}" for package, names in ORDER.items() for name in na
 # The budget. A commit may lower a number; one that raises it says in CHANGELOG what was taken out for it.
 LINES = {
     "vig_native": 7_944, "vig_renderer": 1_647, "vig": 14_729, "vig_app": 8_234, "vig_world": 17_419,
-    "vig_train": 9_954, "vig_paper": 2_360,
+    "vig_train": 9_943, "vig_paper": 2_360,
 }  # fmt: skip
 CONSTANTS = 972
 REACHED_LINES = {"vig.explainer": 12_694, "vig_app.cli.fit": 18_391}

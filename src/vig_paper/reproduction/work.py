@@ -33,9 +33,8 @@ from vig_train.evaluation.protocol import fitted_likelihoods
 from vig_train.evaluation.results import MethodResult, write_csv
 from vig_train.evaluation.statistics import within_occlusion
 from vig_train.evaluation.table import summarise
-from vig_train.plots import TrainingLog
-from vig_train.plots import calibrate_and_plot as calibrate_network
-from vig_train.training.calibration import MIN_IMAGES
+from vig_train.plots import TrainingLog, report_calibration
+from vig_train.training.calibration import MIN_IMAGES, calibrate_network
 from vig_train.training.training import TrainingSettings
 from vig_train.training.training import train as train_network
 from vig_world.dataset import Dataset, read_dataset
@@ -176,7 +175,8 @@ def calibrate(run: Run) -> None:
         run.report(f"calibrate: {len(dataset)} photos are too few; uncertainties stay as they are predicted")
         return
     if run.settings.net == "vig":  # the paper's networks predict their errors on held-out photos
-        calibrate_network(run.folder.weights, [dataset], run.report)
+        result = calibrate_network(run.folder.weights, [dataset])
+        report_calibration(run.folder.weights, result, run.report)
     with Meter(fit_count(dataset), 0, run.progress, "fits") as meter:
         fits = FitRun(run.object_class, run.threads, meter.advance, run.folder.fits("validation"), True)
         # The standard camera, as the test photos are fitted.

@@ -37,7 +37,7 @@ from vig_train.class_training.plan import (
 )
 from vig_train.evaluation.fits import FitRun
 from vig_train.packs.card import replace_section
-from vig_train.plots import describe_calibration, plot_reliability
+from vig_train.plots import report_calibration
 from vig_train.record import Record, read_record
 from vig_train.training.calibration import learn_calibration, write_calibration
 from vig_train.training.checkpoint import save_weights
@@ -229,8 +229,7 @@ class ClassTraining:
         photos = [each for each, _ in drawn]
         parts = zip(self._recognizers(), (examples for _, examples in drawn), strict=True)
         result = learn_calibration(list(parts))
-        self.say(describe_calibration(result))
-        plot_reliability(self.run_folder / RELIABILITY_FILE, result)
+        report_calibration(self._weights, result, self.say)
         write_calibration(self._weights, result.calibration)
         with Meter(sum(map(fit_count, photos)), 0, unit="fits") as meter:
             run = FitRun(self.object_class, self.workers, meter.advance, self.calibration_fits, True)

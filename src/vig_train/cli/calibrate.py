@@ -17,8 +17,8 @@ from vig_train.cli.common import check_ranges, check_writable
 from vig_train.cli.settings import Calibrate
 from vig_train.evaluation.fits import FitRun
 from vig_train.evaluation.protocol import check_class
-from vig_train.plots import calibrate_and_plot as calibrate_network
-from vig_train.training.calibration import check_count
+from vig_train.plots import report_calibration
+from vig_train.training.calibration import calibrate_network, check_count
 from vig_world.dataset import Dataset, read_dataset
 
 
@@ -46,7 +46,8 @@ def calibrate(settings: Calibrate) -> int:
         )
         calibration_sets.append(photos)
         studio_examples.append(examples)
-    calibrate_network(settings.weights, datasets, lines.append, studio_examples, object_class)
+    result = calibrate_network(settings.weights, datasets, studio_examples, object_class)
+    report_calibration(settings.weights, result, lines.append)
     recognizer = Recognizer.of_class(object_class, settings.weights)
     fits = folder / "calibration_fits"  # so that a run that is stopped continues
     with Meter(sum(map(fit_count, calibration_sets)), 0, not settings.json, "fits") as meter:
