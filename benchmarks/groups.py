@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.turning import turn_scene
 from vig.io.errors import UserError
 from vig.photo.masks import box_of
 from vig.scene import ObjectClass, linear_from_srgb
@@ -18,14 +19,14 @@ from vig_world.assets.coats import draw_coat, mean_albedo
 from vig_world.assets.footprint import Footprint, extreme_points
 from vig_world.assets.target import draw_shape, standing_vertices, target_vertices
 from vig_world.composition.photographs import DECORATED, METAL
-from vig_world.composition.sampling import CompositionError, sample, turn_scene
-from vig_world.composition.stage import LAYOUT_SIZE, MARGIN, Actor, StagedRoom, items_of
+from vig_world.composition.sampling import CompositionError, sample
+from vig_world.composition.stage import LAYOUT_SIZE, MARGIN, Actor, StagedRoom
 from vig_world.dataset.spec import SceneSpec, Split
 from vig_world.library import Library
 from vig_world.raster.draw import depth
 from vig_world.raster.view import View
 from vig_world.renderers.photo import photograph
-from vig_world.renderers.rasterized import render
+from vig_world.renderers.rasterized import items_of, render
 from vig_world.rotations import about_z
 from vig_world.streams import stream
 

@@ -19,6 +19,7 @@ from vig.scene import ObjectClass
 from vig_train.calibration.learning import LEAST_THRESHOLD, CalibrationSamples, out_of_fold, pooled_threshold
 from vig_train.calibration.samples import StudioPhotos, calibrate_fits
 from vig_train.class_training.steps import CALIBRATION_SEED, FOLDS, PHOTOS
+from vig_train.evaluation.fits import FitRun
 from vig_train.training.class_heads import keep_member
 
 
@@ -52,10 +53,10 @@ def main() -> None:
 def samples_of_pack(pack: str, workers: int) -> CalibrationSamples:
     """Return the calibration samples of a packaged class or of one that `vig class train` made."""
     object_class = ObjectClass.load(pack)
-    recognizer = Recognizer.of_class(object_class)
+    recognizer, run = Recognizer.of_class(object_class), FitRun(object_class, workers, processes=True)
     if not Path(pack).is_dir():
         photos = [StudioPhotos.draw(object_class, "validation", PHOTOS // 2, CALIBRATION_SEED)[0]]
-        return calibrate_fits(photos, object_class, recognizer, workers=workers, processes=True)[1]
+        return calibrate_fits(photos, recognizer, run)[1]
     photos = [
         StudioPhotos.draw(
             object_class, "train", PHOTOS // FOLDS, CALIBRATION_SEED, (fold, FOLDS), things="validation"
@@ -63,7 +64,7 @@ def samples_of_pack(pack: str, workers: int) -> CalibrationSamples:
         for fold in range(FOLDS)
     ]
     members = [keep_member(recognizer, fold) for fold in range(FOLDS)]
-    return calibrate_fits(photos, object_class, members, workers=workers, processes=True)[1]
+    return calibrate_fits(photos, members, run)[1]
 
 
 if __name__ == "__main__":

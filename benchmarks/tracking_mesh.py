@@ -57,7 +57,9 @@ def _measured(explainer: Explainer, arguments: argparse.Namespace, number: int) 
         target = Target.of(
             object_class, target_vertices(scene, object_class), scene.shape, (1, 1, 1), scene.light
         )
-        picture = draw(items_of(library, scene), target, view, scene.light, colouring)
+        picture = draw(
+            items_of(library, scene.props, scene.room, finished=True), target, view, scene.light, colouring
+        )
         if tracker is None and picture.occlusion >= 0.3:
             continue
         if tracker is None:

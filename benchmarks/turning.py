@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vig.io.errors import UserError
-from vig.scene import ObjectClass
+from vig.scene import ObjectClass, rotate_z
 from vig_world.assets.target import target_vertices
-from vig_world.composition.sampling import CompositionError, measure, sample, turn_scene
+from vig_world.composition.sampling import CompositionError, measure, sample
 from vig_world.composition.stage import LAYOUT_SIZE, Actor
 from vig_world.dataset.spec import SceneSpec
 from vig_world.library import Library
 from vig_world.raster.view import View
+from vig_world.rotations import about_z, vector_of
 from vig_world.streams import stream
 
 HIDDEN, OPEN = (0.55, 0.95), 0.15
@@ -85,3 +86,29 @@ def draw_turning(library: Library, object_class: ObjectClass, seed: int, index: 
     x, y, z = (2 * WAY * reach * rng.choice([-1.0, 1.0]) * actor.aside).tolist()
     uneven, phase = rng.uniform(0, [UNEVEN, 2 * math.pi]).tolist()
     return Turning(scene, float(turn), uneven, phase, (x, y, z))
+
+
+def turn_scene(scene: SceneSpec, angle: float, origin: np.ndarray | float = 0.0) -> SceneSpec:
+    """Return the scene in a frame that lies at `origin` (3,), turned back by `angle` radians about +Z.
+
+    Everything turns about that place by the angle, the camera included; its azimuth and elevation are right
+    where `origin` is 0, else they must be replaced.
+    """
+    turn, room = about_z(angle), scene.room
+
+    def place(position: tuple[float, float, float]) -> tuple[float, float, float]:
+        x, y, z = (turn @ (np.array(position) - origin)).tolist()
+        return x, y, z
+
+    props = (
+        replace(prop, position=place(prop.position), rotation=vector_of(turn @ prop.matrix()))
+        for prop in scene.props
+    )
+    return replace(
+        scene,
+        azimuth=(scene.azimuth + angle) % (2 * math.pi),
+        light=tuple(rotate_z(np.array(scene.light, np.float64), angle).tolist()),
+        panorama_angle=scene.panorama_angle + angle,
+        room=replace(room, origin=place(room.origin), turn=room.turn + angle),
+        props=tuple(props),
+    )

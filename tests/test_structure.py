@@ -51,10 +51,10 @@ PLACES = [f"{package}.{name}" for package, names in ORDER.items() for name in na
 
 # The budget. A commit may lower a number; one that raises it says in CHANGELOG what was taken out for it.
 LINES = {
-    "vig_native": 7_944, "vig_renderer": 1_647, "vig": 14_747, "vig_app": 8_213, "vig_world": 17_470,
-    "vig_train": 10_135, "vig_paper": 2_404,
+    "vig_native": 7_944, "vig_renderer": 1_647, "vig": 14_747, "vig_app": 8_213, "vig_world": 17_385,
+    "vig_train": 9_923, "vig_paper": 2_360,
 }  # fmt: skip
-CONSTANTS = 979
+CONSTANTS = 972
 REACHED_LINES = {"vig.explainer": 12_718, "vig_app.cli.fit": 18_408}
 """Lines of the modules that one imports, directly and indirectly: what is read to change it."""
 

@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from vig.recognition import Recognizer
 from vig.scene import ObjectClass, linear_from_srgb
 from vig.search.optimizer import Optimizer
 from vig_paper.optimizers import BFGS, LBFGS, ConjugateGradient, Dogleg, GradientDescent
+from vig_train.evaluation.fits import FitRun
 from vig_train.evaluation.presentation import TableBlock
 from vig_train.evaluation.protocol import evaluate
 from vig_train.evaluation.results import MethodResult
@@ -113,12 +113,9 @@ def variants(
 
 def run_ablations(
     dataset: Dataset,
-    object_class: ObjectClass,
     recognizer: Recognizer,
-    cache: Path | None = None,
+    run: FitRun,
     names: Iterable[str] | None = None,
-    workers: int | None = None,
-    advance: Callable[[int], None] = lambda done: None,
     settings: ExplainSettings | None = None,
 ) -> dict[str, Any]:
     """Fit every photo by the default and by each ablation of it; compare them photo by photo.
@@ -126,13 +123,10 @@ def run_ablations(
     Fits are timed separately, since those in the cache were made in another run.
 
     Args:
-        dataset: Dataset of this class.
-        object_class: Class of the objects.
+        dataset: Dataset of the run's class.
         recognizer: Its prediction is where fits start.
-        cache: See `evaluate`, as for workers and advance.
+        run: How fits are made; its cache gets a folder for each variant.
         names: See `variants`.
-        workers: Fits at a time.
-        advance: Called with the number of fits made.
         settings: The default.
 
     Returns:
@@ -145,10 +139,9 @@ def run_ablations(
     results: dict[str, MethodResult] = {}
     for name, variant in chosen.items():
         method = next(method for method, model in LIKELIHOODS.items() if model == variant.likelihood)
-        folder = None if cache is None else cache / name
-        by_method = evaluate(dataset, object_class, recognizer, (method,), variant, workers, advance, folder)
-        results[name] = by_method[method]
-    milliseconds = time_variants(dataset, object_class, recognizer, chosen)
+        own = replace(run, cache=run.cache and run.cache / name)
+        results[name] = evaluate(dataset, recognizer, own, (method,), variant)[method]
+    milliseconds = time_variants(dataset, run.object_class, recognizer, chosen)
     resamples = bootstrap_indices(len(dataset), np.random.default_rng(0))
     metrics = [metric for metric in METRICS if metric in results[DEFAULT].errors]
     default = results[DEFAULT].errors
@@ -194,11 +187,6 @@ def time_variants(
                 explain_one(photo, prediction[index : index + 1], object_class, settings)
                 spent[name] += time.process_time() - started
     return {name: 1000 * seconds / len(photos) for name, seconds in spent.items()}
-
-
-def ablation_markdown(table: Mapping[str, Any]) -> str:
-    """Return the table of `run_ablations` in Markdown."""
-    return "\n".join(block.markdown() for block in ablation_blocks(table))
 
 
 def ablation_blocks(table: Mapping[str, Any]) -> list[TableBlock]:

@@ -1,7 +1,7 @@
 """The recognition network's training and calibration with their records: log.csv, plots, a summary."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 import torch
@@ -9,27 +9,16 @@ import torch
 from vig.inference.calibration import WITHIN_90
 from vig.io.files import atomic_write
 from vig.recognition.network import layout_of_numbers
-from vig.scene import ObjectClass
-from vig_train.training.calibration import CalibrationResult, azimuth_bins, calibrate_network
-from vig_train.training.examples import Examples
+from vig_train.training.calibration import CalibrationResult, azimuth_bins
 from vig_train.training.loop import EpochLog
 from vig_train.training.training import Epoch
-from vig_world.dataset import Dataset
 from vig_world.extras import optional_import
 
 
-def calibrate_and_plot(
-    path: Path,
-    datasets: Sequence[Dataset],
-    say: Callable[[str], None] = print,
-    further: Sequence[Examples] = (),
-    object_class: ObjectClass | None = None,
-) -> CalibrationResult:
-    """Calibrate as `vig_train.training.calibrate_network`; also report changes and draw reliability.png."""
-    result = calibrate_network(path, datasets, further, object_class)
-    plot_reliability(path.parent / "reliability.png", result)
+def report_calibration(weights: Path, result: CalibrationResult, say: Callable[[str], None]) -> None:
+    """Say what a network's calibration changed and draw reliability.png beside its weights."""
+    plot_reliability(weights.parent / "reliability.png", result)
     say(describe_calibration(result))
-    return result
 
 
 class TrainingLog:

@@ -22,7 +22,7 @@ Arrays = dict[str, np.ndarray]
 
 
 class AssetCache:
-    """Arrays by name, a file each, of one version of the code that makes them; None as folder keeps none."""
+    """Arrays by name, a file each; damaged files are made again. None as folder keeps none."""
 
     def __init__(self, folder: Path | None) -> None:
         self.folder = folder

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from benchmarks import turning
-from benchmarks.turning import HIDDEN, OPEN, Turning, draw_turning
+from benchmarks.turning import HIDDEN, OPEN, Turning, draw_turning, turn_scene
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
-from vig_world.composition.sampling import CompositionError, sample, turn_scene
+from vig_world.composition.sampling import CompositionError, sample
 from vig_world.dataset.spec import SceneSpec
 from vig_world.library import Library
 from vig_world.renderers.rasterized import render

@@ -8,12 +8,7 @@ import pytest
 from tools.classes import drawn_teapots as drawn_module
 from tools.classes.drawn_teapots import MIXING, draw_design, drawn_designs
 from tools.classes.teapot_flaws import flaws
-from vig_world.assets.designs.design import (
-    HELD_OUT_DESIGNS,
-    TRAINING_DESIGNS,
-    VALIDATION_DESIGNS,
-    TeapotDesign,
-)
+from vig_world.assets.designs.design import TEAPOTS, TeapotDesign
 from vig_world.assets.designs.teapot import teapot_vertices
 
 
@@ -30,7 +25,7 @@ def test_a_pure_function_of_the_seed(designs: tuple[TeapotDesign, ...]) -> None:
 
 def test_they_are_sound_and_differ(designs: tuple[TeapotDesign, ...]) -> None:
     assert not any(flaws(design) for design in designs)
-    named = TRAINING_DESIGNS + HELD_OUT_DESIGNS + VALIDATION_DESIGNS
+    named = TEAPOTS["train"] + TEAPOTS["test"] + TEAPOTS["validation"]
     shapes = np.stack([teapot_vertices(design) for design in (*named, *designs)])
     for number in range(len(named), len(shapes)):
         apart = np.linalg.norm(np.delete(shapes, number, axis=0) - shapes[number], axis=-1).mean(axis=1)
@@ -43,7 +38,7 @@ def test_handles_of_all_kinds_or_of_one(designs: tuple[TeapotDesign, ...]) -> No
     assert {design.handle for design in drawn_designs(4, ("above",))} == {"above"}
 
 
-@pytest.mark.parametrize("design", TRAINING_DESIGNS[::12], ids=lambda design: design.name)
+@pytest.mark.parametrize("design", TEAPOTS["train"][::12], ids=lambda design: design.name)
 def test_ratios_are_undone(design: TeapotDesign) -> None:
     again = TeapotDesign(**MIXING.absolute(MIXING.relative(design)))
     np.testing.assert_allclose(teapot_vertices(again), teapot_vertices(design), atol=2e-5)

@@ -10,7 +10,7 @@ from tools.classes.soundness import crossings
 from vig.scene import ObjectClass
 from vig.scene.symmetry import Symmetry
 from vig_world.assets.held_out import held_out_designs_of
-from vig_world.assets.mugs.design import HELD_OUT_MUGS, VALIDATION_MUGS
+from vig_world.assets.mugs.design import MUGS
 from vig_world.assets.mugs.mug import MUG_FACES, MUG_PARTS, PART_NAMES, mug_vertices
 from vig_world.assets.target import draw_shape, shape_vertices
 from vig_world.composition.place import zone_weights
@@ -49,7 +49,7 @@ def test_the_pack_holds_the_designs_of_the_code(mug: ObjectClass) -> None:
     held = held_out_designs_of(mug)
     assert held is not None and TRAINING_SCENE_DESIGNS <= DRAWN_DESIGNS
     assert held.splits == ("test",) * 10 + ("validation",) * 10 + ("train",) * (112 + TRAINING_SCENE_DESIGNS)
-    named = np.stack([mug_vertices(design) for design in HELD_OUT_MUGS + VALIDATION_MUGS])
+    named = np.stack([mug_vertices(design) for design in MUGS["test"] + MUGS["validation"]])
     np.testing.assert_allclose(held.vertices[: len(named)], named, atol=1e-6)
     assert (
         held.names[:2] == ("harvest", "cottage") and held.names[-1] == f"drawn 0.{TRAINING_SCENE_DESIGNS - 1}"
@@ -69,7 +69,7 @@ def test_the_designs_are_those_that_the_builder_draws(mug: ObjectClass, coded: C
     np.testing.assert_allclose(found, coded.vertices_of(drawn["train"][-FEW:]), atol=1e-6)
 
 
-@pytest.mark.parametrize("designs", [HELD_OUT_MUGS, VALIDATION_MUGS], ids=["test", "validation"])
+@pytest.mark.parametrize("designs", [MUGS["test"], MUGS["validation"]], ids=["test", "validation"])
 def test_designs_beyond_training_are_within_a_hundredth_of_their_size(mug: ObjectClass, designs) -> None:
     vertices = np.stack([mug_vertices(design) for design in designs])
     errors = [relative_distance(mug.shape_model, vertices, count) for count in (4, 8, MODES)]

@@ -6,24 +6,19 @@ import numpy as np
 import pytest
 
 from tools.classes.teapot_flaws import flaws, folds, inside
-from vig_world.assets.designs.design import (
-    HELD_OUT_DESIGNS,
-    TRAINING_DESIGNS,
-    VALIDATION_DESIGNS,
-    TeapotDesign,
-)
+from vig_world.assets.designs.design import TEAPOTS, TeapotDesign
 
 CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
 CUBE_FACES = np.array(
     [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]]
     + [[2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
 )
-CLASSIC = TRAINING_DESIGNS[0]
-BAIL = next(design for design in TRAINING_DESIGNS if design.handle == "above")
+CLASSIC = TEAPOTS["train"][0]
+BAIL = next(design for design in TEAPOTS["train"] if design.handle == "above")
 
 
 @pytest.mark.parametrize(
-    "design", TRAINING_DESIGNS + HELD_OUT_DESIGNS + VALIDATION_DESIGNS, ids=lambda design: design.name
+    "design", TEAPOTS["train"] + TEAPOTS["test"] + TEAPOTS["validation"], ids=lambda design: design.name
 )
 def test_named_designs_have_no_flaws(design: TeapotDesign) -> None:
     assert flaws(design) == []

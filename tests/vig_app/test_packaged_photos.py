@@ -12,7 +12,7 @@ from examples.make_demo import SHOTS, scene
 from vig.scene import EXPOSURE_L00, SHAPE_LIMIT, Camera, ObjectClass
 from vig_app import demo, examples
 from vig_app.examples import Example, PackagedPhoto
-from vig_world.assets.designs.design import HELD_OUT_DESIGNS
+from vig_world.assets.designs.design import TEAPOTS
 from vig_world.library import Library
 from vig_world.raster.rasterize import rasterize
 from vig_world.raster.view import View
@@ -37,7 +37,7 @@ def test_examples_are_from_open_to_three_quarters_hidden_seen_from_all_round() -
     assert np.diff(np.append(azimuths, azimuths[0] + 2 * np.pi)).max() < np.radians(120)
     photos = json.loads((examples.FOLDER / "truth.json").read_text())["photos"]
     assert {photo["split"] for photo in photos} == {"test"}
-    assert {photo["design"] for photo in photos} == set(range(len(HELD_OUT_DESIGNS)))
+    assert {photo["design"] for photo in photos} == set(range(len(TEAPOTS["test"])))
 
 
 def test_the_demo_has_teapots_and_mugs_one_of_them_asked_for_in_vain() -> None:

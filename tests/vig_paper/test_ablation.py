@@ -14,7 +14,9 @@ from vig.likelihood import ROBUST, SPATIAL
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass
 from vig_paper import ablation
-from vig_paper.ablation import ABLATIONS, DEFAULT, ablation_markdown, run_ablations, variants
+from vig_paper.ablation import ABLATIONS, DEFAULT, ablation_blocks, run_ablations, variants
+from vig_train.evaluation.fits import FitRun
+from vig_train.evaluation.presentation import markdown
 from vig_train.evaluation.protocol import evaluate
 from vig_world.dataset import Dataset
 
@@ -85,8 +87,8 @@ def table(
         patch.setattr(ablation, "time_variants", lambda *given: dict.fromkeys(given[-1], 7.0))
         for _ in range(2):
             told: list[int] = []
-            given = (dataset, teapot, Recognizer(weights), cache, FITTED, 1, told.append, quick)
-            tables.append(run_ablations(*given))
+            run = FitRun(teapot, 1, told.append, cache)
+            tables.append(run_ablations(dataset, Recognizer(weights), run, FITTED, quick))
             assert sum(told) == len(dataset) * (1 + len(FITTED))
             written = {path: path.stat().st_mtime_ns for path in cache.rglob("*.safetensors")}
             patch.setattr("vig_train.evaluation.fits.explain_one", None)  # nothing may be fitted again
@@ -103,7 +105,7 @@ def test_every_variant_has_its_errors_failures_and_difference(
     assert list(rows) == [DEFAULT, *FITTED]
     paper = replace(quick, silhouette="paper")
     errors = [
-        evaluate(dataset, teapot, Recognizer(weights), ("spatial",), settings, 1)["spatial"].errors
+        evaluate(dataset, Recognizer(weights), FitRun(teapot, 1), ("spatial",), settings)["spatial"].errors
         for settings in (quick, paper)
     ]
     for metric, found in rows["silhouettes"]["metrics"].items():
@@ -133,7 +135,7 @@ def test_fits_are_timed_by_variant(
 
 
 def test_the_markdown_has_a_row_for_each_variant_in_both_tables(table: dict[str, Any]) -> None:
-    said = ablation_markdown(table)
+    said = markdown(ablation_blocks(table))
     assert f"{table['count']} images" in said
     for name in FITTED:
         assert said.count(f"| {ABLATIONS[name].title} |") == 2
@@ -141,5 +143,5 @@ def test_the_markdown_has_a_row_for_each_variant_in_both_tables(table: dict[str,
     row = next(line for line in said.splitlines() if line.startswith("| default |"))
     median = table["variants"][DEFAULT]["metrics"]["azimuth_deg"]["median"]
     assert row.startswith(f"| default | {median:.3g} (") and row.endswith("| 7 |")
-    alone = ablation_markdown({**table, "variants": {DEFAULT: table["variants"][DEFAULT]}})
+    alone = markdown(ablation_blocks({**table, "variants": {DEFAULT: table["variants"][DEFAULT]}}))
     assert alone.count("| default |") == 1 and "Less the default" not in alone

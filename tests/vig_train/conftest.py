@@ -12,6 +12,7 @@ from vig.inference import ExplainSettings
 from vig.inference.settings import Stage
 from vig.recognition import Recognizer
 from vig.scene import EXPOSURE_L00, ObjectClass
+from vig_train.evaluation.fits import FitRun
 from vig_train.evaluation.protocol import evaluate
 from vig_train.evaluation.results import MethodResult
 from vig_train.network.network import RecognitionNetwork
@@ -65,6 +66,7 @@ def weights(tmp_path_factory: pytest.TempPathFactory, untrained: Callable[..., P
 def results(dataset: Dataset, weights: Path, teapot: ObjectClass, quick: ExplainSettings) -> Results:
     """Results of every method on the dataset."""
     fitted: list[int] = []
-    found = evaluate(dataset, teapot, Recognizer(weights), settings=quick, advance=fitted.append)
+    run = FitRun(teapot, advance=fitted.append)
+    found = evaluate(dataset, Recognizer(weights), run, settings=quick)
     assert sum(fitted) == 2 * len(dataset)  # gaussian, and robust and spatial at once
     return found

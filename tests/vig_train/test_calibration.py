@@ -45,7 +45,7 @@ from vig_train.calibration.samples import (
     roll_photos,
     samples_of,
 )
-from vig_train.evaluation.fits import Fits
+from vig_train.evaluation.fits import FitRun, Fits
 from vig_world.dataset import Dataset
 from vig_world.generation.write import make_dataset
 
@@ -449,7 +449,7 @@ def test_fits_are_calibrated_from_what_they_say_uncalibrated(
     two = [dataset, dataset.first(2)]
 
     def made() -> tuple[FitCalibration, CalibrationSamples]:
-        return calibrate_fits(two, teapot, recognizer, given, 1, told.append, tmp_path)
+        return calibrate_fits(two, recognizer, FitRun(teapot, 1, told.append, tmp_path), given)
 
     learned, found = made()
     assert sum(told) == sum(map(fit_count, two)) and fit_count(dataset) == 4 + len(photos_to_roll(dataset))

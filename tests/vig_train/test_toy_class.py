@@ -17,6 +17,7 @@ from vig.io.errors import UserError
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass, Symmetry
 from vig_train.calibration.samples import calibrate_fits
+from vig_train.evaluation.fits import FitRun
 from vig_train.evaluation.protocol import evaluate
 from vig_train.training import TrainingSettings, calibrate_network, train
 from vig_world.assets.models import packaged_props
@@ -48,7 +49,7 @@ def pack(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     weights = train([photos], folder, settings, lambda line: None)
     calibrate_network(weights, [photos] * 5, object_class=one)
     recognizer = Recognizer.of_class(one)
-    calibration, _ = calibrate_fits([photos], one, recognizer, QUICK, workers=1)
+    calibration, _ = calibrate_fits([photos], recognizer, FitRun(one, 1), QUICK)
     calibration.save(folder / FILE)
     return folder
 
@@ -88,7 +89,8 @@ def test_without_calibration_the_symmetry_makes_nothing_ambiguous(pack: Path, ph
 
 def test_errors_are_between_views_that_look_the_same(pack: Path, photos: Dataset) -> None:
     one = ObjectClass.load(pack)
-    results = evaluate(photos, one, Recognizer.of_class(one), ("baseline", "rm", "spatial"), QUICK, workers=1)
+    methods = ("baseline", "rm", "spatial")
+    results = evaluate(photos, Recognizer.of_class(one), FitRun(one, 1), methods, QUICK)
     most = {"none": 180, "half-turn": 90, "any-turn": 0}[one.symmetry]
     for result in results.values():
         if "azimuth_deg" in result.errors:

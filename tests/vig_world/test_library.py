@@ -8,12 +8,7 @@ from tests.support import TEAPOT
 from tools.classes.drawn_teapots import drawn_designs
 from tools.classes.teapot import DRAWN_DESIGNS, teapot, teapot_families
 from vig.scene import ObjectClass, rotate_z
-from vig_world.assets.designs.design import (
-    HELD_OUT_DESIGNS,
-    TRAINING_DESIGNS,
-    VALIDATION_DESIGNS,
-    TeapotDesign,
-)
+from vig_world.assets.designs.design import TEAPOTS, TeapotDesign
 from vig_world.assets.designs.teapot import teapot_vertices
 from vig_world.assets.held_out import held_out_designs_of
 from vig_world.assets.panoramas.light import local_light
@@ -56,8 +51,8 @@ def test_the_splits_keep_their_numbers() -> None:
 def test_the_pack_holds_the_held_out_designs() -> None:
     held = held_out_designs_of(ObjectClass.load("teapot"))
     assert held is not None and held.splits == ("test",) * 10 + ("validation",) * 10 + ("train",) * 157
-    named = teapot_vertices(HELD_OUT_DESIGNS[3])
-    np.testing.assert_array_equal(held.vertices[held.names.index(HELD_OUT_DESIGNS[3].name)], named)
+    named = teapot_vertices(TEAPOTS["test"][3])
+    np.testing.assert_array_equal(held.vertices[held.names.index(TEAPOTS["test"][3].name)], named)
     # Those that scenes were made of when their vertices lay in the pack.
     mean = 1000 * np.abs(held.vertices).mean((0, 1), dtype=np.float64)
     np.testing.assert_allclose(mean, [58.928622, 26.867363, 93.211089], atol=1e-5)
@@ -108,7 +103,7 @@ def test_there_are_enough_rooms() -> None:
 
 
 @pytest.mark.parametrize(
-    ("split", "designs"), [("test", HELD_OUT_DESIGNS), ("validation", VALIDATION_DESIGNS)]
+    ("split", "designs"), [("test", TEAPOTS["test"]), ("validation", TEAPOTS["validation"])]
 )
 def test_shapes_beyond_training_are_of_the_splits_own_designs(
     split: Split, designs: tuple[TeapotDesign, ...]
@@ -116,7 +111,7 @@ def test_shapes_beyond_training_are_of_the_splits_own_designs(
     """Each deviates from the model as one of the split's designs does, and all of them occur."""
     teapot = ObjectClass.load(TEAPOT)
     rng = np.random.default_rng(0)
-    held = np.stack([teapot_vertices(design) for design in HELD_OUT_DESIGNS + VALIDATION_DESIGNS])
+    held = np.stack([teapot_vertices(design) for design in TEAPOTS["test"] + TEAPOTS["validation"]])
     model = teapot.shape_model
     used = set()
     for _ in range(40):
@@ -129,10 +124,10 @@ def test_shapes_beyond_training_are_of_the_splits_own_designs(
         flat = (held[design] - model.mean).ravel()
         residual = flat - basis.T @ np.linalg.lstsq(basis.T, flat, rcond=None)[0]
         np.testing.assert_allclose(deviation.ravel(), residual, atol=2e-3)
-        used.add((HELD_OUT_DESIGNS + VALIDATION_DESIGNS)[design])
+        used.add((TEAPOTS["test"] + TEAPOTS["validation"])[design])
     assert used == set(designs)
     assert draw_shape(rng, teapot, "train")[1] == NO_DESIGN, "it names no designs of training"
-    assert len(TRAINING_DESIGNS) == 97
+    assert len(TEAPOTS["train"]) == 97
 
 
 def test_training_shapes_are_near_designs_that_the_model_was_made_from(packaged: ObjectClass) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 
 from tools.classes.mixing import Mixing, drawn_in_order, first_sound
 from tools.classes.mug_flaws import flaws
-from vig_world.assets.mugs.design import TRAINING_MUGS, MugDesign
+from vig_world.assets.mugs.design import MUGS, MugDesign
 
 MOST_TRIES = 200
 
@@ -32,7 +32,7 @@ def draw_mug(rng: np.random.Generator, name: str = "drawn") -> MugDesign:
     """
 
     def draw() -> MugDesign:
-        return MugDesign(**MIXING.absolute({"name": name} | MIXING.mixture(rng, lambda group: TRAINING_MUGS)))
+        return MugDesign(**MIXING.absolute({"name": name} | MIXING.mixture(rng, lambda group: MUGS["train"])))
 
     return first_sound(draw, flaws, MOST_TRIES, "mugs")
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from tools.classes.mixing import Mixing, drawn_in_order, first_sound
 from tools.classes.teapot_flaws import flaws
-from vig_world.assets.designs.design import HANDLES, TRAINING_DESIGNS, Handle, TeapotDesign
+from vig_world.assets.designs.design import HANDLES, TEAPOTS, Handle, TeapotDesign
 
 SHARES: dict[Handle, float] = {"behind": 0.7, "above": 0.22, "straight": 0.08}
 """Probability of each handle."""
@@ -49,10 +49,10 @@ def draw_design(
     """
     shares = np.array([SHARES[handle] for handle in handles])
     handle = handles[int(rng.choice(len(handles), p=shares / shares.sum()))]
-    with_handle = [design for design in TRAINING_DESIGNS if design.handle == handle]
+    with_handle = [design for design in TEAPOTS["train"] if design.handle == handle]
 
     def chosen(group: tuple[str, ...]) -> Sequence[TeapotDesign]:
-        return with_handle if "handle" in group else TRAINING_DESIGNS
+        return with_handle if "handle" in group else TEAPOTS["train"]
 
     def draw() -> TeapotDesign:
         return TeapotDesign(**MIXING.absolute({"name": name} | MIXING.mixture(rng, chosen)))

@@ -8,7 +8,7 @@ import functools
 
 from tools.classes.drawn_mugs import drawn_mugs
 from tools.classes.shapes import CodedClass, main
-from vig_world.assets.mugs.design import HELD_OUT_MUGS, TRAINING_MUGS, VALIDATION_MUGS
+from vig_world.assets.mugs.design import MUGS
 from vig_world.assets.mugs.mug import MUG_FACES, MUG_PARTS, PART_NAMES, POINTS, mug_vertices
 
 MODES = 12
@@ -36,12 +36,12 @@ def mug() -> CodedClass:
         MUG_FACES,
         MUG_PARTS,
         PART_NAMES,
-        TRAINING_MUGS + drawn_mugs(DRAWN_DESIGNS),
+        MUGS["train"] + drawn_mugs(DRAWN_DESIGNS),
         MODES,
         {
-            "test": HELD_OUT_MUGS,
-            "validation": VALIDATION_MUGS,
-            "train": TRAINING_MUGS + drawn_mugs(TRAINING_SCENE_DESIGNS),
+            "test": MUGS["test"],
+            "validation": MUGS["validation"],
+            "train": MUGS["train"] + drawn_mugs(TRAINING_SCENE_DESIGNS),
         },
         lambda model: {
             "target_height": TARGET_HEIGHT,

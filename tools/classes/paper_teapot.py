@@ -8,7 +8,7 @@ from dataclasses import replace
 from tools.classes.shapes import CodedClass, main
 from tools.classes.teapot import teapot, teapot_fields
 from vig_paper.teapot_class import PACK
-from vig_world.assets.designs.design import HELD_OUT_DESIGNS, TRAINING_DESIGNS, VALIDATION_DESIGNS
+from vig_world.assets.designs.design import TEAPOTS
 
 DESIGNS = 23
 """Teapots that the shape model is made of: the first with the handle behind."""
@@ -17,8 +17,8 @@ COMPONENTS = 10
 
 def paper_teapot() -> CodedClass:
     """Return the class as data; its training scenes show shapes of the model."""
-    designs = [design for design in TRAINING_DESIGNS if design.handle == "behind"][:DESIGNS]
-    scenes = {"test": HELD_OUT_DESIGNS, "validation": VALIDATION_DESIGNS}
+    designs = [design for design in TEAPOTS["train"] if design.handle == "behind"][:DESIGNS]
+    scenes = {"test": TEAPOTS["test"], "validation": TEAPOTS["validation"]}
     return replace(
         teapot(), name="teapot-paper", designs=designs, modes=COMPONENTS, scenes=scenes, fields=teapot_fields
     )

@@ -12,7 +12,7 @@ import numpy as np
 from tools.classes.drawn_teapots import drawn_designs
 from tools.classes.shapes import CodedClass, main
 from vig.scene import Family, ShapeModel
-from vig_world.assets.designs.design import HANDLES, HELD_OUT_DESIGNS, TRAINING_DESIGNS, VALIDATION_DESIGNS
+from vig_world.assets.designs.design import HANDLES, TEAPOTS
 from vig_world.assets.designs.teapot import PART_NAMES, TEAPOT_FACES, TEAPOT_PARTS, teapot_vertices
 from vig_world.assets.target import nearest_coefficients
 
@@ -37,12 +37,12 @@ def teapot() -> CodedClass:
         TEAPOT_FACES,
         TEAPOT_PARTS,
         PART_NAMES,
-        TRAINING_DESIGNS + drawn_designs(DRAWN_DESIGNS),
+        TEAPOTS["train"] + drawn_designs(DRAWN_DESIGNS),
         MODES,
         {
-            "test": HELD_OUT_DESIGNS + drawn_designs(HELD_OUT_ABOVE, ("above",), seed=2),
-            "validation": VALIDATION_DESIGNS + drawn_designs(HELD_OUT_ABOVE, ("above",), seed=1),
-            "train": TRAINING_DESIGNS + drawn_designs(TRAINING_SCENE_DESIGNS),
+            "test": TEAPOTS["test"] + drawn_designs(HELD_OUT_ABOVE, ("above",), seed=2),
+            "validation": TEAPOTS["validation"] + drawn_designs(HELD_OUT_ABOVE, ("above",), seed=1),
+            "train": TEAPOTS["train"] + drawn_designs(TRAINING_SCENE_DESIGNS),
         },
         lambda model: teapot_fields(model) | {"families": teapot_families(model)},
     )
@@ -62,7 +62,7 @@ def teapot_fields(model: ShapeModel) -> dict[str, Any]:
 
 def teapot_families(model: ShapeModel) -> tuple[Family, ...]:
     """Return families by the place of a teapot's handle; none lies between two of these."""
-    designs = TRAINING_DESIGNS + drawn_designs(DRAWN_DESIGNS)
+    designs = TEAPOTS["train"] + drawn_designs(DRAWN_DESIGNS)
     coefficients = nearest_coefficients(model, teapot().vertices_of(designs))
     families = []
     for handle in HANDLES:

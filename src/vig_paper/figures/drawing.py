@@ -1,6 +1,6 @@
 """Every figure of an evaluation in one folder, and the rules by which its images are chosen."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -56,19 +56,15 @@ def draw_figures(
     return paths
 
 
-def choose(
-    results: Mapping[str, MethodResult], dataset: Dataset, method: str, quantiles: Sequence[float] = (0.5,)
-) -> list[int]:
-    """Choose images of each bin of occlusion at some quantiles of a method's errors there.
+def choose(results: Mapping[str, MethodResult], dataset: Dataset, method: str) -> list[int]:
+    """Choose the image of median errors of a method in each bin of occlusion.
 
-    In its bin every image is ranked by each of the paper's metrics, and then by the sum of these ranks: 0 is
-    the best of the bin, 0.5 its median image, 1 its worst. Ties go to the earlier image.
+    In its bin every image is ranked by each of the paper's metrics, and then by the sum of these ranks. Ties
+    go to the earlier image.
 
     Returns:
-        Indices in the order of the bins, each once; a bin without images has none.
+        Indices in the order of the bins; a bin without images has none.
     """
-    if not all(0 <= quantile <= 1 for quantile in quantiles):
-        raise ValueError(f"quantiles must be from 0 to 1; got {tuple(quantiles)}")
     errors = results[method].errors
     chosen: list[int] = []
     for least, most in OCCLUSION_BINS:
@@ -79,8 +75,8 @@ def choose(
         signs = {"segmentation_iou": -1.0}  # more is better
         total = sum(rankdata(signs.get(metric, 1.0) * values) for metric, values in columns.items())
         order = inside[np.argsort(total, kind="stable")]
-        chosen += [int(order[round(quantile * (len(order) - 1))]) for quantile in quantiles]
-    return list(dict.fromkeys(chosen))
+        chosen.append(int(order[round((len(order) - 1) / 2)]))
+    return chosen
 
 
 def worst(results: Mapping[str, MethodResult], method: str, count: int) -> list[int]:

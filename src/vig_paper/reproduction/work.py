@@ -16,7 +16,7 @@ from vig.io.progress import Meter
 from vig.recognition import Recognizer
 from vig.recognition.weights import TRUNK_FILE
 from vig.scene import ObjectClass
-from vig_paper.ablation import ablation_markdown, run_ablations, variants
+from vig_paper.ablation import ablation_blocks, run_ablations, variants
 from vig_paper.figures import draw_figures as draw_all_figures
 from vig_paper.network.recognizer import recognizer_of
 from vig_paper.network.training import PaperTrainingSettings, train_paper
@@ -25,16 +25,16 @@ from vig_paper.settings import ReproductionSettings
 from vig_paper.teapot_class import copy_class
 from vig_train.calibration.learning import describe
 from vig_train.calibration.samples import calibrate_fits, fit_count
+from vig_train.evaluation.fits import FitRun
 from vig_train.evaluation.paper import comparison_block
-from vig_train.evaluation.presentation import markdown_table
+from vig_train.evaluation.presentation import blocks, save_table
 from vig_train.evaluation.protocol import evaluate as run_methods
 from vig_train.evaluation.protocol import fitted_likelihoods
 from vig_train.evaluation.results import MethodResult, write_csv
 from vig_train.evaluation.statistics import within_occlusion
-from vig_train.evaluation.table import save_table, summarise
-from vig_train.plots import TrainingLog
-from vig_train.plots import calibrate_and_plot as calibrate_network
-from vig_train.training.calibration import MIN_IMAGES
+from vig_train.evaluation.table import summarise
+from vig_train.plots import TrainingLog, report_calibration
+from vig_train.training.calibration import MIN_IMAGES, calibrate_network
 from vig_train.training.training import TrainingSettings
 from vig_train.training.training import train as train_network
 from vig_world.dataset import Dataset, read_dataset
@@ -175,18 +175,12 @@ def calibrate(run: Run) -> None:
         run.report(f"calibrate: {len(dataset)} photos are too few; uncertainties stay as they are predicted")
         return
     if run.settings.net == "vig":  # the paper's networks predict their errors on held-out photos
-        calibrate_network(run.folder.weights, [dataset], run.report)
+        result = calibrate_network(run.folder.weights, [dataset])
+        report_calibration(run.folder.weights, result, run.report)
     with Meter(fit_count(dataset), 0, run.progress, "fits") as meter:
-        calibration, samples = calibrate_fits(
-            [dataset],
-            run.object_class,
-            run.recognizer(),
-            ExplainSettings(),  # the standard camera, as the test photos are fitted
-            workers=run.threads,
-            advance=meter.advance,
-            cache=run.folder.fits("validation"),
-            processes=True,
-        )
+        fits = FitRun(run.object_class, run.threads, meter.advance, run.folder.fits("validation"), True)
+        # The standard camera, as the test photos are fitted.
+        calibration, samples = calibrate_fits([dataset], run.recognizer(), fits, ExplainSettings())
     calibration.save(run.folder.calibration)
     for line in describe(calibration, samples):
         run.report(f"calibrate: {line}")
@@ -203,12 +197,8 @@ def evaluate(run: Run, renderer: str) -> None:
             run.report(f"evaluate {renderer}: no photo has {least:.0%} to {most:.0%} of the object hidden")
             continue
         table = summarise(results, dataset, renderer, least, most, run.settings.seed)
-        save_table(folder / f"{name}.json", table)
-        with atomic_write(folder / f"{name}.md") as temporary:
-            text = markdown_table(table)
-            if name == "table":
-                text = comparison_block(table).markdown() + "\n" + text
-            temporary.write_text(text)
+        comparison = [comparison_block(table)] if name == "table" else []
+        save_table(folder / f"{name}.json", table, comparison + blocks(table))
 
 
 def ablate(run: Run) -> None:
@@ -216,18 +206,9 @@ def ablate(run: Run) -> None:
     dataset = run.dataset("test_raster").first(run.settings.count("ablation_images"))
     settings = run.explain_settings()
     with Meter(len(variants(settings)) * len(dataset), 0, run.progress, "fits") as meter:
-        table = run_ablations(
-            dataset,
-            run.object_class,
-            run.recognizer(),
-            run.folder.fits("ablations"),
-            workers=run.threads,
-            advance=meter.advance,
-            settings=settings,
-        )
-    save_table(run.folder.ablations, table)
-    with atomic_write(run.folder.ablations.with_suffix(".md")) as temporary:
-        temporary.write_text(ablation_markdown(table))
+        fits = FitRun(run.object_class, run.threads, meter.advance, run.folder.fits("ablations"))
+        table = run_ablations(dataset, run.recognizer(), fits, settings=settings)
+    save_table(run.folder.ablations, table, ablation_blocks(table))
 
 
 def draw_figures(run: Run, renderer: str) -> None:
@@ -244,14 +225,5 @@ def _results(run: Run, renderer: str, dataset: Dataset) -> dict[str, MethodResul
     with Meter(
         len(dataset) * len(fitted_likelihoods(run.settings.methods)), 0, run.progress, "fits"
     ) as meter:
-        return run_methods(
-            dataset,
-            run.object_class,
-            run.recognizer(),
-            run.settings.methods,
-            run.explain_settings(),
-            workers=run.threads,
-            advance=meter.advance,
-            cache=run.folder.fits(renderer),
-            processes=True,
-        )
+        fits = FitRun(run.object_class, run.threads, meter.advance, run.folder.fits(renderer), True)
+        return run_methods(dataset, run.recognizer(), fits, run.settings.methods, run.explain_settings())

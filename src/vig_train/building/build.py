@@ -16,7 +16,7 @@ from vig_train.building.pack import save_shape_sheets, save_source_meshes, sourc
 from vig_train.building.reading import folder_of, read_scans
 from vig_train.building.result import BuildResult
 from vig_train.building.settings import BuildSettings
-from vig_train.building.stages import StageCache, StandingMesh, register, surface_of, template_of
+from vig_train.building.stages import BuildRun, StandingMesh, register, surface_of, template_of
 from vig_train.building.upright import upright_poses
 from vig_world.assets.own.catalogue import read_sources
 from vig_world.threads import one_linear_algebra_thread
@@ -52,7 +52,7 @@ def build_class(
     """
     settings.check()
     check_folder(out)
-    sheets, cache = out / "build", StageCache(out / "build" / "kept")
+    sheets, run = out / "build", BuildRun(out / "build" / "kept", say, progress)
 
     say(f"reading meshes of {meshes} ...")
     scans, unreadable = read_scans(meshes, settings.materials, progress)
@@ -76,9 +76,9 @@ def build_class(
     with Meter(len(scans), 0, progress, "surfaces") as meter:
         surfaces = []
         for scan in scans:
-            surfaces.append(surface_of(scan, cache))
+            surfaces.append(surface_of(scan, run))
             meter.advance(1)
-    upright = upright_poses(scans, surfaces, used, settings, cache, say, progress)
+    upright = upright_poses(scans, surfaces, used, settings, run)
     for line in upright.report:
         say(line)
     standing = [StandingMesh.of(*each) for each in zip(scans, surfaces, upright.rotations, strict=True)]
@@ -94,7 +94,7 @@ def build_class(
 
     others = " most like the others" if len(used) > 1 else ""
     say(f"making a template: the mesh{others}, closed, of about {settings.vertices} vertices ...")
-    template = template_of(standing, used, settings.vertices, cache)
+    template = template_of(standing, used, settings.vertices, run)
     if template is None:
         raise UserError(f"expected a mesh in '{meshes}' that can be closed; none can. Mend one of them.")
     medoid, closed = standing[template.medoid], (template.vertices, template.faces)
@@ -103,7 +103,7 @@ def build_class(
     pictures.save_mesh_sheet(sheets / "3-template.png", [medoid.triangles, closed], side=320, labels=labels)
 
     say("carrying the template onto each mesh ...")
-    registered = register(standing, used, template, upright.symmetries.symmetry, cache, say, progress)
+    registered = register(standing, used, template, upright.symmetries.symmetry, run)
     if len(used) == 1 and not registered.accepted:
         reason = registered.qualities[used[0]].reason
         raise UserError(f"expected a mesh that one closed surface can stand for; of '{meshes}' {reason}.")
@@ -116,7 +116,7 @@ def build_class(
     coloured = source_meshes(shapes) if settings.materials else []
     of_class = [mesh for mesh in coloured if mesh.design >= 0 and mesh.split == "train"]
     dark = dark_part(of_class, shapes.components.mean, template.faces)
-    object_class = object_class_of(settings, shapes, dark, cache, progress)
+    object_class = object_class_of(settings, shapes, dark, run)
     up_known = settings.up is not None or len(used) > 1
     object_class = replace(object_class, size_known=size_known, up_known=up_known)
     say(_line_on_shapes(shapes, len(object_class.families)))
@@ -139,7 +139,7 @@ def build_class(
         sources=read_sources(folder).of({scan.name for scan in scans}),
     )
     _write_command(out, command)
-    write_pack(result, shapes, out, cache, say, progress)
+    write_pack(result, shapes, out, run)
     if whole:
         (out / BUILD_COMMAND).unlink()
     return result

@@ -9,7 +9,7 @@ from vig.scene import Family, ObjectClass, ShapeModel, Symmetry
 from vig_train.building.model import Components, SymmetryProjection, families_of, fit_components
 from vig_train.building.pose import ClassSymmetry
 from vig_train.building.settings import BuildSettings
-from vig_train.building.stages import RegisteredMeshes, StageCache, Template
+from vig_train.building.stages import BuildRun, RegisteredMeshes, Template
 from vig_train.building.surface import vertex_areas
 from vig_train.building.symmetries import MIRROR_Y, mirror_map, mirror_projection, rotation_projection
 from vig_world.dataset.spec import Split
@@ -96,13 +96,11 @@ def object_class_of(
     settings: BuildSettings,
     shapes: ClassShapes,
     dark: tuple[np.ndarray, float] | None,
-    cache: StageCache,
-    progress: bool = False,
+    run: BuildRun,
 ) -> ObjectClass:
     """Return the class of these shapes.
 
     dark: Vertices (V,) bool of its dark part, and their relative reflectance; see `dark_part`.
-    progress: Whether to report progress on standard error.
     """
     model = _shape_model(shapes, dark)
     packaged = ObjectClass.load("teapot")  # no panorama has to be made
@@ -118,7 +116,7 @@ def object_class_of(
         target_height=float(np.round(size[2] / 2, 4)),
         light_prior_mean=mean,
         light_prior_covariance=covariance,
-        families=_families(model, shapes, cache, progress),
+        families=_families(model, shapes, run),
         symmetry=Symmetry(shapes.symmetries.symmetry),
         mirror=shapes.symmetries.mirror,
         front=settings.shows,
@@ -143,18 +141,16 @@ def _shape_model(shapes: ClassShapes, dark: tuple[np.ndarray, float] | None) -> 
     )
 
 
-def _families(
-    model: ShapeModel, shapes: ClassShapes, cache: StageCache, progress: bool
-) -> tuple[Family, ...]:
+def _families(model: ShapeModel, shapes: ClassShapes, run: BuildRun) -> tuple[Family, ...]:
     """Return families by the number of holes; none of surfaces of revolution, whose handles are not of the
     shape, and none of a single shape.
     """
     if shapes.symmetries.symmetry == "any-turn" or len(shapes.trained) == 1:
         return ()
     kinds = []
-    with Meter(len(shapes.trained), 0, progress, "meshes") as meter:
+    with Meter(len(shapes.trained), 0, run.progress, "meshes") as meter:
         for index in shapes.trained:
-            holes = shapes.registered.meshes[shapes.numbers[index]].hole_count(cache)
+            holes = shapes.registered.meshes[shapes.numbers[index]].hole_count(run)
             kinds.append("no hole" if holes == 0 else f"{holes} hole{'s' if holes > 1 else ''}")
             meter.advance(1)
     return families_of(model, shapes.vertices[shapes.trained].astype(np.float32), kinds)

@@ -10,7 +10,7 @@ from vig.recognition import WEIGHTS_FILE
 from vig_train.building import pictures
 from vig_train.building.object_class import ClassShapes
 from vig_train.building.result import BuildResult, card
-from vig_train.building.stages import StageCache
+from vig_train.building.stages import BuildRun
 from vig_train.packs.card import read_sections, write_card
 from vig_train.packs.transfer import write_transfer
 from vig_world.assets.held_out import HeldOutDesigns
@@ -21,27 +21,16 @@ TRAINED_FILES = (WEIGHTS_FILE, "calibration.json", "reliability.png")
 """Files of a pack that `vig class train` writes."""
 
 
-def write_pack(
-    result: BuildResult,
-    shapes: ClassShapes,
-    out: Path,
-    cache: StageCache,
-    say: Callable[[str], None],
-    progress: bool = False,
-) -> None:
-    """Write all that explaining photos and training need; class.json comes last: a pack with it is whole.
-
-    cache: Cache of the shapes for the table of light. `say` and `progress` are those of
-    `build_class`.
-    """
+def write_pack(result: BuildResult, shapes: ClassShapes, out: Path, run: BuildRun) -> None:
+    """Write all that explaining photos and training need; class.json comes last: a pack with it is whole."""
     names = tuple(result.scans[number].name for number in shapes.numbers)
     (out / "class.json").unlink(missing_ok=True)
     staged = out / "build" / "staged"
     result.object_class.save(staged)
     HeldOutDesigns(names, tuple(shapes.splits), shapes.vertices.astype(np.float32)).save(staged)
-    say("computing how light goes from part to part, on shapes of the class ...")
-    write_transfer(result.object_class, staged, progress, cache.result)
-    _put_aside_weights(out, staged, say)
+    run.say("computing how light goes from part to part, on shapes of the class ...")
+    write_transfer(result.object_class, staged, run.progress, run.result)
+    _put_aside_weights(out, staged, run.say)
     # Those on the weights that stay.
     sections = read_sections(out / "card.md")[1] if (out / TRAINED_FILES[0]).exists() else {}
     kept = ("## Recognition", "## On photographs")  # by `vig class train` and `vig class check`

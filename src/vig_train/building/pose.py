@@ -10,6 +10,7 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 from scipy.spatial.transform import Rotation
 
 from vig_train.building.surface import SurfaceSample
+from vig_world.mesh import face_normals
 from vig_world.rotations import about_z
 
 MAX_ANCHORS = 8
@@ -242,8 +243,7 @@ def levelling_rotation(surface: SurfaceSample) -> np.ndarray:
     except (QhullError, ValueError):
         return np.eye(3)
     normals = hull.equations[:, :3]
-    corners = surface.points[hull.simplices]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    area = np.linalg.norm(face_normals(surface.points, hull.simplices), axis=1)
     # A foot within 15 degrees of level is put level.
     faces_down = -normals[:, 2] > math.cos(math.radians(15.0))
     if not faces_down.any():

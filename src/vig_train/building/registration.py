@@ -214,16 +214,13 @@ class Registration:
     Args:
         vertices: (V, 3) of the template.
         faces: (F, 3), counter-clockwise seen from outside.
-        levels: Stages, from stiff to soft.
     """
 
-    def __init__(
-        self, vertices: np.ndarray, faces: np.ndarray, levels: tuple[RegistrationStage, ...] = STAGES
-    ):
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray):
         self.middle = (vertices.min(0) + vertices.max(0)) / 2
         self.size = float(np.ptp(vertices, axis=0).max())
         self.vertices, self.faces = (vertices - self.middle) / self.size, faces
-        self.stages = [(level, DeformationGraph.of(self.vertices, faces, level.nodes)) for level in levels]
+        self.stages = [(level, DeformationGraph.of(self.vertices, faces, level.nodes)) for level in STAGES]
         area = vertex_areas(self.vertices, faces)
         self.area = area / area.sum()
 

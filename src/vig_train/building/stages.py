@@ -9,9 +9,7 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from safetensors.numpy import load_file
 
-from vig.io.files import write_arrays
 from vig.io.progress import Meter
 from vig_train.building.acceptance import Quality, judge_meshes, quality_of
 from vig_train.building.pose import PointCloud
@@ -19,17 +17,21 @@ from vig_train.building.reading import Scan
 from vig_train.building.registration import Registration
 from vig_train.building.surface import SurfaceSample, visible_surface
 from vig_train.building.template import closed_template, genus
+from vig_world.asset_cache import AssetCache
 
 
-@dataclass(frozen=True)
-class StageCache:
-    """Arrays by stage and inputs, a file for each.
+class BuildRun(AssetCache):
+    """What is kept of a class's stages, arrays by stage and inputs, and where they report.
 
-    Attributes:
-        folder: Folder of the files, made where it is missing.
+    Args:
+        folder: Folder of the arrays.
+        say: Called with a line for each step.
+        progress: Whether to report progress on standard error.
     """
 
-    folder: Path
+    def __init__(self, folder: Path, say: Callable[[str], None], progress: bool) -> None:
+        super().__init__(folder)
+        self.say, self.progress = say, progress
 
     def result(
         self, stage: str, inputs: list[str], compute: Callable[[], Mapping[str, np.ndarray]]
@@ -37,20 +39,14 @@ class StageCache:
         """Return a stage's result for these inputs, from the cache where an earlier run left it there."""
         # 1 is the version of the results; those of another are computed again.
         key = hashlib.sha256(json.dumps([1, stage, inputs]).encode()).hexdigest()[:24]
-        path = self.folder / f"{stage}-{key}.safetensors"
-        if path.exists():
-            try:
-                return load_file(path)
-            except Exception:  # a damaged file is made again
-                path.unlink()
-        result = {name: np.ascontiguousarray(value) for name, value in compute().items()}
-        write_arrays(path, result)
-        return result
+        return self.arrays(
+            f"{stage}-{key}", lambda: {name: np.ascontiguousarray(value) for name, value in compute().items()}
+        )
 
 
-def surface_of(scan: Scan, cache: StageCache) -> SurfaceSample:
+def surface_of(scan: Scan, run: BuildRun) -> SurfaceSample:
     """Return the visible surface of a mesh, in its file's axes."""
-    arrays = cache.result(
+    arrays = run.result(
         "surface", [scan.content_hash], lambda: vars(visible_surface(scan.vertices, scan.faces))
     )
     return SurfaceSample(arrays["points"], arrays["normals"])
@@ -93,9 +89,9 @@ class StandingMesh:
         """Return vertices (V, 3) in the class's frame and faces (F, 3)."""
         return self.scan.vertices @ self.linear.T + self.offset, self.scan.faces
 
-    def hole_count(self, cache: StageCache) -> int:
+    def hole_count(self, run: BuildRun) -> int:
         """Return the number of holes through it."""
-        arrays = cache.result(
+        arrays = run.result(
             "holes", [self.scan.content_hash], lambda: {"holes": np.array([genus(*self.triangles)])}
         )
         return int(arrays["holes"][0])
@@ -124,7 +120,7 @@ class Template:
 
 
 def template_of(
-    meshes: Sequence[StandingMesh], used: list[int], about: int, cache: StageCache
+    meshes: Sequence[StandingMesh], used: list[int], about: int, run: BuildRun
 ) -> Template | None:
     """Return the template from the first of used meshes that can be closed, those most like the others first.
 
@@ -134,13 +130,13 @@ def template_of(
     identity = np.eye(3)
     costs = np.array([[a.distance(b, identity) for b in clouds] for a in clouds])
     for index in np.argsort(np.median(costs, axis=1), kind="stable"):
-        arrays = _close_mesh(meshes[used[index]], about, cache)
+        arrays = _close_mesh(meshes[used[index]], about, run)
         if len(arrays["vertices"]):
             return Template(used[index], arrays["vertices"], arrays["faces"], about)
     return None
 
 
-def _close_mesh(mesh: StandingMesh, about: int, cache: StageCache) -> dict[str, np.ndarray]:
+def _close_mesh(mesh: StandingMesh, about: int, run: BuildRun) -> dict[str, np.ndarray]:
     """Return a closed mesh of about so many vertices; no vertices where it cannot be closed."""
 
     def compute() -> dict[str, np.ndarray]:
@@ -150,7 +146,7 @@ def _close_mesh(mesh: StandingMesh, about: int, cache: StageCache) -> dict[str, 
             return {"vertices": np.zeros((0, 3)), "faces": np.zeros((0, 3), np.int64)}
         return {"vertices": vertices, "faces": faces}
 
-    return cache.result("template", [mesh.scan.content_hash, repr(mesh.rotation), str(about)], compute)
+    return run.result("template", [mesh.scan.content_hash, repr(mesh.rotation), str(about)], compute)
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,37 +172,29 @@ class RegisteredMeshes:
 
 
 def register(
-    meshes: list[StandingMesh],
-    used: list[int],
-    template: Template,
-    symmetry: str,
-    cache: StageCache,
-    say: Callable[[str], None],
-    progress: bool = False,
+    meshes: list[StandingMesh], used: list[int], template: Template, symmetry: str, run: BuildRun
 ) -> RegisteredMeshes:
     """Carry the template onto each used mesh, and judge which meshes belong to a class of this symmetry."""
     vertices = np.zeros((len(meshes), *template.vertices.shape))
     qualities: dict[int, Quality] = {}
-    with Meter(len(used), 0, progress, "meshes") as meter:
+    with Meter(len(used), 0, run.progress, "meshes") as meter:
         for number in used:
             mesh = meshes[number]
-            vertices[number] = _register(mesh, meshes[template.medoid], template, cache)
+            vertices[number] = _register(mesh, meshes[template.medoid], template, run)
             quality = quality_of(template.vertices, vertices[number], template.faces, mesh.surface)
             qualities[number] = quality
-            say(f"{number + 1:3d} {mesh.scan.name}: off by {quality.mean:.2%} of its size")
+            run.say(f"{number + 1:3d} {mesh.scan.name}: off by {quality.mean:.2%} of its size")
             meter.advance(1)
     qualities = judge_meshes(qualities, vertices, template.medoid, symmetry)
     for number, quality in qualities.items():
         if quality.reason:
-            say(f"refused {number + 1} {meshes[number].scan.name}: {quality.reason}")
+            run.say(f"refused {number + 1} {meshes[number].scan.name}: {quality.reason}")
     return RegisteredMeshes(meshes, template, vertices, qualities)
 
 
-def _register(mesh: StandingMesh, medoid: StandingMesh, template: Template, cache: StageCache) -> np.ndarray:
+def _register(mesh: StandingMesh, medoid: StandingMesh, template: Template, run: BuildRun) -> np.ndarray:
     """Return vertices (V, 3) of the template, which is the medoid's, as they lie on a mesh."""
     poses = repr(np.stack([mesh.rotation, medoid.rotation]))
     inputs = [mesh.scan.content_hash, medoid.scan.content_hash, poses, str(template.about)]
-    arrays = cache.result(
-        "registered", inputs, lambda: {"vertices": template.registration.onto(mesh.surface)}
-    )
+    arrays = run.result("registered", inputs, lambda: {"vertices": template.registration.onto(mesh.surface)})
     return arrays["vertices"]

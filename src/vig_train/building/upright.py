@@ -1,7 +1,7 @@
 """The upright pose of each mesh, as the user states it or as it is estimated from all meshes together."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,7 +26,7 @@ from vig_train.building.pose import (
 )
 from vig_train.building.reading import Scan
 from vig_train.building.settings import BuildSettings, axis_vector
-from vig_train.building.stages import StageCache
+from vig_train.building.stages import BuildRun
 from vig_train.building.surface import SurfaceSample
 from vig_world.rotations import about_z
 
@@ -53,9 +53,7 @@ def upright_poses(
     surfaces: Sequence[SurfaceSample],
     used: list[int],
     settings: BuildSettings,
-    cache: StageCache,
-    say: Callable[[str], None],
-    progress: bool = False,
+    run: BuildRun,
 ) -> UprightPoses:
     """Put meshes upright, their fronts to +X.
 
@@ -64,16 +62,14 @@ def upright_poses(
         surfaces: (N,) surface of each, in its file's axes.
         used: Indices of the meshes that are not dropped; the others do not affect the pose.
         settings: The user's statements on axes, symmetry and turns.
-        cache: Cache of the rotations into a common pose.
-        say: Called with a line for each step.
-        progress: Whether to report progress on standard error.
+        run: Keeps the rotations into a common pose.
 
     Raises:
         UserError: The front that the user states is not level.
     """
     surfaces = [surfaces[n] for n in used]
-    say("comparing poses ...")
-    to_common = _common_pose([scans[n] for n in used], surfaces, cache, progress)
+    run.say("comparing poses ...")
+    to_common = _common_pose([scans[n] for n in used], surfaces, run)
     from_usual = usual_axes(to_common)
     up = up_axis(surfaces, to_common) if settings.up is None else from_usual @ axis_vector(settings.up)
     report = [f"up: {axis_name(from_usual.T @ up)} in most files, {_source(settings.up)}"]
@@ -85,7 +81,7 @@ def upright_poses(
             for surface, upright in zip(surfaces, levelled, strict=True)
         ]
     clouds = [_turned_cloud(surface, turn) for surface, turn in zip(surfaces, levelled, strict=True)]
-    say("looking for symmetries and the front ...")
+    run.say("looking for symmetries and the front ...")
     symmetries = _symmetries(clouds, settings.symmetry)
     lathe = "; of pots and the like, whatever their handles, state --symmetry any-turn"
     unsure = settings.symmetry is None and symmetries.symmetry == "none"
@@ -113,18 +109,16 @@ def upright_poses(
     return UprightPoses(rotations, symmetries, tuple(report), back)
 
 
-def _common_pose(
-    scans: Sequence[Scan], surfaces: Sequence[SurfaceSample], cache: StageCache, progress: bool
-) -> list[np.ndarray]:
+def _common_pose(scans: Sequence[Scan], surfaces: Sequence[SurfaceSample], run: BuildRun) -> list[np.ndarray]:
     """Return rotations (3, 3) of the surfaces from their files' axes to a pose in which they are alike."""
 
     def compute() -> dict[str, np.ndarray]:
         clouds = [PointCloud.from_surface(surface) for surface in surfaces]
-        with Meter(alignment_steps(len(clouds)), 0, progress, "comparisons") as meter:
+        with Meter(alignment_steps(len(clouds)), 0, run.progress, "comparisons") as meter:
             _, rotations, costs = align_clouds(clouds, meter.advance)
         return {"rotations": np.array(rotations), "costs": costs}
 
-    return list(cache.result("pose", [scan.content_hash for scan in scans], compute)["rotations"])
+    return list(run.result("pose", [scan.content_hash for scan in scans], compute)["rotations"])
 
 
 def _source(setting: str | None) -> str:

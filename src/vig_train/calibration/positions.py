@@ -27,18 +27,16 @@ def calibrate_positions(
     datasets: Sequence[Dataset | StudioPhotos],
     object_class: ObjectClass,
     recognizer: Recognizer,
-    count: int = POSITION_PHOTOS,
     advance: Callable[[int], None] = lambda done: None,
 ) -> FitCalibration:
     """Return the calibration with `position` learned on photographs whose cameras are known, boxes given.
 
     Args:
         calibration: Decides which fits are trusted.
-        datasets: Those of the world "photo" are used, `count` photos of each at most; without one the
+        datasets: Those of the world "photo" are used, `POSITION_PHOTOS` of each at most; without one the
             calibration stays as it is.
         object_class: Class that they show.
         recognizer: Its network, calibrated.
-        count: Most photos of each dataset.
         advance: Called with 1 for each photo.
     """
     photographs = [each for each in datasets if isinstance(each, Dataset) and each.world == "photo"]
@@ -49,7 +47,7 @@ def calibrate_positions(
     explained = [
         posed
         for dataset in photographs
-        for posed in _explained_photos(dataset.first(count), object_class, explainer, advance)
+        for posed in _explained_photos(dataset.first(POSITION_PHOTOS), object_class, explainer, advance)
     ]
     if len(explained) < MIN_GROUP:
         return calibration

@@ -2,9 +2,8 @@
 
 import math
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -104,33 +103,25 @@ class StudioPhotos:
 
 def calibrate_fits(
     datasets: Sequence[Dataset | StudioPhotos],
-    object_class: ObjectClass,
     recognizer: Recognizer | Sequence[Recognizer],
+    run: FitRun,
     settings: ExplainSettings | None = None,
-    workers: int | None = None,
-    advance: Callable[[int], None] = lambda done: None,
-    cache: Path | None = None,
-    processes: bool = False,
     pooled: bool = False,
 ) -> tuple[FitCalibration, CalibrationSamples]:
     """Fit all photos of datasets, and learn a calibration on the fits; datasets weigh the same at any size.
 
     Args:
         datasets: Datasets of the validation split; and photos of a studio.
-        object_class: Class that they show.
-        recognizer: Its network, calibrated; or one for each dataset, which has not seen its photos.
+        recognizer: The class's network, calibrated; or one for each dataset, which has not seen its photos.
+        run: How fits are made.
         settings: Settings of the fits, which are made without calibration; by default those for photos.
-        workers: See `vig_train.evaluation.protocol.evaluate`, as for cache and processes.
-        advance: Called with the number of fits made since the last call.
-        cache: Folder that keeps fits, so that an interrupted run resumes.
-        processes: Whether workers are processes.
         pooled: See `learn`.
 
     Returns:
         The calibration, and the samples that it was learned on.
     """
     uncalibrated = replace(settings or ExplainSettings(free_framing=True), calibrated=False, widened=False)
-    run, parts = FitRun(object_class, workers, advance, cache, processes), []
+    object_class, parts = run.object_class, []
     recognizers = [recognizer] * len(datasets) if isinstance(recognizer, Recognizer) else recognizer
     for dataset, own_recognizer in zip(datasets, recognizers, strict=True):
         name = f"{len(dataset)}_{zlib.crc32(dataset.latents.tobytes()):08x}"
@@ -236,22 +227,14 @@ def samples_of(
 
 
 def studio_errors(
-    parts: Sequence[tuple[StudioPhotos, Recognizer]],
-    object_class: ObjectClass,
-    settings: ExplainSettings,
-    workers: int,
-    advance: Callable[[int], None] = lambda done: None,
-    cache: Path | None = None,
+    parts: Sequence[tuple[StudioPhotos, Recognizer]], run: FitRun, settings: ExplainSettings
 ) -> dict[str, Any]:
     """Return errors on photos that show the object, and the precision of the verdict "trusted".
 
     Args:
         parts: Photos, each with a network that has not seen their meshes.
-        object_class: Class that they show.
+        run: How fits are made.
         settings: Settings of the fits.
-        workers: Processes.
-        advance: Called with the number of fits made since the last call.
-        cache: Folder that keeps fits, so that an interrupted run resumes.
 
     Returns:
         `photos`, `trusted`, `trusted_right` (None where none is trusted), and in `methods` for "network" and
@@ -259,8 +242,7 @@ def studio_errors(
         150, and the mean IoU of the visible pixels. Where any turn looks the same there is no azimuth, and a
         view is right by its elevation.
     """
-    chosen, symmetry = resolve(settings, object_class, photo=True), object_class.symmetry
-    run = FitRun(object_class, workers, advance, cache, processes=True)
+    chosen, symmetry = resolve(settings, run.object_class, photo=True), run.object_class.symmetry
     columns: dict[str, list[np.ndarray]] = {"network": [], "fit": []}  # turn, tilt and IoU (3, N) each
     verdicts: list[str] = []
     for number, (photos, recognizer) in enumerate(parts):

@@ -2,18 +2,10 @@
 
 import time
 from dataclasses import dataclass
-from pathlib import Path
 
 from vig.parallel import thread_limit
-from vig.scene import ObjectClass
 from vig_train.training.class_heads import EPOCHS
-from vig_train.training.class_network import (
-    DecoderTraining,
-    chunk_path,
-    draw_chunks,
-    new_network,
-    read_images,
-)
+from vig_train.training.class_network import ClassImages, DecoderTraining, new_network
 from vig_train.training.collages import PICTURES
 
 QUICK = 0.0  # minutes of a training that stands for the quick recognizer of `vig class build`
@@ -42,26 +34,21 @@ class Plan:
     epochs: int = EPOCHS
 
 
-def measured_plan(
-    object_class: ObjectClass, images: Path, minutes: float, seed: int, workers: int, props: str = ""
-) -> Plan:
-    """Return the plan for so many minutes, measured on the first images, which count.
-
-    images: Folder of the images; those that are there count as well. props: see `StudioSettings`.
-    """
-    budget = 60 * minutes
+def measured_plan(images: ClassImages, minutes: float) -> Plan:
+    """Return the plan for so many minutes, measured on the first images, which count, as those there do."""
+    budget, workers = 60 * minutes, images.workers
     there = 0
-    while chunk_path(images, there).exists():
+    while images.path(there).exists():
         there += 1
     # The first file of each process takes longer: it starts, and nothing is in its caches.
     warm, timed = there + workers, there + 3 * workers
-    draw_chunks(object_class, images, range(warm), seed, workers, props=props)
+    images.draw(range(warm))
     begin = time.perf_counter()
-    draw_chunks(object_class, images, range(warm, timed), seed, workers, props=props)
+    images.draw(range(warm, timed))
     per_chunk = (time.perf_counter() - begin) / (timed - warm)
     with thread_limit(workers):
-        examples = read_images(images, range(1))
-        per_step = DecoderTraining(new_network(object_class), examples, True, seed).seconds_per_step()
+        network, examples = new_network(images.object_class), images.examples(range(1))
+        per_step = DecoderTraining(network, examples, True, images.seed).seconds_per_step()
     # At most 480 files, 61,440 images: their features take 2.7 GB of memory.
     chunks = max(timed, min(480, there + round(IMAGE_SHARE * budget / per_chunk)))
     # 48 pictures for each minute of the training: each takes .09 s of one core, 7 % of the time in all.

@@ -35,8 +35,9 @@ from vig_train.class_training.plan import (
     Plan,
     measured_plan,
 )
+from vig_train.evaluation.fits import FitRun
 from vig_train.packs.card import replace_section
-from vig_train.plots import describe_calibration, plot_reliability
+from vig_train.plots import report_calibration
 from vig_train.record import Record, read_record
 from vig_train.training.calibration import learn_calibration, write_calibration
 from vig_train.training.checkpoint import save_weights
@@ -45,11 +46,9 @@ from vig_train.training.class_network import (
     CHUNK,
     PIXEL_CHUNKS,
     SIZES,
+    ClassImages,
     DecoderTraining,
-    chunk_path,
-    draw_chunks,
     new_network,
-    read_images,
 )
 from vig_train.training.examples import Examples
 from vig_train.training.object_map import MapTraining
@@ -116,7 +115,8 @@ class ClassTraining:
         self.object_class = ObjectClass.load(pack, unfinished=True)
         self.workers = workers or os.cpu_count() or 1
         self.folder = self.pack / "training"
-        self.images, self.run_folder = self.folder / "images", self.folder / "run"
+        self.images = ClassImages(self.object_class, self.folder / "images", seed, self.workers, props)
+        self.run_folder = self.folder / "run"
         self.calibration_fits = self.folder / "calibration_fits"
         self.test_fits = self.folder / "test_fits"
         meshes = meshes_fingerprint(self.pack)
@@ -148,7 +148,7 @@ class ClassTraining:
         for folder in (self.run_folder, self.calibration_fits, self.test_fits):
             shutil.rmtree(folder, ignore_errors=True)
         if changed != ["minutes"]:
-            shutil.rmtree(self.images, ignore_errors=True)
+            shutil.rmtree(self.images.folder, ignore_errors=True)
         record.renew(settings, list(STEPS))
 
     @property
@@ -179,11 +179,9 @@ class ClassTraining:
         chunks, models = range(self.plan().chunks), Studio(self.object_class).models.values()
         shown = sum(model.mesh is not None for model in models)
         self.say(f"they show {len(models) or 'no'} meshes, {shown or 'none'} of them with its materials")
-        there = sum(chunk_path(self.images, chunk).exists() for chunk in chunks)
+        there = sum(self.images.path(chunk).exists() for chunk in chunks)
         with Meter(CHUNK * len(chunks), CHUNK * there, unit="images") as meter:
-            draw_chunks(
-                self.object_class, self.images, chunks, self.seed, self.workers, meter.advance, self.props
-            )
+            self.images.draw(chunks, meter.advance)
 
     def plan(self) -> Plan:
         """Return the plan for the time; measured once, on the first images, which count."""
@@ -193,29 +191,18 @@ class ClassTraining:
         if path.exists():
             with reading(path, "the plan of a training", "Remove it."):
                 return decode(Plan, read_json(path))
-        plan = measured_plan(
-            self.object_class, self.images, self.minutes, self.seed, self.workers, self.props
-        )
+        plan = measured_plan(self.images, self.minutes)
         write_json(path, vars(plan), None)
         return plan
 
     def _train(self) -> None:
-        plan, modes = self.plan(), self.object_class.shape_model.modes
-        heads = HeadsTraining(
-            self.images,
-            plan.chunks,
-            modes,
-            self.object_class.symmetry,
-            self.folds,
-            self.seed,
-            self.run_folder,
-            plan.epochs,
-        )
+        plan = self.plan()
+        heads = HeadsTraining(self.images, plan.chunks, self.folds, self.run_folder, plan.epochs)
         steps = SIZES.members * heads.steps + plan.decoder_steps
         with thread_limit(self.workers), Meter(steps, 0, unit="steps") as meter:
             network = new_network(self.object_class)
             scale = heads.run(network, self.workers, meter.advance)
-            examples = read_images(self.images, range(min(plan.chunks, PIXEL_CHUNKS)))
+            examples = self.images.examples(range(min(plan.chunks, PIXEL_CHUNKS)))
             decoder = DecoderTraining(network, examples, self.object_class.mirror, self.seed)
             decoder.run(plan.decoder_steps, self.run_folder / "checkpoint.safetensors", meter.advance)
         with thread_limit(self.workers), Meter(plan.pictures, 0, unit="pictures") as meter:
@@ -242,20 +229,11 @@ class ClassTraining:
         photos = [each for each, _ in drawn]
         parts = zip(self._recognizers(), (examples for _, examples in drawn), strict=True)
         result = learn_calibration(list(parts))
-        self.say(describe_calibration(result))
-        plot_reliability(self.run_folder / RELIABILITY_FILE, result)
+        report_calibration(self._weights, result, self.say)
         write_calibration(self._weights, result.calibration)
         with Meter(sum(map(fit_count, photos)), 0, unit="fits") as meter:
-            calibration, samples = calibrate_fits(
-                photos,
-                self.object_class,
-                self._recognizers(),
-                workers=self.workers,
-                advance=meter.advance,
-                cache=self.calibration_fits,
-                processes=True,
-                pooled=True,
-            )
+            run = FitRun(self.object_class, self.workers, meter.advance, self.calibration_fits, True)
+            calibration, samples = calibrate_fits(photos, self._recognizers(), run, pooled=True)
         calibration.save(self.run_folder / CALIBRATION_FILE)
         trust = describe(calibration, samples)[0]
         self.say(trust)
@@ -288,15 +266,10 @@ class ClassTraining:
         if held_out:
             recognizers = [Recognizer.of_class(self.object_class, self._weights)]
         settings = ExplainSettings(calibration=FitCalibration.load(self.run_folder / CALIBRATION_FILE))
-        with Meter(sum(len(photos) for photos, _ in parts), 0, unit="fits") as meter:
-            errors = studio_errors(
-                [(photos, recognizer) for (photos, _), recognizer in zip(parts, recognizers, strict=True)],
-                self.object_class,
-                settings,
-                self.workers,
-                meter.advance,
-                self.test_fits,
-            )
+        photos = [each for each, _ in parts]
+        with Meter(sum(map(len, photos)), 0, unit="fits") as meter:
+            run = FitRun(self.object_class, self.workers, meter.advance, self.test_fits, processes=True)
+            errors = studio_errors(list(zip(photos, recognizers, strict=True)), run, settings)
         shutil.rmtree(self.test_fits, ignore_errors=True)
         write_json(self.run_folder / "test.json", errors)
 

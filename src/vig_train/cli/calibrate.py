@@ -14,9 +14,10 @@ from vig_train.calibration.positions import POSITION_PHOTOS, calibrate_positions
 from vig_train.calibration.samples import StudioPhotos, calibrate_fits, fit_count
 from vig_train.cli.common import check_ranges, check_writable
 from vig_train.cli.settings import Calibrate
+from vig_train.evaluation.fits import FitRun
 from vig_train.evaluation.protocol import check_class
-from vig_train.plots import calibrate_and_plot as calibrate_network
-from vig_train.training.calibration import check_count
+from vig_train.plots import report_calibration
+from vig_train.training.calibration import calibrate_network, check_count
 from vig_world.dataset import Dataset, read_dataset
 
 
@@ -44,19 +45,13 @@ def calibrate(settings: Calibrate) -> int:
         )
         calibration_sets.append(photos)
         studio_examples.append(examples)
-    calibrate_network(settings.weights, datasets, lines.append, studio_examples, object_class)
+    result = calibrate_network(settings.weights, datasets, studio_examples, object_class)
+    report_calibration(settings.weights, result, lines.append)
     recognizer = Recognizer.of_class(object_class, settings.weights)
     fits = folder / "calibration_fits"  # so that a run that is stopped continues
     with Meter(sum(map(fit_count, calibration_sets)), 0, not settings.json, "fits") as meter:
-        calibration, samples = calibrate_fits(
-            calibration_sets,
-            object_class,
-            recognizer,
-            workers=settings.workers,
-            advance=meter.advance,
-            cache=fits,
-            processes=True,
-        )
+        run = FitRun(object_class, settings.workers, meter.advance, fits, processes=True)
+        calibration, samples = calibrate_fits(calibration_sets, recognizer, run)
     positions = sum(min(len(dataset), POSITION_PHOTOS) for dataset in datasets if dataset.world == "photo")
     with Meter(positions, 0, not settings.json, "positions") as meter:
         calibration = calibrate_positions(
@@ -66,6 +61,6 @@ def calibrate(settings: Calibrate) -> int:
     shutil.rmtree(fits, ignore_errors=True)
     lines += describe(calibration, samples)
     path = folder / FILE
-    result = {"report": lines, "calibration": str(path)} if settings.json else None
-    end(folder, f"calibrated: {path} holds for its weights; vig evaluate measures them", result, lines)
+    printed = {"report": lines, "calibration": str(path)} if settings.json else None
+    end(folder, f"calibrated: {path} holds for its weights; vig evaluate measures them", printed, lines)
     return 0

@@ -3,25 +3,24 @@
 import json
 import sys
 from math import inf
-from pathlib import Path
 
 from rich.console import Console
 
 from vig.inference import ExplainSettings, FitCalibration
 from vig.inference.calibration import FILE
 from vig.io.errors import UserError
-from vig.io.files import atomic_write
 from vig.io.printing import end
 from vig.io.progress import Meter
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass
 from vig_train.cli.common import check_ranges, check_writable
 from vig_train.cli.settings import Evaluate
-from vig_train.evaluation.presentation import blocks, markdown_table
+from vig_train.evaluation.fits import FitRun
+from vig_train.evaluation.presentation import blocks, save_table
 from vig_train.evaluation.protocol import evaluate as run_methods
 from vig_train.evaluation.protocol import fitted_likelihoods
 from vig_train.evaluation.results import write_csv
-from vig_train.evaluation.table import check_limits, save_table, summarise
+from vig_train.evaluation.table import check_limits, summarise
 from vig_world.dataset import read_dataset
 from vig_world.dataset.format import read_info
 
@@ -45,23 +44,12 @@ def evaluate(settings: Evaluate) -> int:
     check_writable(settings.out)
     fits = len(dataset) * len(fitted_likelihoods(settings.methods))
     with Meter(fits, 0, not settings.json, "fits") as meter:
-        results = run_methods(
-            dataset,
-            object_class,
-            recognizer,
-            settings.methods,
-            explain_settings,
-            workers=settings.workers,
-            advance=meter.advance,
-            cache=settings.out / "fits",
-            processes=True,
-            cluster=settings.cluster,
-        )
+        cache, cluster = settings.out / "fits", settings.cluster
+        run = FitRun(object_class, settings.workers, meter.advance, cache, True, cluster)
+        results = run_methods(dataset, recognizer, run, settings.methods, explain_settings)
     write_csv(settings.out / "errors.csv", dataset, results)
     table = summarise(results, dataset, renderer, settings.min_occlusion, settings.max_occlusion)
-    save_table(settings.out / "table.json", table)
-    with atomic_write(settings.out / "table.md") as temporary:
-        Path(temporary).write_text(markdown_table(table))
+    save_table(settings.out / "table.json", table, blocks(table))
     if settings.json:
         print(json.dumps(table, indent=2))
         return 0

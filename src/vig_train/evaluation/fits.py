@@ -87,7 +87,7 @@ class FitRun:
         cache: Keeps fits, chunk by chunk, in a folder for each name. A chunk is read from there when all that
             it depends on but the code is the same, and fitted again otherwise.
         processes: Workers may be processes, see `map_in_processes`: faster than threads for many photos, with
-            the same fits.
+            the same fits; a script must then guard its main code by `if __name__ == "__main__"`.
         cluster: Address of a Ray cluster in place of workers, `auto` for the one of this machine.
     """
 

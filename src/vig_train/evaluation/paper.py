@@ -9,9 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from vig_train.evaluation.presentation import TableBlock
-from vig_train.evaluation.protocol import MASK_HEAD
-from vig_train.evaluation.table import METRICS
+from vig_train.evaluation.presentation import TableBlock, metric_block
 
 MAX_OCCLUSION = 0.75
 
@@ -114,63 +112,22 @@ TITLES = {"raster": "rasterised photos (the paper's OpenGL)", "cycles": "path-tr
 """Title of each renderer's photos."""
 
 
-@dataclass(frozen=True)
-class ComparisonCell:
-    """The text of a cell: our median, its interval, and the paper's number where it has one."""
-
-    median: str
-    interval: str
-    paper: str = ""
-    passed: bool | None = None
-    """Whether ours is better; None where the paper has no number."""
-
-    @property
-    def text(self) -> str:
-        """Return the cell as lines of text."""
-        lines = [self.median, self.interval]
-        if self.passed is not None:
-            lines.append(f"{self.paper}: {'pass' if self.passed else 'fail'}")
-        return "\n".join(lines)
-
-
-def comparison(table: Mapping[str, Any]) -> tuple[list[str], list[tuple[str, dict[str, ComparisonCell]]]]:
-    """Put a table from `summarise`, of the paper's range of occlusion, beside the paper's.
-
-    Returns:
-        The methods, and the rows: title, and a cell for each method that has one.
-    """
-    comparisons = {(cell.metric, cell.method): cell for cell in compare(table)}
-    methods: dict[str, None] = {}
-    rows: list[tuple[str, dict[str, ComparisonCell]]] = []
-    for metric, row in table["rows"].items():
-        cells = {
-            method: _entry(summary, comparisons.get((metric, method))) for method, summary in row.items()
-        }
-        head = cells.pop(MASK_HEAD, None)
-        methods |= dict.fromkeys(cells)
-        rows.append((METRICS[metric], cells))
-        if head is not None:  # one number: no column of its own
-            rows.append((f"{MASK_HEAD} (IoU)", {"rm": head}))
-    return list(methods), rows
-
-
 def comparison_block(table: Mapping[str, Any]) -> TableBlock:
-    """Return the comparison for a terminal and for Markdown."""
-    methods, rows = comparison(table)
-    lines = [[title, *(row[m].text if m in row else "-" for m in methods)] for title, row in rows]
+    """Return a table from `summarise`, of the paper's range of occlusion, beside the paper's."""
+    comparisons = {(cell.metric, cell.method): cell for cell in compare(table)}
+
+    def cell(metric: str, method: str, summary: Mapping[str, Any]) -> str:
+        low, high = summary["ci95"]
+        text = f"{_digits(summary['median'])}\n[{_digits(low)}, {_digits(high)}]"
+        if (compared := comparisons.get((metric, method))) is not None:
+            text += f"\n{_digits(compared.paper)}: {'pass' if compared.passed else 'fail'}"
+        return text
+
     title = (
         f"Table 1, {TITLES[table['tier']]}: medians over {table['count']} photos with at most"
         f" {table['max_occlusion']:.0%} of the object hidden, 95 % interval, the paper's number"
     )
-    return TableBlock(title, ["", *methods], lines)
-
-
-def _entry(summary: Mapping[str, Any], compared: MedianComparison | None) -> ComparisonCell:
-    low, high = summary["ci95"]
-    texts = _digits(summary["median"]), f"[{_digits(low)}, {_digits(high)}]"
-    if compared is None:
-        return ComparisonCell(*texts)
-    return ComparisonCell(*texts, _digits(compared.paper), compared.passed)
+    return metric_block(title, table["rows"], cell)
 
 
 def _digits(value: float) -> str:

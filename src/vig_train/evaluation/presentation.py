@@ -1,7 +1,9 @@
 """Summaries as short tables, for a terminal of 100 columns and in Markdown."""
 
-from collections.abc import Mapping, Sequence
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from rich import box
@@ -9,6 +11,7 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
+from vig.io.files import atomic_write
 from vig_train.evaluation.protocol import MASK_HEAD
 from vig_train.evaluation.statistics import FAR_DEG, NEAR_DEG
 from vig_train.evaluation.table import METRICS
@@ -48,25 +51,45 @@ def blocks(table: Mapping[str, Any]) -> list[TableBlock]:
     return [block for block in candidates if block.rows]
 
 
-def markdown_table(table: Mapping[str, Any]) -> str:
-    """Return the table as Markdown: every block, one after another."""
-    return "\n".join(block.markdown() for block in blocks(table))
+def markdown(blocks: Iterable[TableBlock]) -> str:
+    """Return blocks in Markdown, one after another."""
+    return "\n".join(block.markdown() for block in blocks)
+
+
+def save_table(path: Path, table: Mapping[str, Any], blocks: Iterable[TableBlock]) -> None:
+    """Write a table as JSON, and the blocks that show it in Markdown beside it."""
+    plain = json.dumps(table, indent=2, allow_nan=False) + "\n"
+    for name, text in ((path, plain), (path.with_suffix(".md"), markdown(blocks))):
+        with atomic_write(name) as temporary:
+            temporary.write_text(text)
+
+
+def metric_block(
+    title: str, rows: Mapping[str, Any], cell: Callable[[str, str, Mapping[str, Any]], str]
+) -> TableBlock:
+    """Return a block with a line for each metric and a column for each method.
+
+    Args:
+        title: Its title.
+        rows: Metric to method to summary.
+        cell: Text of a summary, by metric and method.
+    """
+    methods = list(dict.fromkeys(method for row in rows.values() for method in row if method != MASK_HEAD))
+    lines = []
+    for metric, row in rows.items():
+        texts = {method: cell(metric, method, summary) for method, summary in row.items()}
+        lines.append([METRICS[metric], *(texts.get(method, "-") for method in methods)])
+        if MASK_HEAD in texts:  # one number: no column of its own
+            head = texts[MASK_HEAD]
+            lines.append([f"{MASK_HEAD} (IoU)", *(head if method == "rm" else "-" for method in methods)])
+    return TableBlock(title, ["", *methods], lines)
 
 
 def _medians(table: Mapping[str, Any]) -> TableBlock:
-    rows = table["rows"]
-    methods = list(dict.fromkeys(method for row in rows.values() for method in row if method != MASK_HEAD))
-    lines = [
-        [METRICS[metric], *(_median(row[method]) if method in row else "-" for method in methods)]
-        for metric, row in rows.items()
-    ]
-    if MASK_HEAD in rows.get("segmentation_iou", {}):  # one number: no column of its own
-        head = _median(rows["segmentation_iou"][MASK_HEAD])
-        lines.append([f"{MASK_HEAD} (IoU)", *(head if method == "rm" else "-" for method in methods)])
     least, most = table.get("min_occlusion", 0.0), table["max_occlusion"]
     limits = f"at most {most:.0%} hidden" if least == 0 else f"{least:.0%} to {most:.0%} hidden"
     title = f"Table 1: {table['tier']}, {table['count']} images, {limits}; median (mean), 95 % interval"
-    return TableBlock(title, ["", *methods], lines)
+    return metric_block(title, table["rows"], _median)
 
 
 def _fits(table: Mapping[str, Any]) -> TableBlock:
@@ -126,7 +149,7 @@ def _coverage(table: Mapping[str, Any]) -> TableBlock:
     return TableBlock("Truths within the predicted 90 % interval", ["", *GROUPS, "least", "most"], lines)
 
 
-def _median(summary: Mapping[str, Any]) -> str:
+def _median(metric: str, method: str, summary: Mapping[str, Any]) -> str:
     low, high = summary["ci95"]
     return f"{_digits(summary['median'])} ({_digits(summary['mean'])})\n[{_digits(low)}, {_digits(high)}]"
 

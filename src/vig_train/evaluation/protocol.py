@@ -1,8 +1,7 @@
 """Methods run over a dataset, and their errors for each image and metric."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -41,43 +40,31 @@ def fitted_likelihoods(methods: Iterable[str]) -> list[str]:
 
 def evaluate(
     dataset: Dataset,
-    object_class: ObjectClass,
     recognizer: Recognizer,
+    run: FitRun,
     methods: tuple[str, ...] = METHODS,
     settings: ExplainSettings | None = None,
-    workers: int | None = None,
-    advance: Callable[[int], None] = lambda done: None,
-    cache: Path | None = None,
-    processes: bool = False,
-    cluster: str | None = None,
 ) -> dict[str, MethodResult]:
     """Run methods over all images.
 
     Args:
-        dataset: Dataset of this class.
-        object_class: Class of the objects.
+        dataset: Dataset of the run's class.
         recognizer: Its prediction is where fits start.
+        run: How fits are made. Those of other code in its cache are not recognised: remove the folder after a
+            change of it.
         methods: "baseline" predicts the same for every image. "rm" is the recognition model's best guess with
             its whole silhouette as mask, as in the paper; its predicted mask is reported as `MASK_HEAD`.
             "gaussian", "robust" and "spatial" are the fits under each likelihood.
         settings: Settings of the fits, but for the likelihood.
-        workers: Fits at a time; one per CPU by default.
-        advance: Called with the number of fits made since its last call.
-        cache: Folder that keeps fits. Fits of other photos, weights, settings or class there are replaced;
-            those of other code are not recognised: remove the folder after a change of it.
-        processes: Workers may be processes, see `FitRun`; a script must then guard its main code by
-            `if __name__ == "__main__"`.
-        cluster: Address of a Ray cluster that does the fits, in place of workers; see `FitRun`.
 
     Raises:
         UserError: An unknown method, no method, or a dataset of another class.
     """
+    object_class, settings = run.object_class, settings or ExplainSettings()
     _check(dataset, object_class, methods)
-    settings = settings or ExplainSettings()
     images, visible = frame_images(dataset, recognizer)
     truth = Truth.of(dataset, object_class, visible)
     prediction = recognizer(linear_from_srgb(images.astype(np.float32) / 255))
-    run = FitRun(object_class, workers, advance, cache, processes, cluster)
     fits: dict[str, Fits] = {}
     for name in fitted_likelihoods(methods):
         chosen = fit_settings(replace(settings, likelihood=LIKELIHOODS[name]), object_class, dataset)

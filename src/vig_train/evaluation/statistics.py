@@ -50,13 +50,12 @@ def by_occlusion(
     occlusion: np.ndarray,
     ranges: Sequence[tuple[float, float]],
     rng: np.random.Generator,
-    resamples: int = 300,
 ) -> list[Summary | None]:
     """Return a summary of values (N,) for each range (least, most) of occlusion; None without images."""
     summaries: list[Summary | None] = []
     for least, most in ranges:
         chosen = values[within_occlusion(occlusion, least, most)]
-        indices = bootstrap_indices(len(chosen), rng, resamples) if len(chosen) else None
+        indices = bootstrap_indices(len(chosen), rng, 300) if len(chosen) else None
         summaries.append(None if indices is None else summary(chosen, indices))
     return summaries
 

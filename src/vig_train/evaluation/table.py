@@ -1,14 +1,11 @@
 """Everything reported of methods on a dataset, from per-image errors, as one table ready for JSON."""
 
-import json
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from vig.io.errors import UserError
-from vig.io.files import atomic_write
 from vig_train.evaluation.metrics import shape_ratio
 from vig_train.evaluation.results import MethodResult
 from vig_train.evaluation.statistics import (
@@ -152,12 +149,6 @@ def summarise(
             m: coverage(standardised_errors(r, dataset.latents)[chosen]) for m, r in uncertain.items()
         },
     }
-
-
-def save_table(path: str | Path, table: Mapping[str, Any]) -> None:
-    """Write a table from `build_table` as JSON (`table.json`)."""
-    with atomic_write(path) as temporary:
-        temporary.write_text(json.dumps(table, indent=2, allow_nan=False) + "\n")
 
 
 def check_limits(occlusion: np.ndarray, least: float, most: float) -> None:

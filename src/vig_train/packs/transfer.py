@@ -8,10 +8,9 @@ over directions w that are distributed as the clamped cosine over pi (Sloan, Kau
 nothing is occluded T_lm = A_l Y_lm(n), which is `vig.scene.irradiance`; the table holds the change from
 that. The ground is not in T: L is the light that arrives at the object's place, the ground's included.
 
-`python -m vig_train.packs.transfer FOLDER` computes and writes a class pack's.
+`python -m tools.classes.transfer FOLDER` computes and writes a class pack's.
 """
 
-import argparse
 import hashlib
 import json
 import math
@@ -44,7 +43,7 @@ _CHUNK = 1024
 
 Compute = Callable[[], Mapping[str, np.ndarray]]
 Keep = Callable[[str, list[str], Compute], Mapping[str, np.ndarray]]
-"""Returns the result of a stage for its inputs, computed if not kept, as `StageCache.result` does."""
+"""Returns the result of a stage for its inputs, computed if not kept, as `BuildRun.result` does."""
 
 
 def compute_stage(stage: str, inputs: list[str], compute: Compute) -> Mapping[str, np.ndarray]:
@@ -249,17 +248,6 @@ class SampledChanges:
         return SampledChanges(coefficients, changes, inside)
 
 
-def relative_error(table: np.ndarray, model: ShapeModel, shapes: int = 12, seed: int = 1) -> float:
-    """Return the root mean square error of the table's changes over theirs, on shapes of its own.
-
-    Only vertices outside other parts count.
-    """
-    samples = SampledChanges.draw(model, shapes, RAY_GRID, seed)
-    predicted = np.tensordot(np.column_stack([np.ones(shapes), samples.coefficients]), table, axes=1)
-    outside, exact = ~samples.inside, samples.changes
-    return float(np.sqrt(((predicted - exact)[outside] ** 2).sum() / (exact[outside] ** 2).sum()))
-
-
 def write_transfer(
     object_class: ObjectClass, folder: Path, progress: bool = False, keep: Keep = compute_stage
 ) -> np.ndarray:
@@ -274,20 +262,3 @@ def write_transfer(
         described = json.loads((folder / "class.json").read_text()) | {"self_shadow": True}
         write_json(folder / "class.json", described, 1)
     return table
-
-
-def main() -> None:
-    """Compute and save a class pack's table; print how well it predicts."""
-    parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("folder", type=Path, help="of the class pack, whose table is replaced")
-    folder = parser.parse_args().folder
-    object_class = ObjectClass.load(folder)
-    table = write_transfer(object_class, folder)
-    mean_only = np.concatenate([table[:1], np.zeros_like(table[1:])])
-    errors = [relative_error(candidate, object_class.shape_model) for candidate in (table, mean_only)]
-    print(f"relative error on other shapes: {errors[0]:.3f}; of the mean alone: {errors[1]:.3f}")
-    print(f"{table.shape}, {(folder / TRANSFER_FILE).stat().st_size} bytes: {folder / TRANSFER_FILE}")
-
-
-if __name__ == "__main__":
-    main()

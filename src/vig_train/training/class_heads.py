@@ -14,11 +14,10 @@ from vig.parallel import map_in_processes
 from vig.recognition import Recognizer
 from vig.recognition.network import LOG_VARIANCE
 from vig.recognition.weights import unpack_matrix
-from vig.scene import Symmetry
 from vig_train.network.network import DenseHeads, RecognitionNetwork, bfloat16
 from vig_train.network.weights import pack_matrix, save_tensors
 from vig_train.training.checkpoint import Scale
-from vig_train.training.class_network import CHUNK, LEARNING_RATE, PASSES, SIZES, Features, read_features
+from vig_train.training.class_network import CHUNK, LEARNING_RATE, PASSES, SIZES, ClassImages, Features
 from vig_train.training.loop import Trainer
 from vig_train.training.losses import LOSS_WEIGHTS, dense_losses
 
@@ -55,23 +54,17 @@ class HeadsTraining:
     """Settings of the dense heads' training.
 
     Attributes:
-        images: Folder of the files of images.
-        chunks: Number of these files.
-        modes: Shape components of the class.
-        symmetry: Symmetry of the class.
+        images: The class's images; their seed is that of weights and order, too.
+        chunks: Number of their files.
         folds: Member k below `folds` does not see objects drawn after models k modulo `folds`, so that it
             can be tested on these, see `keep_member`; with one fold every member sees all.
-        seed: Seed of weights and order.
         out: Folder where each member's weights are written; those that are there are not trained again.
         epochs: Passes over the features.
     """
 
-    images: Path
+    images: ClassImages
     chunks: int
-    modes: int
-    symmetry: Symmetry
     folds: int
-    seed: int
     out: Path
     epochs: int = EPOCHS
 
@@ -98,7 +91,7 @@ class HeadsTraining:
             advance(self.steps)
         members = []
         for number in range(SIZES.members):
-            members.append(_Member(self.modes).eval())
+            members.append(_Member(self.images.object_class.shape_model.modes).eval())
             with reading(self.path(number), "a member of a network", "Remove it: it is trained again."):
                 tensors, _ = read_tensors(self.path(number), "pt")
                 scale = {name: tensors.pop(f"scale.{name}") for name in ("mean", "deviation")}
@@ -108,7 +101,8 @@ class HeadsTraining:
 
 
 def _prepare(training: HeadsTraining) -> Callable[[int], None]:
-    features = read_features(training.images, range(training.chunks))
+    images, modes = training.images, training.images.object_class.shape_model.modes
+    features = images.features(range(training.chunks))
     numbers = features.targets.numbers[features.targets.present > 0]
     scale = {"mean": numbers.mean(0), "deviation": numbers.std(0).clamp_min(1e-3)}
 
@@ -116,8 +110,8 @@ def _prepare(training: HeadsTraining) -> Callable[[int], None]:
         seen = features
         if 1 < training.folds > number:
             seen = features[torch.nonzero(features.model % training.folds != number)[:, 0]]
-        torch.manual_seed(training.seed * SIZES.members + number)
-        member = _Member(training.modes)
+        torch.manual_seed(images.seed * SIZES.members + number)
+        member = _Member(modes)
         _train_member(member, seen, scale, training)
         tensors = {**member.state_dict(), **{f"scale.{name}": value for name, value in scale.items()}}
         save_tensors(training.path(number), tensors)
@@ -132,7 +126,9 @@ def _train_member(member: _Member, features: Features, scale: Scale, training: H
 
     def batches() -> Iterator[torch.Tensor]:
         for epoch in range(training.epochs):
-            order = torch.from_numpy(np.random.default_rng([training.seed, epoch, 3]).permutation(count))
+            order = torch.from_numpy(
+                np.random.default_rng([training.images.seed, epoch, 3]).permutation(count)
+            )
             yield from order[: steps * batch].split(batch)
 
     def loss(chosen: torch.Tensor) -> dict[str, torch.Tensor]:
@@ -141,7 +137,7 @@ def _train_member(member: _Member, features: Features, scale: Scale, training: H
         with bfloat16(torch.device("cpu")):
             outputs = member(features.coarse[chosen].float())
         heads = DenseHeads(*(output.float() for output in vars(outputs).values()))
-        return dense_losses(heads, part, training.symmetry)
+        return dense_losses(heads, part, training.images.object_class.symmetry)
 
     total, decay = training.epochs * steps, 5e-2
     trainer = Trainer.adamw(member.parameters(), loss, LEARNING_RATE, total, decay, LOSS_WEIGHTS)

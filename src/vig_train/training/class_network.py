@@ -5,6 +5,7 @@ these features, in memory; then the mask's decoder on the images. Each step resu
 its seed and its plan.
 """
 
+import copy
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
@@ -70,43 +71,63 @@ def new_network(object_class: ObjectClass) -> RecognitionNetwork:
 # -- images -----------------------------------------------------------------------------------------------
 
 
-def draw_chunks(
-    object_class: ObjectClass,
-    folder: Path,
-    chunks: Sequence[int],
-    seed: int,
-    workers: int,
-    advance: Callable[[int], None] = lambda count: None,
-    props: str = "",
-) -> None:
-    """Write files of images with their features; those that are there stay.
+@dataclass(frozen=True)
+class ClassImages:
+    """Files of images of a class, with their features.
 
-    Args:
+    Attributes:
         object_class: Class of a pack.
         folder: Folder of the files.
-        chunks: Numbers of the files.
         seed: Seed of the images.
-        workers: Processes.
-        advance: Called with the number of new images.
+        workers: Processes that draw.
         props: See `StudioSettings`.
     """
-    missing = [chunk for chunk in chunks if not chunk_path(folder, chunk).exists()]
-    if object_class.folder is None:
-        raise ValueError("the class must be a pack's")
-    shared = (str(object_class.folder), str(folder), seed, props)
-    for _ in map_in_processes(_prepare, shared, missing, min(workers, max(1, len(missing)))):
-        advance(CHUNK)
+
+    object_class: ObjectClass
+    folder: Path
+    seed: int
+    workers: int
+    props: str = ""
+
+    def path(self, chunk: int) -> Path:
+        """Return the path of a file."""
+        return self.folder / f"{chunk:05d}.safetensors"
+
+    def draw(self, chunks: Sequence[int], advance: Callable[[int], None] = lambda count: None) -> None:
+        """Write files of these numbers; those that are there stay.
+
+        advance: Called with the number of new images.
+        """
+        missing = [chunk for chunk in chunks if not self.path(chunk).exists()]
+        for _ in map_in_processes(_prepare, self, missing, min(self.workers, max(1, len(missing)))):
+            advance(CHUNK)
+
+    def features(self, chunks: Sequence[int]) -> Features:
+        """Return the features of files."""
+        columns: dict[str, list[torch.Tensor]] = {}
+        for chunk in chunks:
+            for name, value in self._read(chunk).items():
+                if name.startswith("features."):
+                    columns.setdefault(name.removeprefix("features."), []).append(value)
+        joined = {name: torch.cat(values) for name, values in columns.items()}
+        return Features(joined.pop("coarse"), model=joined.pop("model"), targets=Targets(**joined))
+
+    def examples(self, chunks: Sequence[int]) -> Examples:
+        """Return the images of files that keep them."""
+        parts = []
+        for chunk in chunks:
+            tensors = self._read(chunk)
+            parts.append(Examples(**{k: v for k, v in tensors.items() if not k.startswith("features.")}))
+        return Examples.concatenate(parts)
+
+    def _read(self, chunk: int) -> dict[str, torch.Tensor]:
+        with reading(self.path(chunk), "images of a training", "Remove it: it is made again."):
+            return read_tensors(self.path(chunk), "pt")[0]
 
 
-def chunk_path(folder: Path, chunk: int) -> Path:
-    """Return the path of a file of images."""
-    return folder / f"{chunk:05d}.safetensors"
-
-
-def _prepare(shared: tuple[str, str, int, str]) -> Callable[[int], None]:
-    pack, folder, seed, props = shared
-    object_class = ObjectClass.load(pack, unfinished=True)
-    studio = Studio(object_class, replace(STUDIO, props=props))
+def _prepare(images: ClassImages) -> Callable[[int], None]:
+    object_class, seed = images.object_class, images.seed
+    studio = Studio(object_class, replace(STUDIO, props=images.props))
     network = new_network(object_class).eval()
     augment = Augmentation() if object_class.mirror else replace(Augmentation(), flip=0.0)
 
@@ -126,36 +147,9 @@ def _prepare(shared: tuple[str, str, int, str]) -> Callable[[int], None]:
             features.append({"coarse": coarse, "model": model, **own})
         for name in features[0]:
             kept[f"features.{name}"] = torch.cat([each[name] for each in features])
-        save_tensors(chunk_path(Path(folder), chunk), kept)
+        save_tensors(images.path(chunk), kept)
 
     return work
-
-
-def _read(folder: Path, chunk: int) -> dict[str, torch.Tensor]:
-    path = chunk_path(folder, chunk)
-    with reading(path, "images of a training", "Remove it: it is made again."):
-        tensors, _ = read_tensors(path, "pt")
-    return tensors
-
-
-def read_features(folder: Path, chunks: Sequence[int]) -> Features:
-    """Return the features of files of images."""
-    columns: dict[str, list[torch.Tensor]] = {}
-    for chunk in chunks:
-        for name, value in _read(folder, chunk).items():
-            if name.startswith("features."):
-                columns.setdefault(name.removeprefix("features."), []).append(value)
-    joined = {name: torch.cat(values) for name, values in columns.items()}
-    return Features(joined.pop("coarse"), model=joined.pop("model"), targets=Targets(**joined))
-
-
-def read_images(folder: Path, chunks: Sequence[int]) -> Examples:
-    """Return the images of files that keep them."""
-    parts = []
-    for chunk in chunks:
-        tensors = _read(folder, chunk)
-        parts.append(Examples(**{k: v for k, v in tensors.items() if not k.startswith("features.")}))
-    return Examples.concatenate(parts)
 
 
 # -- the mask's decoder -----------------------------------------------------------------------------------
@@ -199,7 +193,7 @@ class DecoderTraining:
 
     def seconds_per_step(self) -> float:
         """Measure on a copy's three steps."""
-        trial = replace(self, network=_copy(self.network))
+        trial = replace(self, network=copy.deepcopy(self.network))
         trial.run(1)
         begin = time.perf_counter()
         trial.run(2)
@@ -215,9 +209,3 @@ class DecoderTraining:
         with bfloat16(torch.device("cpu")):
             logits = self.network(batch.images).mask
         return {"mask": mask_loss(logits, batch.mask)}
-
-
-def _copy(network: RecognitionNetwork) -> RecognitionNetwork:
-    copied = RecognitionNetwork(network.settings)
-    copied.load_state_dict(network.state_dict())
-    return copied.to(memory_format=torch.channels_last)  # type: ignore[call-overload]

@@ -10,22 +10,17 @@ import numpy as np
 
 from vig.io.checks import decode, read_json
 from vig_world.asset_cache import asset_cache
-from vig_world.assets.designs.design import (
-    HELD_OUT_DESIGNS,
-    TRAINING_DESIGNS,
-    VALIDATION_DESIGNS,
-    TeapotDesign,
-)
+from vig_world.assets.designs.design import TEAPOTS, TeapotDesign
 from vig_world.assets.designs.teapot import teapot_vertices
-from vig_world.assets.mugs.design import HELD_OUT_MUGS, TRAINING_MUGS, VALIDATION_MUGS, MugDesign
+from vig_world.assets.mugs.design import MUGS, MugDesign
 from vig_world.assets.mugs.mug import mug_vertices
 
 PARAMETERS_FILE = "designs.json"
 Design = TeapotDesign | MugDesign
 Kind = Literal["teapot", "mug"]
 CATALOGUE: dict[Kind, dict[str, Any]] = {
-    "teapot": {each.name: each for each in TRAINING_DESIGNS + HELD_OUT_DESIGNS + VALIDATION_DESIGNS},
-    "mug": {each.name: each for each in TRAINING_MUGS + HELD_OUT_MUGS + VALIDATION_MUGS},
+    "teapot": {each.name: each for of_split in TEAPOTS.values() for each in of_split},
+    "mug": {each.name: each for of_split in MUGS.values() for each in of_split},
 }
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vig_world.mesh import Mesh
+from vig_world.mesh import Mesh, face_normals
 
 Array = np.ndarray
 Points = Array | Sequence[Any]  # coordinates by rows: an array, or rows of numbers
@@ -22,12 +22,10 @@ def _mesh(vertices: ArrayLike, faces: ArrayLike, uv: ArrayLike) -> Mesh:
     """Return a Mesh with the empty triangles dropped and the faces turned outward (positive volume)."""
     points = np.asarray(vertices, np.float32)
     triangles = np.asarray(faces, np.int32).reshape(-1, 3)
-    corners = points.astype(np.float64)[triangles]
-    a, (ax, ay, az) = corners[:, 0], corners[:, 0].T
-    (bx, by, bz), (cx, cy, cz) = corners[:, 1].T - a.T, corners[:, 2].T - a.T
-    x, y, z = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
-    triangles = triangles[x * x + y * y + z * z > 1e-20]
-    if ax @ x + ay @ y + az @ z < 0:
+    normals = face_normals(points.astype(np.float64), triangles)
+    outwards = (points[triangles[:, 0]] * normals).sum()
+    triangles = triangles[(normals**2).sum(1) > 1e-20]
+    if outwards < 0:
         triangles = triangles[:, ::-1]
     return Mesh(points, np.ascontiguousarray(triangles), np.asarray(uv, np.float32))
 

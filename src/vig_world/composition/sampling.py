@@ -6,20 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from vig.scene import IMAGE_SIZE, ObjectClass, rotate_z
+from vig.scene import IMAGE_SIZE, ObjectClass
 from vig_world import World
 from vig_world.assets.target import draw_shape, standing_vertices
 from vig_world.composition.clutter import scatter
 from vig_world.composition.occlusion import hide
 from vig_world.composition.photographs import draw_manner
 from vig_world.composition.place import find_place, fits_seamless_ground
-from vig_world.composition.stage import LAYOUT_SIZE, Actor, items_of
+from vig_world.composition.stage import LAYOUT_SIZE, Actor
 from vig_world.dataset.spec import Lens, Placed, Room, SampleError, SceneSpec, Split
 from vig_world.library import SLOTS, Library
 from vig_world.raster.draw import depth
 from vig_world.raster.view import View
+from vig_world.renderers.rasterized import items_of
 from vig_world.rooms.unfurnished import SPACE
-from vig_world.rotations import about_z, vector_of
 from vig_world.streams import stream
 
 MAX_OCCLUSION = 0.9
@@ -180,29 +180,3 @@ def measure(library: Library, actor: Actor, room: Room, props: list[Placed]) -> 
     view = actor.view.scale(IMAGE_SIZE / LAYOUT_SIZE)
     alone = depth([actor.item], view)[0]
     return float((depth(items_of(library, props, room), view)[0] < alone)[np.isfinite(alone)].mean())
-
-
-def turn_scene(scene: SceneSpec, angle: float, origin: np.ndarray | float = 0.0) -> SceneSpec:
-    """Return the scene in a frame that lies at `origin` (3,), turned back by `angle` radians about +Z.
-
-    Everything turns about that place by the angle, the camera included; its azimuth and elevation are right
-    where `origin` is 0, else they must be replaced.
-    """
-    turn, room = about_z(angle), scene.room
-
-    def place(position: tuple[float, float, float]) -> tuple[float, float, float]:
-        x, y, z = (turn @ (np.array(position) - origin)).tolist()
-        return x, y, z
-
-    props = (
-        replace(prop, position=place(prop.position), rotation=vector_of(turn @ prop.matrix()))
-        for prop in scene.props
-    )
-    return replace(
-        scene,
-        azimuth=(scene.azimuth + angle) % (2 * math.pi),
-        light=tuple(rotate_z(np.array(scene.light, np.float64), angle).tolist()),
-        panorama_angle=scene.panorama_angle + angle,
-        room=replace(room, origin=place(room.origin), turn=room.turn + angle),
-        props=tuple(props),
-    )

@@ -1,7 +1,6 @@
 """A room with the object in it, filled prop by prop, with the current occlusion of the object."""
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -18,6 +17,7 @@ from vig_world.raster.draw import depth
 from vig_world.raster.items import Item, Target
 from vig_world.raster.settle import ObjectPixels, settle
 from vig_world.raster.view import View
+from vig_world.renderers.rasterized import items_of
 from vig_world.rotations import about_z
 
 LAYOUT_SIZE = 75  # pixels on a side of the masks by which placements are evaluated
@@ -108,16 +108,6 @@ class Actor:
     def nearest(self) -> float:
         """Return the least depth of anything in the scene, metres."""
         return NEAREST * min(1.0, self.scale)
-
-
-def items_of(library: Library, placed: Iterable[Placed], room: Room | None = None) -> list[Item]:
-    """Return the geometry of a furnished room, where there is one, and of props."""
-    items = []
-    if room is not None:
-        items.append(Item(library.plan(room.layout).packed, room.rotation(), np.array(room.origin)))
-    return items + [
-        Item(library.pack_prop(p.family, p.asset), p.matrix(), np.array(p.position)) for p in placed
-    ]
 
 
 @dataclass

@@ -37,14 +37,7 @@ TIERS = ("raster", "cycles")
 class Job:
     """The recipe of a split: sample `index` is a pure function of it. Plain data, sent to every worker.
 
-    Attributes:
-        tier: Name of the renderer, one of `TIERS`.
-        options: Settings of the renderer; they are recorded in the dataset.
-        own: The user's custom assets.
-        photo: Whether pictures pass through a camera model (`vig_world.renderers.photo`).
-        world: Kind of scenes.
-        size: Size of the pictures; scenes do not depend on it.
-        normals: Whether samples have pictures of normals.
+    Its fields are arguments of `vig_world.generation.write.make_dataset`.
     """
 
     seed: int

@@ -99,27 +99,20 @@ def make_dataset(
         KeyboardInterrupt: After the samples in progress are done; call again to resume.
     """
     root = Path(out)
-    if count < 1:
-        raise UserError(f"count must be at least 1; got {count}")
+    for name, number in (("count", count), ("workers", workers)):
+        if number is not None and number < 1:
+            raise UserError(f"{name} must be at least 1; got {number}")
     if not 0 <= seed < 2**63:
         raise UserError(f"seed must be from 0 to 2^63 - 1; got {seed}")
     if split not in SPLITS:
         raise UserError(f"split must be one of {', '.join(SPLITS)}; got '{split}'")
-    if tier not in TIERS:
-        raise UserError(f"tier must be one of {', '.join(TIERS)}; got '{tier}'")
-    if world not in WORLDS:
-        raise UserError(f"world must be one of {', '.join(WORLDS)}; got '{world}'")
-    if workers is not None and workers < 1:
-        raise UserError(f"workers must be at least 1; got {workers}")
+    for name, chosen, known in (("tier", tier, TIERS), ("world", world, WORLDS)):
+        if chosen not in known:
+            raise UserError(f"{name} must be one of {', '.join(known)}; got '{chosen}'")
     check_size(size)
     own = own or OwnAssets()
-    if world == "studio" and (tier, size, normals, photo, own) != (
-        "raster",
-        STANDARD_SIZE,
-        False,
-        False,
-        OwnAssets(),
-    ):
+    plain = "raster", STANDARD_SIZE, False, False, OwnAssets()
+    if world == "studio" and (tier, size, normals, photo, own) != plain:
         raise UserError(
             "the studio's images have 150x150 pixels, a camera's noise and packaged assets: expected neither"
             " another tier or size, nor normals, photo, envmaps, props, furniture. Leave these out, or choose"

@@ -54,18 +54,14 @@ def appearance_of(
     mirrored: Mirrored,
     reflectance: float = 1.0,
 ) -> Appearance:
-    """Return an object's look.
+    """Return an object's look; coat, model, mirrored and reflectance as for `colour_points`.
 
     Args:
-        coat: Its covering.
-        model: Shape model of the vertices and parts.
         vertices: (V, 3) metres.
         faces: (F, 3), some of the model's.
         normals: (V, 3) unit.
         irradiance: (V,) over pi, see `vig.renderer.drawing.vertex_irradiance`.
         view: Its camera, a pixel for each sample.
-        mirrored: Radiance that glaze and metal reflect.
-        reflectance: Reflectance of metal, times its colour.
     """
     fragments = rasterize(vertices, faces, view.rotation, view.translation, view.camera)
     on = fragments.face >= 0

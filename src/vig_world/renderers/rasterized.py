@@ -1,5 +1,6 @@
 """Renders a scene with the rasteriser."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,7 @@ import numpy as np
 from vig.scene import ObjectClass, srgb8_from_linear
 from vig_world.assets.panoramas.light import mirror
 from vig_world.assets.target import target_vertices
-from vig_world.dataset.spec import Coat, SceneSpec
+from vig_world.dataset.spec import Coat, Placed, Room, SceneSpec
 from vig_world.library import Library
 from vig_world.raster.draw import Colouring, SurfaceSamples, draw
 from vig_world.raster.items import Item, Target
@@ -28,7 +29,9 @@ def render(
     target = Target.of(object_class, vertices, spec.shape, spec.albedo, spec.light)
     view = View.of_scene(spec, object_class) if view is None else view
     colouring = None if spec.coat is None else _colour_object(library, spec, spec.coat, object_class, view)
-    return draw(items_of(library, spec), target, view, spec.light, colouring, normals)
+    return draw(
+        items_of(library, spec.props, spec.room, finished=True), target, view, spec.light, colouring, normals
+    )
 
 
 def _colour_object(
@@ -64,16 +67,20 @@ def with_surroundings(picture: Picture, library: Library, spec: SceneSpec, view:
     return replace(picture, image=image)
 
 
-def items_of(library: Library, spec: SceneSpec) -> list[Item]:
-    """Return the furnished room, covered as the spec says, and the props: owners 0, 1, 2 ..."""
-    finishes = {
-        slot: (library.pyramid(finish.kind, finish.asset), finish.metres)
-        for slot, finish in spec.room.finishes
-    }
-    room = library.plan(spec.room.layout).packed
-    pose = (spec.room.rotation(), np.array(spec.room.origin))
-    items = [Item(room, *pose, finishes=finishes, is_support=True)]
-    for number, placed in enumerate(spec.props):
+def items_of(
+    library: Library, props: Iterable[Placed], room: Room | None = None, finished: bool = False
+) -> list[Item]:
+    """Return a furnished room, where there is one, and props: owners 0, 1, 2 ...
+
+    finished: Whether the room is covered as its finishes say.
+    """
+    items = []
+    if room is not None:
+        covers = room.finishes if finished else ()
+        finishes = {slot: (library.pyramid(each.kind, each.asset), each.metres) for slot, each in covers}
+        pose = (room.rotation(), np.array(room.origin))
+        items.append(Item(library.plan(room.layout).packed, *pose, finishes=finishes, is_support=True))
+    for number, placed in enumerate(props, 1):
         packed = library.pack_prop(placed.family, placed.asset)
-        items.append(Item(packed, placed.matrix(), np.array(placed.position), number + 1))
+        items.append(Item(packed, placed.matrix(), np.array(placed.position), number))
     return items

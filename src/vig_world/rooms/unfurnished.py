@@ -8,7 +8,7 @@ from vig_world.assets.coats import any_colour
 from vig_world.assets.materials import plain
 from vig_world.assets.textures import texture
 from vig_world.assets.things import Material, Support
-from vig_world.mesh import Mesh
+from vig_world.mesh import Mesh, face_normals
 from vig_world.rooms.layout import Layout
 from vig_world.rooms.shell import shell
 
@@ -61,8 +61,7 @@ def _inside(profile: np.ndarray, metres: float) -> Mesh:
     b, c, d = a + 1, a + SEGMENTS + 1, a + SEGMENTS + 2
     faces = np.stack([a, c, d, a, d, b], -1).reshape(-1, 3)
     points = np.stack([x, y, z], -1).reshape(-1, 3).astype(np.float32)
-    corners = points[faces].astype(np.float64)
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    area = np.linalg.norm(face_normals(points.astype(np.float64), faces), axis=1)
     return Mesh(points, np.ascontiguousarray(faces[area > 1e-12], np.int32), uv.astype(np.float32))
 
 

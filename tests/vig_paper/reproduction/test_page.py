@@ -13,7 +13,8 @@ from vig.photo.images import write_png
 from vig_paper.reproduction import RunFolder
 from vig_paper.reproduction.page import training_line, write_page
 from vig_paper.settings import ReproductionSettings
-from vig_train.evaluation.table import build_table, save_table
+from vig_train.evaluation.presentation import save_table
+from vig_train.evaluation.table import build_table
 from vig_train.record import Record
 
 
@@ -56,7 +57,7 @@ def folder(tmp_path: Path) -> RunFolder:
         table = build_table(
             results, middle, "raster", np.random.default_rng(0), limits[1], 10, min_occlusion=limits[0]
         )
-        save_table(folder.tables("raster") / f"{name}.json", table)
+        save_table(folder.tables("raster") / f"{name}.json", table, ())
     write_png(folder.figures("raster") / "figure3.png", np.zeros((4, 4, 3), np.uint8))
     return folder
 

@@ -19,12 +19,12 @@ from vig_train.building.registration import DeformationGraph, Registration
 from vig_train.building.surface import SurfaceSample, sample_surface, vertex_areas, visible_surface
 from vig_train.building.symmetries import MIRROR_Y, mirror_map, rotation_projection
 from vig_train.building.template import closed_template, outer_surface, remesh, split_long_edges
-from vig_world.assets.designs.design import TRAINING_DESIGNS
+from vig_world.assets.designs.design import TEAPOTS
 from vig_world.assets.designs.teapot import TEAPOT_FACES, teapot_vertices
 
 
 def design(name: str) -> np.ndarray:
-    return teapot_vertices(next(each for each in TRAINING_DESIGNS if each.name == name)).astype(float)
+    return teapot_vertices(next(each for each in TEAPOTS["train"] if each.name == name)).astype(float)
 
 
 @pytest.fixture(scope="module")

@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +60,10 @@ def settings(pack: Path, **chosen: float) -> TrainClass:
     return TrainClass(pack, **{"workers": 1} | chosen)  # type: ignore[arg-type]
 
 
+def images_of(pack: Path) -> class_network.ClassImages:
+    return class_network.ClassImages(ObjectClass.load(pack), pack / "training" / "images", 0, 1)
+
+
 @pytest.fixture(scope="module")
 def pack(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A pack whose training was interrupted before the calibration, and gone on with."""
@@ -108,7 +113,7 @@ def test_a_folds_network_has_not_seen_its_mesh_and_takes_the_whole_networks_mask
     training = ClassTraining(pack, 15.0, workers=2, say=print)
     parts = training._recognizers()
     assert len(parts) == training.folds == 3
-    features = class_network.read_features(pack / "training" / "images", range(2))
+    features = training.images.features(range(2))
     assert set(features.model.tolist()) == {0, 1, 2}
     assert len(features[features.model % 3 != 1].coarse) < len(features.coarse)
     photos = np.random.default_rng(0).random((2, 3, 150, 150), np.float32)
@@ -134,7 +139,7 @@ def test_what_is_done_is_not_done_again(
     pack: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = (pack / WEIGHTS_FILE).read_bytes()
-    monkeypatch.setattr(steps, "draw_chunks", None)
+    monkeypatch.setattr(class_network.ClassImages, "draw", None)
     train_class(settings(pack))
     assert capsys.readouterr().out.count("done in") == len(STEPS)
     assert (pack / WEIGHTS_FILE).read_bytes() == before
@@ -170,7 +175,7 @@ def test_a_killed_decoder_goes_on_to_the_same_weights(
     pack: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     object_class = ObjectClass.load(pack)
-    examples = class_network.read_images(pack / "training" / "images", range(1))
+    examples = images_of(pack).examples(range(1))
     monkeypatch.setattr(class_network, "CHECKPOINT_STEPS", 1)
 
     def trained(checkpoint: Path | None, stops: int | None) -> dict[str, torch.Tensor]:
@@ -201,14 +206,11 @@ def test_a_member_that_is_missing_is_trained_again_to_the_same_bytes(
     """By a process of its own, too."""
     monkeypatch.setattr(class_heads, "map_in_processes", map_in_processes)
     shutil.copytree(pack / "training" / "run", tmp_path / "run")
-    object_class, path = ObjectClass.load(pack), tmp_path / "run" / "member-1.safetensors"
-    heads = HeadsTraining(
-        pack / "training" / "images", 2, object_class.shape_model.modes, object_class.symmetry, 3, 0,
-        tmp_path / "run", 2,
-    )  # fmt: skip
+    path = tmp_path / "run" / "member-1.safetensors"
+    heads = HeadsTraining(images_of(pack), 2, 3, tmp_path / "run", 2)
     before, other = path.read_bytes(), heads.path(0).stat().st_mtime_ns
     path.unlink()
-    heads.run(class_network.new_network(object_class), 1)
+    heads.run(class_network.new_network(heads.images.object_class), 1)
     assert path.read_bytes() == before and heads.path(0).stat().st_mtime_ns == other
 
 
@@ -223,10 +225,9 @@ def test_other_props_make_the_images_anew_and_are_named_on_the_card(
     training = ClassTraining(other, 15.0, workers=1, say=print, props=str(props))
     assert not (other / "training" / "images").exists() and training.record.data["settings"]["props"]
     monkeypatch.setattr("vig_train.network.network.has_bfloat16", lambda: True)
-    class_network.draw_chunks(training.object_class, tmp_path / "new", range(1), 0, 1, props=str(props))
-    new, old = (
-        class_network.read_images(path, range(1)) for path in (tmp_path / "new", pack / "training/images")
-    )
+    drawn = replace(training.images, folder=tmp_path / "new")
+    drawn.draw(range(1))
+    new, old = (images.examples(range(1)) for images in (drawn, images_of(pack)))
     assert not torch.equal(new.images, old.images) and card.origins(str(props)) == ["the folder things"]
     errors = json.loads((pack / "training/run/test.json").read_text())
     errors["cross_validation"] = "52 fits"
@@ -243,20 +244,18 @@ def test_the_plan_is_measured_on_new_images_counts_those_there_and_stays(
     other = shutil.copytree(pack, tmp_path / "fin")
     asked: list[range] = []
 
-    def draw(
-        object_class: ObjectClass, folder: Path, chunks: range, seed: int, workers: int, props: str
-    ) -> None:
+    def draw(images: class_network.ClassImages, chunks: range) -> None:
         asked.append(chunks)
         time.sleep(0.05 * len(chunks))
 
-    monkeypatch.setattr(planning, "draw_chunks", draw)
+    monkeypatch.setattr(class_network.ClassImages, "draw", draw)
     monkeypatch.setattr(class_network.DecoderTraining, "seconds_per_step", lambda self: 0.1)
     training = ClassTraining(other, 0.05, workers=2, say=print)
     plan = PLAN(training)
     assert asked == [range(4), range(4, 8)]
     assert 2 + 15 <= plan.chunks <= 2 + round(planning.IMAGE_SHARE * 3 / 0.05)
     assert plan.decoder_steps == round(planning.DECODER_SHARE * 3 / 0.1)
-    monkeypatch.setattr(planning, "draw_chunks", None)
+    monkeypatch.setattr(class_network.ClassImages, "draw", None)
     assert PLAN(training) == plan
 
 

@@ -39,9 +39,8 @@ def run(
 
     def evaluated(data=dataset, path=weights, settings=quick, object_class=teapot) -> int:
         before, told = len(fitted), []
-        evaluated.found = evaluate(
-            data, object_class, Recognizer(path), ("robust",), settings, 1, told.append, tmp_path
-        )["robust"]
+        fit_run = fits.FitRun(object_class, 1, told.append, tmp_path)
+        evaluated.found = evaluate(data, Recognizer(path), fit_run, ("robust",), settings)["robust"]
         assert sum(told) == len(data)
         return len(fitted) - before
 

@@ -7,9 +7,7 @@ import pytest
 from vig_train.evaluation.paper import (
     COMPARED,
     COUNTERPARTS,
-    ComparisonCell,
     compare,
-    comparison,
     comparison_block,
     paper_median,
 )
@@ -90,15 +88,14 @@ TABLE = {
 
 
 def test_each_cell_stands_beside_the_papers() -> None:
-    methods, rows = comparison(TABLE)
-    assert methods == ["baseline", "rm", "robust"]
-    azimuth, shape, segmentation, head = (cells for _, cells in rows)
-    assert azimuth["baseline"] == ComparisonCell("90.0", "[45.0, 135.0]")
-    assert azimuth["rm"] == ComparisonCell("12.0", "[6.00, 18.0]", "10.7", False)
-    assert azimuth["robust"] == ComparisonCell("0.500", "[0.250, 0.750]", "8.55", True)
-    assert shape["rm"].passed is None  # the paper's is in no unit
-    assert not segmentation["rm"].passed and segmentation["robust"].passed  # more is better
-    assert rows[-1][0] == "rm mask head (IoU)" and head == {"rm": ComparisonCell("0.800", "[0.400, 1.20]")}
+    block = comparison_block(TABLE)
+    assert block.header == ["", "baseline", "rm", "robust"]
+    azimuth, shape, segmentation, head = block.rows
+    assert azimuth[1:3] == ["90.0\n[45.0, 135.0]", "12.0\n[6.00, 18.0]\n10.7: fail"]
+    assert azimuth[3] == "0.500\n[0.250, 0.750]\n8.55: pass"
+    assert shape[1:] == ["-", "4.00\n[2.00, 6.00]", "-"]  # the paper's is in no unit
+    assert segmentation[2].endswith("fail") and segmentation[3].endswith("pass")  # more is better
+    assert head == ["rm mask head (IoU)", "-", "0.800\n[0.400, 1.20]", "-"]
 
 
 def test_the_block_tells_pass_and_fail_in_words() -> None:

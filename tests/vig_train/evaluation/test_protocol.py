@@ -18,6 +18,7 @@ from vig.recognition import Recognizer
 from vig.scene import Latents, ObjectClass, linear_from_srgb
 from vig_paper.figures.style import render_explanations
 from vig_train import METHODS
+from vig_train.evaluation.fits import FitRun
 from vig_train.evaluation.protocol import MASK_HEAD, evaluate, silhouettes
 from vig_train.evaluation.results import write_csv
 from vig_world.assets.target import target_vertices
@@ -76,7 +77,7 @@ def test_the_baseline_is_the_middle_of_what_training_draws(results, teapot: Obje
 def test_images_are_not_mixed_up_by_threads(
     results, dataset: Dataset, weights: Path, teapot: ObjectClass, quick: ExplainSettings
 ) -> None:
-    alone = evaluate(dataset, teapot, Recognizer(weights), ("robust",), quick, workers=1)["robust"]
+    alone = evaluate(dataset, Recognizer(weights), FitRun(teapot, 1), ("robust",), quick)["robust"]
     for metric, values in results["robust"].errors.items():
         np.testing.assert_array_equal(alone.errors[metric], values)
     assert alone.verdicts == results["robust"].verdicts
@@ -92,7 +93,8 @@ def test_processes_fit_as_threads_do(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("vig_train.evaluation.fits.MIN_PHOTOS_FOR_PROCESSES", 2)
-    apart = evaluate(dataset, teapot, Recognizer(weights), ("robust",), quick, workers=2, processes=True)
+    run = FitRun(teapot, 2, processes=True)
+    apart = evaluate(dataset, Recognizer(weights), run, ("robust",), quick)
     for metric, values in results["robust"].errors.items():
         np.testing.assert_array_equal(apart["robust"].errors[metric], values)
     assert apart["robust"].verdicts == results["robust"].verdicts
@@ -186,13 +188,13 @@ def test_methods_that_do_not_exist_are_refused(
     methods, said: str, dataset: Dataset, weights: Path, teapot: ObjectClass
 ) -> None:
     with pytest.raises(UserError, match=said):
-        evaluate(dataset, teapot, Recognizer(weights), methods)
+        evaluate(dataset, Recognizer(weights), FitRun(teapot), methods)
 
 
 def test_a_dataset_of_another_class_is_refused(dataset: Dataset, weights: Path, teapot: ObjectClass) -> None:
     other = replace(dataset, latents=dataset.latents[:, 2:])
     with pytest.raises(UserError, match="with 10 shape components; .* has 8"):
-        evaluate(other, teapot, Recognizer(weights))
+        evaluate(other, Recognizer(weights), FitRun(teapot))
 
 
 def run(capsys, *arguments: object) -> tuple[int, str, str]:

@@ -8,9 +8,9 @@ import pytest
 from rich.console import Console
 
 from vig.io.errors import UserError
-from vig_train.evaluation.presentation import blocks, markdown_table
+from vig_train.evaluation.presentation import blocks, markdown, save_table
 from vig_train.evaluation.protocol import MASK_HEAD
-from vig_train.evaluation.table import METRICS, build_table, save_table, summarise
+from vig_train.evaluation.table import METRICS, build_table, summarise
 from vig_world.dataset import Dataset
 
 
@@ -103,7 +103,7 @@ def test_misuse_is_refused(metrics: dict, match: str) -> None:
 
 def test_the_table_has_every_part_and_is_json(results, dataset: Dataset, tmp_path) -> None:
     table = summarise(results, dataset, "raster", max_occlusion=1.0)
-    save_table(tmp_path / "table.json", table)
+    save_table(tmp_path / "table.json", table, ())
     assert json.loads((tmp_path / "table.json").read_text()) == table
     fits = {"gaussian", "robust", "spatial"}
     assert set(table["failures"]) == {"baseline", "rm"} | fits
@@ -141,7 +141,7 @@ def test_markdown() -> None:
         "segmentation_iou": {"robust": low, MASK_HEAD: low},
     }
     table = {"tier": "cycles", "count": 3, "max_occlusion": 0.75, "rows": rows}
-    assert markdown_table(table) == (
+    assert markdown(blocks(table)) == (
         "Table 1: cycles, 3 images, at most 75% hidden; median (mean), 95 % interval\n"
         "\n"
         "|  | rm | robust |\n"
@@ -155,7 +155,7 @@ def test_markdown() -> None:
 def test_titles_name_the_limits() -> None:
     table = {"tier": "raster", "count": 1, "max_occlusion": 0.9, "min_occlusion": 0.75}
     rows = {"azimuth_deg": {"rm": {"median": 0.0, "mean": 0.001, "ci95": [0.0, 123.4]}}}
-    title, _, _, _, line, *_ = markdown_table(table | {"rows": rows}).splitlines()
+    title, _, _, _, line, *_ = markdown(blocks(table | {"rows": rows})).splitlines()
     assert "1 images, 75% to 90% hidden" in title and "| 0 (0.0010)<br>[0, 123] |" in line
     assert line.startswith(f"| {METRICS['azimuth_deg']} ")
 

@@ -6,18 +6,13 @@ import numpy as np
 import pytest
 
 from tools.classes.teapot_flaws import folds, inside
-from vig_world.assets.designs.design import (
-    HELD_OUT_DESIGNS,
-    TRAINING_DESIGNS,
-    VALIDATION_DESIGNS,
-    TeapotDesign,
-)
+from vig_world.assets.designs.design import TEAPOTS, TeapotDesign
 from vig_world.assets.designs.teapot import MIRROR, PART_NAMES, TEAPOT_FACES, TEAPOT_PARTS, teapot_vertices
 from vig_world.mesh import face_edges
 
-ORIGINAL = TRAINING_DESIGNS[:23]
+ORIGINAL = TEAPOTS["train"][:23]
 """The designs of version 0.1; bounds of size and of principal components below are theirs."""
-ALL_DESIGNS = ORIGINAL + HELD_OUT_DESIGNS + VALIDATION_DESIGNS
+ALL_DESIGNS = ORIGINAL + TEAPOTS["test"] + TEAPOTS["validation"]
 MODES = 10
 # Body and foot are one surface; the other parts are closed by themselves.
 SURFACES = {"body and foot": (0, 3), "lid": (1,), "knob": (2,), "spout": (4,), "handle": (5,)}
@@ -50,12 +45,12 @@ def extreme_shapes() -> list[tuple[str, np.ndarray]]:
 
 
 def test_counts_names_and_types() -> None:
-    assert len(TRAINING_DESIGNS) == 97 and len(HELD_OUT_DESIGNS) == len(VALIDATION_DESIGNS) == 8
-    names = [design.name for design in TRAINING_DESIGNS + HELD_OUT_DESIGNS + VALIDATION_DESIGNS]
+    assert len(TEAPOTS["train"]) == 97 and len(TEAPOTS["test"]) == len(TEAPOTS["validation"]) == 8
+    names = [design.name for design in TEAPOTS["train"] + TEAPOTS["test"] + TEAPOTS["validation"]]
     assert len(set(names)) == len(names)
     assert 2400 <= len(TEAPOT_PARTS) <= 2800 and 4800 <= len(TEAPOT_FACES) <= 5400
     assert TEAPOT_FACES.dtype == np.int32 and set(TEAPOT_PARTS) == set(range(len(PART_NAMES)))
-    vertices = teapot_vertices(TRAINING_DESIGNS[0])
+    vertices = teapot_vertices(TEAPOTS["train"][0])
     assert vertices.dtype == np.float32 and vertices.shape == (len(TEAPOT_PARTS), 3)
 
 
@@ -110,7 +105,7 @@ def test_proportions_and_stance(design: TeapotDesign) -> None:
 
 
 def test_the_same_vertices_stand_on_z_zero_in_every_shape() -> None:
-    standing = np.flatnonzero(teapot_vertices(TRAINING_DESIGNS[0])[:, 2] == 0.0)
+    standing = np.flatnonzero(teapot_vertices(TEAPOTS["train"][0])[:, 2] == 0.0)
     assert len(standing) >= 40 and set(TEAPOT_PARTS[standing]) == {PART_NAMES.index("foot")}
     shapes = [teapot_vertices(design) for design in ALL_DESIGNS] + [shape for _, shape in extreme_shapes()]
     for shape in shapes:
@@ -134,7 +129,7 @@ def test_ten_components_hold_most_of_the_variety_but_not_all() -> None:
 
 
 def test_extremes_of_every_component_keep_their_faces_outward() -> None:
-    reference = teapot_vertices(TRAINING_DESIGNS[0])
+    reference = teapot_vertices(TEAPOTS["train"][0])
     body, lid = surface_faces((0,)), surface_faces((1,))
     for name, shape in [("design 0", reference), *extreme_shapes()]:
         for surface, parts in SURFACES.items():
@@ -170,7 +165,7 @@ def test_ends_of_spout_and_handle_hide_in_the_body(part: str) -> None:
 
 def test_no_two_designs_are_alike() -> None:
     """Their vertices lie 3 mm apart or more in the mean, so a split's designs are its own."""
-    designs = TRAINING_DESIGNS + HELD_OUT_DESIGNS + VALIDATION_DESIGNS
+    designs = TEAPOTS["train"] + TEAPOTS["test"] + TEAPOTS["validation"]
     shapes = np.stack([teapot_vertices(design) for design in designs])
     for number, shape in enumerate(shapes):
         apart = np.linalg.norm(np.delete(shapes, number, axis=0) - shape, axis=-1).mean(axis=1)
@@ -178,7 +173,7 @@ def test_no_two_designs_are_alike() -> None:
 
 
 def test_a_small_change_of_a_parameter_moves_vertices_a_little() -> None:
-    base = TRAINING_DESIGNS[0]
+    base = TEAPOTS["train"][0]
     before = teapot_vertices(base)
     for field in dataclasses.fields(base):
         value = getattr(base, field.name)
@@ -190,8 +185,8 @@ def test_a_small_change_of_a_parameter_moves_vertices_a_little() -> None:
 
 
 def test_designs_are_read_in_the_order_and_with_the_values_of_the_file() -> None:
-    utah = TRAINING_DESIGNS[1]
-    assert [design.name for design in TRAINING_DESIGNS[:3]] == ["classic", "utah", "brown betty"]
-    assert HELD_OUT_DESIGNS[0].name == "windsor"
+    utah = TEAPOTS["train"][1]
+    assert [design.name for design in TEAPOTS["train"][:3]] == ["classic", "utah", "brown betty"]
+    assert TEAPOTS["test"][0].name == "windsor"
     assert (utah.belly_radius, utah.spout_base_angle, utah.handle_thickness) == (0.095, 22.0, 0.012)
     assert utah.spout_tip_radius == TeapotDesign("default").spout_tip_radius  # not in the file

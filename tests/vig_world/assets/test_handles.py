@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vig_world.assets.designs.design import TRAINING_DESIGNS, TeapotDesign
+from vig_world.assets.designs.design import TEAPOTS, TeapotDesign
 from vig_world.assets.designs.teapot import MIRROR, PART_NAMES, TEAPOT_FACES, TEAPOT_PARTS, teapot_vertices
 
-NEW = TRAINING_DESIGNS[23:]
+NEW = TEAPOTS["train"][23:]
 ABOVE = [design for design in NEW if design.handle == "above"]
 STRAIGHT = [design for design in NEW if design.handle == "straight"]
 each_new = pytest.mark.parametrize("design", NEW, ids=lambda design: design.name)
@@ -20,7 +20,7 @@ def part(vertices: np.ndarray, name: str) -> np.ndarray:
 
 
 def test_how_many_of_each() -> None:
-    assert Counter(design.handle for design in TRAINING_DESIGNS) == {"behind": 75, "above": 18, "straight": 4}
+    assert Counter(design.handle for design in TEAPOTS["train"]) == {"behind": 75, "above": 18, "straight": 4}
     assert sum(design.lobes > 0 for design in NEW) >= 7
 
 
@@ -66,7 +66,7 @@ def test_a_straight_handle_has_no_opening(design: TeapotDesign) -> None:
 
 
 def test_ribs_are_as_deep_as_told_and_leave_rim_and_foot_round() -> None:
-    plain = replace(TRAINING_DESIGNS[0], belly_aspect=1.0)
+    plain = replace(TEAPOTS["train"][0], belly_aspect=1.0)
     ribbed = replace(plain, lobes=4, lobe_depth=0.05)
     ratio = np.hypot(*teapot_vertices(ribbed)[:, :2].T) / np.maximum(
         np.hypot(*teapot_vertices(plain)[:, :2].T), 1e-9
@@ -80,7 +80,7 @@ def test_ribs_are_as_deep_as_told_and_leave_rim_and_foot_round() -> None:
 
 def test_flat_sides_are_flat() -> None:
     """With four flat sides, 1 flat, the belly's ring is a square whose sides lie across x and y."""
-    design = replace(TRAINING_DESIGNS[0], lobes=4, lobe_flatness=1.0)
+    design = replace(TEAPOTS["train"][0], lobes=4, lobe_flatness=1.0)
     body = part(teapot_vertices(design), "body").astype(np.float64)
     belly = body[np.abs(body[:, 2] - body[np.abs(body[:, 0]).argmax(), 2]) < 1e-6]
     front = belly[np.abs(np.arctan2(belly[:, 1], belly[:, 0])) < 0.7]

@@ -12,7 +12,7 @@ from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig.scene.object_class import TRANSFER_FILE
 from vig_world.assets.coded_designs import PARAMETERS_FILE
-from vig_world.assets.designs.design import HELD_OUT_DESIGNS
+from vig_world.assets.designs.design import TEAPOTS
 from vig_world.assets.designs.teapot import teapot_vertices
 from vig_world.assets.held_out import DESIGNS_FILE, held_out_designs_of
 
@@ -77,7 +77,7 @@ def test_missing_or_damaged_designs_are_told_in_one_line(damage, why: str, pack:
 @pytest.fixture
 def coded(pack: Path) -> Path:
     """The same, in place of its designs a named one and a drawn one by their parameters."""
-    save_coded({"test": HELD_OUT_DESIGNS[:1], "train": drawn_designs(1)}, pack)
+    save_coded({"test": TEAPOTS["test"][:1], "train": drawn_designs(1)}, pack)
     return pack
 
 
@@ -85,7 +85,7 @@ def test_designs_are_made_from_their_parameters(coded: Path) -> None:
     held = held_out_designs_of(ObjectClass.load(coded))
     assert held is not None and not (coded / DESIGNS_FILE).exists()
     assert (held.names, held.splits) == (("windsor", "drawn 0.0"), ("test", "train"))
-    expected = [teapot_vertices(HELD_OUT_DESIGNS[0]), teapot_vertices(drawn_designs(1)[0])]
+    expected = [teapot_vertices(TEAPOTS["test"][0]), teapot_vertices(drawn_designs(1)[0])]
     np.testing.assert_array_equal(held.vertices, expected)
 
 

@@ -11,13 +11,13 @@ from tools.classes import drawn_mugs as drawn_module
 from tools.classes.drawn_mugs import MIXING, draw_mug, drawn_mugs
 from tools.classes.mug_flaws import flaws
 from tools.classes.soundness import crossings
-from vig_world.assets.mugs.design import HELD_OUT_MUGS, TRAINING_MUGS, VALIDATION_MUGS, MugDesign
+from vig_world.assets.mugs.design import MUGS, MugDesign
 from vig_world.assets.mugs.mug import MUG_FACES, MUG_MIRROR, MUG_PARTS, PART_NAMES, POINTS, mug_vertices
 from vig_world.mesh import face_edges, face_normals
 
-ALL_MUGS = TRAINING_MUGS + HELD_OUT_MUGS + VALIDATION_MUGS
+ALL_MUGS = MUGS["train"] + MUGS["test"] + MUGS["validation"]
 FEW_MUGS = ALL_MUGS[::12]
-CLASSIC = TRAINING_MUGS[0]
+CLASSIC = MUGS["train"][0]
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def of_part(vertices: np.ndarray, part: str) -> np.ndarray:
 
 
 def test_counts_names_and_types(shapes: np.ndarray) -> None:
-    assert len(TRAINING_MUGS) == 112 and len(HELD_OUT_MUGS) == len(VALIDATION_MUGS) == 10
+    assert len(MUGS["train"]) == 112 and len(MUGS["test"]) == len(MUGS["validation"]) == 10
     assert len({design.name for design in ALL_MUGS}) == len(ALL_MUGS)
     assert 2000 <= len(MUG_PARTS) <= 2600 and MUG_FACES.dtype == np.int32
     assert set(MUG_PARTS) == set(range(len(PART_NAMES)))
@@ -145,10 +145,10 @@ def test_drawn_mugs_are_sound_and_a_function_of_the_seed() -> None:
 
 
 def test_mixtures_take_every_parameter_and_ratios_are_undone() -> None:
-    mixed = MIXING.mixture(np.random.default_rng(0), lambda group: TRAINING_MUGS)
+    mixed = MIXING.mixture(np.random.default_rng(0), lambda group: MUGS["train"])
     assert mixed.keys() | {"name"} == {field.name for field in dataclasses.fields(MugDesign)}
-    again = MugDesign(**MIXING.absolute(MIXING.relative(TRAINING_MUGS[40])))
-    np.testing.assert_allclose(mug_vertices(again), mug_vertices(TRAINING_MUGS[40]), atol=5e-5)
+    again = MugDesign(**MIXING.absolute(MIXING.relative(MUGS["train"][40])))
+    np.testing.assert_allclose(mug_vertices(again), mug_vertices(MUGS["train"][40]), atol=5e-5)
 
 
 def test_giving_up_says_so(monkeypatch: pytest.MonkeyPatch) -> None:

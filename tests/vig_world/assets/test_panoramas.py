@@ -36,7 +36,7 @@ def test_same_seed_same_bytes_other_seed_other_room():
 
 
 def test_directions_run_down_from_up_and_counter_clockwise_from_x():
-    way = directions(64)
+    way = directions(64, 128)
     assert np.allclose(np.linalg.norm(way, axis=-1), 1, atol=1e-6)
     assert (way[0, :, 2] > 0.99).all() and (way[-1, :, 2] < -0.99).all()
     middle = way[32]
@@ -121,7 +121,7 @@ def test_a_lamp_has_its_flux_however_small_it_is(radius):
     solid_angle = ((edges[:-1] - edges[1:]) * np.pi / 64)[:, None]
     lamp = bulb([1.2, 0.9, 0.0], radius, 7.0)
     image = paint(bare_room(sources=[lamp]), 64)[..., 0]
-    close = directions(64) @ (lamp.centre / 1.5) > np.cos(max(radius / 1.5, np.pi / 64) + 0.02)
+    close = directions(64, 128) @ (lamp.centre / 1.5) > np.cos(max(radius / 1.5, np.pi / 64) + 0.02)
     bright = close & (image > 0.5 * image.max())
     assert abs((image * solid_angle)[bright].sum() / (7.0 * np.pi * (radius / 1.5) ** 2) - 1) < 0.02
 
@@ -142,7 +142,7 @@ def test_furniture_throws_shadows():
     boxes = [box([0.8, -0.5, -2.0], [1.2, 0.5, -0.5])]
     lamps = [bulb([-1.5, 0, -1.0], 0.1, 10.0)]
     bare, shaded = (paint(bare_room(sources=lamps, boxes=each, ambient=0), 64) for each in ([], boxes))
-    x, y, z = np.moveaxis(directions(64), -1, 0)
+    x, y, z = np.moveaxis(directions(64, 128), -1, 0)
     behind = (x > 0.95) & (np.abs(y) < 0.1) & (z > -0.3) & (z < -0.16)
     above = (x > 0.95) & (np.abs(y) < 0.1) & (z > 0.05)
     assert behind.sum() > 10 and shaded[behind].mean() < 0.5 * bare[behind].mean()
@@ -154,7 +154,7 @@ def test_the_sun_shines_in_through_a_window_only():
     pane = Source(np.array([1.99, 0, 1]), np.array([0, -0.5, 0]), np.array([0, 0, 0.5]), np.zeros(3), (1, 1))
     sun = np.array([1, 0, 1], np.float32) / np.float32(np.sqrt(2)), np.full(3, 8.0)
     image = paint(bare_room(sources=[pane], sun=sun, ambient=0.0), 64)
-    lit = directions(64)[image[..., 0] > 1]
+    lit = directions(64, 128)[image[..., 0] > 1]
     place = lit / -lit[:, 2:] * 2  # on the floor, where rays look down
     assert len(lit) and (lit[:, 2] < 0).all()
     assert (np.abs(place[:, 0] + 1) < 0.6).all() and (np.abs(place[:, 1]) < 0.6).all()

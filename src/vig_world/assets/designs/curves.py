@@ -27,15 +27,18 @@ def arc_fraction(points: np.ndarray) -> np.ndarray:
 
 
 def resample(points: np.ndarray, fractions: np.ndarray) -> np.ndarray:
-    """Return points of a polyline (N, 2) at given fractions (M,) of its arc length: (M, 2)."""
+    """Return points of a polyline (N, 2) at given fractions (...) of its arc length: (..., 2)."""
     s = arc_fraction(points)
-    return np.stack([np.interp(fractions, s, points[:, k]) for k in range(2)], axis=1)
+    return np.stack([np.interp(fractions, s, points[:, k]) for k in range(2)], axis=-1)
 
 
-def tangents(points: np.ndarray) -> np.ndarray:
-    """Return unit tangents (N, 2) of a smooth polyline (N, 2)."""
-    direction = np.gradient(points, axis=0, edge_order=2)
-    return direction / np.linalg.norm(direction, axis=1, keepdims=True)
+def tangents(points: np.ndarray, fractions: np.ndarray) -> np.ndarray:
+    """Return unit tangents (M, 2) of a smooth polyline (N, 2) at fractions (M,) of its arc length."""
+    even = np.linspace(0.0, 1.0, 400)
+    direction = np.gradient(resample(points, even), axis=0, edge_order=2)
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    found = np.stack([np.interp(fractions, even, column) for column in direction.T], axis=1)
+    return found / np.linalg.norm(found, axis=1, keepdims=True)
 
 
 def smooth(points: np.ndarray, width: float) -> np.ndarray:

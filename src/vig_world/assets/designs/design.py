@@ -84,7 +84,4 @@ class TeapotDesign:
     handle_squareness: float = 0.2  # shape of its section: 0 elliptic .. 1 nearly rectangular
 
 
-_CATALOGUE = load_catalogue(TeapotDesign, __package__)
-TRAINING_DESIGNS = _CATALOGUE["train"]  # the shape model is learned from these
-HELD_OUT_DESIGNS = _CATALOGUE["test"]
-VALIDATION_DESIGNS = _CATALOGUE["validation"]
+TEAPOTS = load_catalogue(TeapotDesign, __package__)  # by split; the shape model is learned from "train"

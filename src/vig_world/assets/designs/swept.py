@@ -23,7 +23,6 @@ SPOUT_LOFT = Loft((1, 10, *[_SPOUT_AROUND] * _SPOUT_RINGS, 20, 10, 1))
 HANDLE_LOFT = Loft((1, 6, *[_HANDLE_AROUND] * _HANDLE_RINGS, 6, 1))
 
 _HANDLE_FLARE = 1.55  # scale of the handle's section at its ends
-_DENSE_FRACTIONS = np.linspace(0.0, 1.0, 400)
 
 
 def spout_vertices(design: TeapotDesign, wall: BodyProfile) -> np.ndarray:
@@ -43,7 +42,7 @@ def spout_vertices(design: TeapotDesign, wall: BodyProfile) -> np.ndarray:
         tip,
     )
     u = np.linspace(0.0, 1.0, _SPOUT_RINGS)
-    centre, tangent = _centre_line(dense, u)
+    centre, tangent = resample(dense, u), tangents(dense, u)
     radius = d.spout_tip_radius + (d.spout_base_radius - d.spout_tip_radius) * (1.0 - u) ** d.spout_taper
     radius = radius + spout_flare * d.spout_base_radius * (1.0 - smoothstep(u / 0.4))
     height = radius * (1.0 + (d.spout_ellipticity - 1.0) * (1.0 - u))
@@ -71,7 +70,8 @@ def handle_vertices(design: TeapotDesign, wall: BodyProfile) -> np.ndarray:
     half, side = 0.5 * d.handle_thickness, 0.5 * d.handle_width
     line = {"behind": _ear, "above": _bail, "straight": _grip}[d.handle]
     u = np.linspace(0.0, 1.0, _HANDLE_RINGS)
-    centre, tangent = _centre_line(line(d, wall), u)
+    dense = line(d, wall)
+    centre, tangent = resample(dense, u), tangents(dense, u)
     swell = 1.0 + (_HANDLE_FLARE - 1.0) * (2.0 * np.abs(u - 0.5)) ** 5
     lean = np.zeros(_HANDLE_RINGS)
     if d.handle != "above":
@@ -161,13 +161,6 @@ def _inside(
     across = np.minimum(half_width * np.sin(angle) / d.belly_aspect, 0.95 * radius)
     # the ends of spout and handle stay below the body's surface
     return float(np.min(np.sqrt(radius**2 - across**2))) - 0.022
-
-
-def _centre_line(dense: np.ndarray, fractions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return points and unit tangents (M, 2) of (x, z) at fractions of a polyline's arc length."""
-    even = resample(dense, _DENSE_FRACTIONS)
-    direction = np.stack([np.interp(fractions, _DENSE_FRACTIONS, t) for t in tangents(even).T], axis=1)
-    return resample(dense, fractions), direction / np.linalg.norm(direction, axis=1, keepdims=True)
 
 
 def _section(

@@ -54,7 +54,4 @@ class MugDesign:
     handle_flare: float = 1.3  # size where it meets the wall / size of the grip
 
 
-_CATALOGUE = load_catalogue(MugDesign, __package__)
-TRAINING_MUGS = _CATALOGUE["train"]  # the shape model is learned from these
-HELD_OUT_MUGS = _CATALOGUE["test"]
-VALIDATION_MUGS = _CATALOGUE["validation"]
+MUGS = load_catalogue(MugDesign, __package__)  # by split; the shape model is learned from "train"

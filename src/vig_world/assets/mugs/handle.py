@@ -73,9 +73,7 @@ def handle_rings(design: MugDesign, wall: Profile, loops: tuple[np.ndarray, np.n
     even = resample(dense, _FINE)
     length = float(np.linalg.norm(np.diff(even, axis=0), axis=1).sum())
     u = _fractions(even, length, d.handle_thickness)
-    direction = np.stack([np.interp(u, _FINE, t) for t in tangents(even).T], axis=1)
-    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-    centre = resample(dense, u)
+    direction, centre = tangents(dense, u), resample(dense, u)
     near = length * np.minimum(u, 1.0 - u) / (0.8 * d.handle_thickness)
     size = (d.handle_taper + (1.0 - d.handle_taper) * u) * (
         1.0 + (d.handle_flare - 1.0) * np.exp(-(near**1.5))

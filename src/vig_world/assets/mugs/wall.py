@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vig_world.assets.designs.curves import arc_fraction, smoothstep
+from vig_world.assets.designs.curves import arc_fraction, resample, smoothstep
 from vig_world.assets.mugs.design import MugDesign
 
 _CORNER = np.sin(np.linspace(0.0, 0.5 * np.pi, 65))
@@ -23,8 +23,7 @@ class Profile:
 
     def at(self, fraction: np.ndarray) -> np.ndarray:
         """Return points (..., 2) at fractions (...) of the arc length."""
-        along = arc_fraction(self.points)
-        return np.stack([np.interp(fraction, along, self.points[:, k]) for k in range(2)], axis=-1)
+        return resample(self.points, fraction)
 
     def fraction(self, height: float) -> float:
         """Return the fraction of the arc length at a height, metres."""

@@ -11,7 +11,7 @@ from vig_world.assets.own.props import read_each
 from vig_world.assets.own.settings import FileSettings
 from vig_world.assets.own.standing import SizedKind
 from vig_world.assets.own.supports import level_areas
-from vig_world.assets.things import Furniture, FurnitureModel, Parts, Support, prop
+from vig_world.assets.things import Furniture, FurnitureModel, Parts, Support
 from vig_world.mesh import stack_meshes
 
 _FURNITURE = SizedKind("piece of furniture", 0.3, 4.0, furniture=True)
@@ -40,8 +40,7 @@ def read_furniture(folder: str | Path) -> tuple[list[FurnitureModel], list[str]]
 
 
 def _made(name: str, mark: str, parts: Parts, settings: FileSettings) -> tuple[FurnitureModel, list[str]]:
-    standing = prop("", *parts).parts
-    vertices, faces = stack_meshes([mesh for mesh, _ in standing])
+    vertices, faces = stack_meshes([mesh for mesh, _ in parts])
     family = settings.family or family_of_file(name)
     areas = level_areas(vertices.astype(np.float64), faces)
     height = float(vertices[:, 2].max())
@@ -49,7 +48,7 @@ def _made(name: str, mark: str, parts: Parts, settings: FileSettings) -> tuple[F
         raise UserError(f"{name}: expected furniture; got {height:.2f} m high without a support.")
     supports = tuple(_support(area, family, settings.zones, i) for i, area in enumerate(areas))
     notes = [] if supports else ["found no level area of 15 x 15 cm with 20 cm of free space above it"]
-    piece = Furniture(family, standing, supports)
+    piece = Furniture(family, parts, supports)
     return FurnitureModel(name, family, mark, lambda: piece), notes
 
 

@@ -36,8 +36,7 @@ def read_props(folder: str | Path) -> tuple[list[PropModel], list[str]]:
     """
 
     def made(name: str, mark: str, parts: Parts, settings: FileSettings) -> tuple[PropModel, list[str]]:
-        standing = prop("", *parts).parts
-        return PropModel(name, settings.family or _called(name), mark, lambda: standing, settings.zones), []
+        return PropModel(name, settings.family or _called(name), mark, lambda: parts, settings.zones), []
 
     return read_each(folder, _PROP, made)
 
@@ -54,7 +53,7 @@ def read_each(
     kind: SizedKind,
     made: Callable[[str, str, Parts, FileSettings], tuple[Any, list[str]]],
 ) -> tuple[list[Any], list[str]]:
-    """Apply `made` to each mesh file's name, fingerprint, parts and settings; also return all problems."""
+    """Apply `made` to the name, fingerprint, parts and settings of each mesh; return problems, too."""
     root = mesh_folder(folder)
     results, cache = [], {}  # type: ignore[var-annotated]
     problems = [f"{model}: {why} Left out." for model, why in read_sources(root).left_out.items()]
@@ -70,7 +69,7 @@ def read_each(
             loaded = load(root, path, settings.nodes)
             parts, guesses = standing_parts(path, loaded.pieces, settings, kind)
             mark = fingerprint({**loaded.files, "vig.toml": repr(sorted(asdict(settings).items())).encode()})
-            result, notes = made(name, mark, parts, settings)
+            result, notes = made(name, mark, prop("", *parts).parts, settings)
         except UserError as error:
             problems.append(f"{error} Left out.")
             continue

@@ -55,26 +55,28 @@ def local_light(radiance: Array, ground_albedo: float) -> NDArray[np.float64]:
     return expose_light(upper + ground_albedo * white)
 
 
+def directions(height: int, width: int) -> Array:
+    """Return unit directions (H, W, 3) of a panorama's pixels.
+
+    Row 0 is straight up (+Z), column u at azimuth 2 pi (u + 0.5) / W counter-clockwise from +X.
+    """
+    theta = ((np.arange(height) + 0.5) * math.pi / height)[:, None]
+    phi = (np.arange(width) + 0.5) * 2 * math.pi / width
+    xyz = np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)
+    return np.stack(np.broadcast_arrays(*xyz), axis=-1)
+
+
 def project_panorama(radiance: np.ndarray) -> np.ndarray:
     """Return SH coefficients of an equirectangular panorama, per channel.
 
-    radiance: (H, W, 3) linear, row 0 straight up (+Z), column u at azimuth 2 pi (u + 0.5) / W
-    counter-clockwise from +X. Result (9, 3) float64. Exact solid angle per row.
+    radiance: (H, W, 3) linear, in `directions`. Result (9, 3) float64. Exact solid angle per row.
     """
     if radiance.ndim != 3 or radiance.shape[2] != 3:
         raise ValueError(f"a panorama must be (H, W, 3) linear radiance; got {radiance.shape}")
     height, width = radiance.shape[:2]
     edges = np.cos(np.linspace(0.0, math.pi, height + 1))
     solid_angle = (edges[:-1] - edges[1:]) * (2 * math.pi / width)
-    theta = (np.arange(height) + 0.5) * math.pi / height
-    phi = (np.arange(width) + 0.5) * 2 * math.pi / width
-    directions = np.stack(
-        np.broadcast_arrays(
-            np.sin(theta)[:, None] * np.cos(phi), np.sin(theta)[:, None] * np.sin(phi), np.cos(theta)[:, None]
-        ),
-        axis=-1,
-    )
-    basis = sh_basis(directions)
+    basis = sh_basis(directions(height, width))
     return np.einsum("hwl,hwc,h->lc", basis, radiance.astype(np.float64), solid_angle, optimize=True)
 
 

@@ -1,10 +1,9 @@
 """Paints a room in HDR: the surface that each ray from the viewpoint meets, and its light."""
 
-from functools import lru_cache
-
 import numpy as np
 from numpy.typing import NDArray
 
+from vig_world.assets.panoramas.light import directions
 from vig_world.assets.panoramas.rooms import FLOOR, OUTWARD, Box, PanoramaRoom, Source, draw
 
 Array = np.ndarray
@@ -18,8 +17,7 @@ def panorama(rng: np.random.Generator, height: int = 64) -> Array:
         height: Number of rows, at least 16. The same generator gives the same room at any height.
 
     Returns:
-        (height, 2 height, 3) float32 linear radiance >= 0, equirectangular: row 0 straight up (+Z), column u
-        at azimuth 2 pi (u + 0.5) / width counter-clockwise from +X. Its scale is arbitrary.
+        (height, 2 height, 3) float32 linear radiance >= 0 from `directions`. Its scale is arbitrary.
 
     Raises:
         ValueError: For a height below 16.
@@ -29,21 +27,9 @@ def panorama(rng: np.random.Generator, height: int = 64) -> Array:
     return paint(draw(rng), height)
 
 
-@lru_cache(maxsize=4)
-def directions(height: int) -> Array:
-    """Return unit directions (height, 2 height, 3) of pixels: row 0 up, columns counter-clockwise from +X."""
-    theta = (np.arange(height) + 0.5) * np.pi / height
-    phi = (np.arange(2 * height) + 0.5) * np.pi / height
-    ring = np.sin(theta)[:, None]
-    xyz = np.broadcast_arrays(ring * np.cos(phi), ring * np.sin(phi), np.cos(theta)[:, None])
-    result = np.stack(xyz, -1).astype(np.float32)
-    result.setflags(write=False)
-    return result
-
-
 def paint(room: PanoramaRoom, height: int) -> Array:
     """Return a room's panorama, (height, 2 height, 3) float32 linear radiance."""
-    way = directions(height).reshape(-1, 3)
+    way = directions(height, 2 * height).reshape(-1, 3).astype(np.float32)
     solid_angle = np.hypot(way[:, 0], way[:, 1]) * (np.pi / height) ** 2
     distance, owner, side = first_met(way, room)
     points = way * distance[:, None]

@@ -217,12 +217,9 @@ class _Reader:
         """Return an accessor's values (count, size) as floats: whole numbers as fractions if it says so."""
         accessor = self.tree["accessors"][number]
         values = self._raw(accessor)
-        if accessor["componentType"] == 5126:
+        if accessor["componentType"] == 5126 or not accessor.get("normalized", False):
             return values.astype(np.float64)
-        if not accessor.get("normalized", False):
-            return values.astype(np.float64)
-        most = np.iinfo(values.dtype).max
-        return np.maximum(values.astype(np.float64) / most, -1.0)
+        return np.maximum(values.astype(np.float64) / np.iinfo(values.dtype).max, -1.0)
 
     def _primitive(self, primitive: dict[str, Any], weights: list[float]) -> SurfaceMesh:
         attributes, mode = dict(primitive["attributes"]), primitive.get("mode", TRIANGLES)
