@@ -39,13 +39,13 @@ GROUP_STREAM = 2**20 + 8
 """Number of the random streams of groups of a seed."""
 SMALLER = 0.45
 """Size of the first object in the frame, over that in a photo of its own."""
-MOST_HIDDEN = 0.3
+MAX_HIDDEN = 0.3
 """Largest share of the first object that other things than the group hide."""
 NEAR = 0.14
 """Metres between the objects of a group, at most; so much more where they are larger than teapots."""
 OVERLAP = 0.08
 """Least share of the smaller silhouette that two objects share on the image, for one to join the group."""
-LEAST_SEEN = 0.3
+MIN_SEEN = 0.3
 """Share of each object that is seen, at least."""
 WITHIN = 0.97
 """Share of each object within the frame, at least."""
@@ -112,7 +112,7 @@ def sample_group(
         rng = stream(seed, index, library.split, GROUP_STREAM + attempt, draw)
         wanted = 2 + int(rng.choice(3, p=[0.4, 0.35, 0.25]))
         first = classes[int(rng.integers(len(classes)))]
-        hidden = float(rng.uniform(0, MOST_HIDDEN)) if rng.random() < 0.4 else 0.0
+        hidden = float(rng.uniform(0, MAX_HIDDEN)) if rng.random() < 0.4 else 0.0
         number = GROUPS * index + attempt
         try:
             scene = sample(library, first, seed, number, smaller=SMALLER, target=hidden, draw=draw)
@@ -206,7 +206,7 @@ class _GroupBuilder:
         depths = np.stack([*self.alone, alone])
         nearest = np.minimum(depths.min(0), self.others)
         seen = [((each <= nearest) & np.isfinite(each)).sum() / np.isfinite(each).sum() for each in depths]
-        return min(seen) >= LEAST_SEEN
+        return min(seen) >= MIN_SEEN
 
 
 def _seen_from(

@@ -39,7 +39,7 @@ ROUNDING = 3e-7
 """Standard deviation of the change of a pixel for the network, a share of its value: predictions then move by
 1e-6 of their stated deviations (root mean square), as far as those of ONNX Runtime and torch lie apart.
 """
-LEAST_AGREEMENT = 0.99
+MIN_AGREEMENT = 0.99
 """Share of photos below which the program exits with 1."""
 
 
@@ -109,7 +109,7 @@ def main() -> None:
         metrics.append(metric(f"verdict_agrees_{name}", [sum(equal) / len(equal)], "share", "higher"))
     if arguments.json:
         write(report(metrics, threads=1), arguments.json)
-    if any(each["better"] == "higher" and each["value"] < LEAST_AGREEMENT for each in metrics):
+    if any(each["better"] == "higher" and each["value"] < MIN_AGREEMENT for each in metrics):
         sys.exit(1)
 
 

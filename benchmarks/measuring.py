@@ -18,7 +18,7 @@ from vig.io.machine import processor
 Result = TypeVar("Result")
 Better = Literal["higher", "lower"]
 
-LEAST_SECONDS = 0.1
+MIN_SECONDS = 0.1
 WARM_UP = 3
 """Calls before any is timed; Mitsuba compiles a second set of kernels at the second one."""
 
@@ -71,11 +71,11 @@ def timed(call: Callable[[], Result]) -> tuple[Result, Time]:
 def interleaved(calls: Mapping[str, Callable[[int], object]], rounds: int) -> dict[str, np.ndarray]:
     """Milliseconds per call of each function, one number per round.
 
-    In every round each function runs once more than `LEAST_SECONDS` long, called with 0, 1, 2, ..., and the
+    In every round each function runs once more than `MIN_SECONDS` long, called with 0, 1, 2, ..., and the
     order of the functions rotates by one from round to round, so that a slow period of the machine affects
     all. Each is called before the first round, so that nothing is compiled later.
     """
-    repeats = {name: _calls_within(call, LEAST_SECONDS) for name, call in calls.items()}
+    repeats = {name: _calls_within(call, MIN_SECONDS) for name, call in calls.items()}
     found: dict[str, list[float]] = {name: [] for name in calls}
     names = list(calls)
     for turn in range(rounds):

@@ -16,7 +16,7 @@ from safetensors.numpy import save_file
 
 from vig.recognition import Recognizer
 from vig.scene import ObjectClass
-from vig_train.calibration.learning import LEAST_THRESHOLD, CalibrationSamples, out_of_fold, pooled_threshold
+from vig_train.calibration.learning import MIN_THRESHOLD, CalibrationSamples, out_of_fold, pooled_threshold
 from vig_train.calibration.samples import StudioPhotos, calibrate_fits
 from vig_train.class_training.steps import CALIBRATION_SEED, FOLDS, PHOTOS
 from vig_train.evaluation.fits import FitRun
@@ -41,7 +41,7 @@ def main() -> None:
             f" {trusted.mean():.2f} are trusted, {samples.right[trusted].mean():.3f} of these right",
             flush=True,
         )
-        used = confidence >= LEAST_THRESHOLD  # lower ones change no threshold
+        used = confidence >= MIN_THRESHOLD  # lower ones change no threshold
         weight = np.full(len(used), 1 / len(used) / len(arguments.packs))
         rows = confidence, samples.right, weight, samples.model + 1000 * number
         for name, kind, row in zip(columns, (np.float32, np.uint8, np.float32, np.int16), rows, strict=True):

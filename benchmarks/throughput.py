@@ -19,7 +19,7 @@ from vig.search.optimizer import Budget
 THREADS = (1, 2)
 BATCHES = (1, 4, 16, 64, 256)
 QUICK_BATCHES = (1, 4, 16)
-LEAST_RUNS = 3
+MIN_RUNS = 3
 LARGE_BATCH = 64
 """A batch of this size is a median in itself: one run of it is enough."""
 ENOUGH_ITERATIONS = 200
@@ -91,8 +91,8 @@ def members(run: int, batch: int, count: int) -> np.ndarray:
 
 
 def runs(batch: int, count: int) -> int:
-    """Batches to be timed: until every photo has been in one, and at least `LEAST_RUNS` of small ones."""
-    return max(LEAST_RUNS if batch < LARGE_BATCH else 1, math.ceil(count / batch))
+    """Batches to be timed: until every photo has been in one, and at least `MIN_RUNS` of small ones."""
+    return max(MIN_RUNS if batch < LARGE_BATCH else 1, math.ceil(count / batch))
 
 
 def throughput(fits: Fits, batches: Iterable[int]) -> list[Rate]:

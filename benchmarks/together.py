@@ -35,7 +35,7 @@ from vig_world.library import Library
 CLASSES = "teapot", "mug"
 COLOURS = (255, 220, 0), (0, 220, 255), (255, 90, 220), (120, 255, 90)
 COLUMNS, SHOWN = 4, 24
-MOST = 4
+MAX_OBJECTS = 4
 RIGHT = 15.0, 30.0
 """Degrees within which an azimuth counts as right."""
 
@@ -151,7 +151,7 @@ def sought(groups: int, seed: int, library: Library, explainers: list[Explainer]
         ]
         objects, seen = objects + len(own), tuple[Explanation, ...]()
         with suppress(UserError):  # which finds none
-            seen = explain_found(group.photo, explainers, MOST).objects
+            seen = explain_found(group.photo, explainers, MAX_OBJECTS).objects
         for explained in seen:
             shares = [0.0 if each is None else overlap(each, explained.window) for each in own]
             best = int(np.argmax(shares))

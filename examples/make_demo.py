@@ -41,7 +41,7 @@ LEVELS = (0.0, 0.12, 0.25, 0.35)
 """Shares to be hidden, of the samples in turn."""
 CAMERA_STREAM = 2**20 + 46
 """Number of the random stream of the cameras."""
-LEAST_ELECTRONS = 6000.0
+MIN_ELECTRONS = 6000.0
 """A pixel at white, so that noise is that of a bright room."""
 
 
@@ -141,7 +141,7 @@ def write(out: Path, shot: Shot, spec: SceneSpec, traced: np.lib.npyio.NpzFile) 
     """Photograph a traced picture, and write the photo and its masks."""
     rng = stream(spec.seed, spec.index, spec.split, CAMERA_STREAM)
     drawn = PhotoSettings.draw(rng)
-    electrons = max(drawn.electrons, LEAST_ELECTRONS)
+    electrons = max(drawn.electrons, MIN_ELECTRONS)
     settings = replace(
         drawn, exposure=shot.exposure, motion=0.0, electrons=electrons, quality=QUALITY, chroma=True
     )

@@ -8,7 +8,7 @@ SEED
 
 - that hides as much of the object as the level says, give or take TOLERANCE, in the masks;
 - whose elevation is that of a usual photograph (ELEVATIONS), and whose object lies whole within the frame;
-- whose object is neither under- nor overexposed in the photo (LUMA, MOST_CLIPPED);
+- whose object is neither under- nor overexposed in the photo (LUMA, MAX_CLIPPED);
 - whose design, eighth of the circle of azimuths, panorama, room and occluders none of the photos before has.
 """
 
@@ -43,7 +43,7 @@ ELEVATIONS = (10, 50)
 """Degrees."""
 LUMA = (0.2, 0.75)
 """Bounds of the mean luma of the object's visible pixels, in [0, 1], sRGB."""
-MOST_CLIPPED = 0.05
+MAX_CLIPPED = 0.05
 """Share of these pixels of which a channel may be at white."""
 
 
@@ -110,7 +110,7 @@ def well_exposed(picture: Picture) -> bool:
     """Whether the object's visible pixels are neither too dark nor too bright, and hardly any is clipped."""
     pixels = picture.image[picture.visible] / 255
     luma = float((pixels @ [0.2126, 0.7152, 0.0722]).mean())
-    return LUMA[0] <= luma <= LUMA[1] and (pixels.max(axis=1) == 1).mean() <= MOST_CLIPPED
+    return LUMA[0] <= luma <= LUMA[1] and (pixels.max(axis=1) == 1).mean() <= MAX_CLIPPED
 
 
 def occluder(spec: SceneSpec) -> str:

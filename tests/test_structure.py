@@ -51,7 +51,7 @@ PLACES = [f"{package}.{name}" for package, names in ORDER.items() for name in na
 
 # The budget. A commit may lower a number; one that raises it says in CHANGELOG what was taken out for it.
 LINES = {
-    "vig_native": 7_944, "vig_renderer": 1_647, "vig": 14_747, "vig_app": 8_213, "vig_world": 17_385,
+    "vig_native": 7_944, "vig_renderer": 1_647, "vig": 14_747, "vig_app": 8_211, "vig_world": 17_385,
     "vig_train": 9_923, "vig_paper": 2_360,
 }  # fmt: skip
 CONSTANTS = 972

@@ -50,7 +50,7 @@ MORE = 1.3
 """Factor by which a model may have more faces than wanted."""
 BOTH_SIDES = 0.2
 """A face that shows its back in more than this share of its pixels has two sides."""
-MOST_LEAF = 2.2
+MAX_LEAF = 2.2
 """Factor by which the remaining leaves of a thinned plant are larger at most."""
 PARTS = 6
 """Colours of a model at most."""
@@ -247,7 +247,7 @@ def decimate(parts: list[Part], most: int) -> list[Part]:
         joined = _join([_coarser(piece, int(count)) for piece, count in zip(pieces, own, strict=True)])
         result.append(_with_picture(part, joined.vertices, joined.faces))
     if sum(len(part.faces) for part in result) > MORE * most:  # many small pieces, as pages of a book
-        return _clustered(result, most)
+        return _cluster(result, most)
     return result
 
 
@@ -280,7 +280,7 @@ def _thinned(pieces: list[Part], share: float) -> list[Part]:
     count = max(int(share / each), 1)
     if len(pieces) < 30 or count >= len(pieces):
         return pieces
-    factor = min(np.sqrt(len(pieces) / count), MOST_LEAF)
+    factor = min(np.sqrt(len(pieces) / count), MAX_LEAF)
     kept = [pieces[n] for n in np.linspace(0, len(pieces) - 1, count).astype(int)]
     lowest = [-np.inf, -np.inf, min(float(piece.vertices[:, 2].min()) for piece in pieces)]
     middles = [piece.vertices.mean(0) for piece in kept]
@@ -316,7 +316,7 @@ def _coarser(piece: Part, count: int) -> Part:
     return min([piece, *results], key=lambda each: len(each.faces))
 
 
-def _clustered(parts: list[Part], most: int) -> list[Part]:
+def _cluster(parts: list[Part], most: int) -> list[Part]:
     """Return parts whose near vertices are joined, those of one cell of a grid."""
     pieces = [MeshPiece(part.vertices, part.faces, part.uv, np.full(1, n)) for n, part in enumerate(parts)]
     result = []

@@ -5,7 +5,7 @@
 tools/mutations.toml holds the mutations: a file, a text that occurs in it once, what takes its place, and the
 tests that should fail. Each is tried in a copy of the tree, the native library compiled anew where its code
 is broken: that needs CMake, ninja and `pip install nanobind`. Run by hand: it takes some 20 minutes. Exits 1
-when more than `MOST_SURVIVORS` survive, or when a text is not found once.
+when more than `MAX_SURVIVORS` survive, or when a text is not found once.
 """
 
 import argparse
@@ -22,7 +22,7 @@ from queue import Queue
 from vig_native import ISA
 
 ROOT = Path(__file__).parents[1]
-MOST_SURVIVORS = 3
+MAX_SURVIVORS = 3
 PATIENCE = 600
 """Seconds that the tests of one mutation may take."""
 COPIED = ("src", "tests", "tools", "benchmarks", "docs", "examples", "pyproject.toml")
@@ -133,7 +133,7 @@ def main() -> int:
         given.list.write_text("\n".join(told) + "\n")
     while not copies.empty():
         shutil.rmtree(copies.get())
-    return int(counts["SURVIVED"] + counts["SLOW"] > MOST_SURVIVORS or counts["INVALID"] > 0)
+    return int(counts["SURVIVED"] + counts["SLOW"] > MAX_SURVIVORS or counts["INVALID"] > 0)
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ import numpy as np
 from PIL import Image
 
 from vig.hints import Hints
-from vig.io.checks import MOST_TABLE, parse_json, read_bytes, reading
+from vig.io.checks import MAX_TABLE, parse_json, read_bytes, reading
 from vig.io.errors import UserError
 from vig.photo.masks import box_of, run_lengths
 
@@ -138,7 +138,7 @@ def read_labels(path: Path, say: Callable[[str], None]) -> dict[str, list[Label]
                     f"expected masks of what is seen; got '{file.name}', whole ones. Give the others."
                 )
             with reading(file, "labels of COCO, labelme or CVAT", REMEDY):
-                for name, label in _labels_in(file, read_bytes(file, MOST_TABLE), say):
+                for name, label in _labels_in(file, read_bytes(file, MAX_TABLE), say):
                     labels[name] += [] if label is None else [label]
         except UserError as error:
             if not path.is_dir():

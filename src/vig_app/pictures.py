@@ -29,7 +29,7 @@ HIDDEN = np.array([235, 40, 120], np.float32)
 HIDDEN_SHARE = 0.5
 PANEL = 300  # pixels a side of the pictures in `draw_panels`
 LABEL = 22  # pixels of the line above each with its name
-LEAST_PIXELS = 30  # visible pixels from which a part's own colour is estimated
+MIN_PIXELS = 30  # visible pixels from which a part's own colour is estimated
 WHITE, BRIGHT, DARK = np.float32(255), np.float32(217), np.float32(38)
 """8-bit levels of `draw_panels`, those of visible pixels in the mask, and of grounds."""
 RESIDUAL_COLOURS = np.array([[0.80, 0.10, 0.10], [0.10, 0.25, 0.80]], np.float32)
@@ -240,7 +240,7 @@ def part_colours(shown: CloseUp, albedo: np.ndarray, reflectance: np.ndarray) ->
     photo, owner = shown.photo[seen], np.where(light > 0.02, shown.part[seen], -1)
     for part, share in enumerate(reflectance):
         here = owner == part
-        if here.sum() >= LEAST_PIXELS:
+        if here.sum() >= MIN_PIXELS:
             # Like `np.median`, which loads numpy.ma: a twentieth of a second.
             colour = share * np.quantile(photo[here] / light[here][:, None], 0.5, axis=0)
             colours[part] = colour / max(1.0, colour.max())

@@ -5,7 +5,7 @@
 
 namespace vig {
 
-constexpr float LEAST_COLOUR = 0.02f;  // noise and haze of dark pixels
+constexpr float MIN_COLOUR = 0.02f;  // noise and haze of dark pixels
 
 // A picture (height, width, 3) of linear RGB and its halves, one after the other.
 struct Texture {
@@ -23,7 +23,7 @@ struct TexturedMesh {
     std::vector<float> positions, normals, uv;      // (V, 3) twice, (F, 3, 2)
     std::vector<int32_t> corners, texture_of_face;  // (F, 3), (F,)
     std::vector<Texture> textures;
-    std::vector<float> texels, octave;  // log(linear RGB + LEAST_COLOUR) of all levels; (F,) log2 of the finest's texels per metre
+    std::vector<float> texels, octave;  // log(linear RGB + MIN_COLOUR) of all levels; (F,) log2 of the finest's texels per metre
 };
 
 struct RigidPose {
@@ -40,7 +40,7 @@ struct PoseWeights {
 struct PosePhoto {
     int width, height;
     float focal, cx, cy;
-    std::vector<float> log_colour, seen;  // (3, H * W) log(linear RGB + LEAST_COLOUR); (H * W) from 0 to 1
+    std::vector<float> log_colour, seen;  // (3, H * W) log(linear RGB + MIN_COLOUR); (H * W) from 0 to 1
     float total_seen;                     // sum of `seen`
     std::vector<float> surroundings;      // (H * W) log density of each log colour among the surroundings; or empty
     bool outlined;                        // whether `seen` is all of the object that is not hidden

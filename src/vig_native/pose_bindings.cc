@@ -31,7 +31,7 @@ TexturedMesh make_mesh(Input<float> positions, Input<int32_t> corners, Input<flo
     TexturedMesh mesh{(int)vertices, (int)faces, closed, copy(positions), copy(normals), copy(uv), copy(corners),
                       copy(texture_of_face), {}, copy(texels), copy(octave)};
     for (float& texel : mesh.texels)
-        texel = std::log(std::max(texel, 0.0f) + LEAST_COLOUR);
+        texel = std::log(std::max(texel, 0.0f) + MIN_COLOUR);
     for (size_t i = 0; i < levels.shape(0); ++i) {
         const int64_t* const level = levels.data() + 4 * i;
         const bool next = level[0] == (int64_t)mesh.textures.size(), same = level[0] + 1 == (int64_t)mesh.textures.size();
@@ -75,7 +75,7 @@ PosePhoto make_photo(Input<float> colour, Input<float> seen, std::tuple<double, 
     for (size_t i = 0; i < area; ++i) {
         photo.total_seen += photo.seen[i];
         for (int c = 0; c < 3; ++c)
-            photo.log_colour[c * area + i] = std::log(std::max(colour.data()[3 * i + c], 0.0f) + LEAST_COLOUR);
+            photo.log_colour[c * area + i] = std::log(std::max(colour.data()[3 * i + c], 0.0f) + MIN_COLOUR);
     }
     if (box)
         std::copy_n(box->begin(), 4, photo.box);
@@ -100,7 +100,7 @@ void bind_poses(nb::module_& m) {
           "texels"_a, "octave"_a, "closed"_a);
     m.def("pose_photo", &make_photo, "colour"_a, "seen"_a, "camera"_a, "box"_a.none(), "surroundings"_a.none(), "outlined"_a,
           "metres_per_pixel"_a, "weights"_a);
-    m.attr("LEAST_COLOUR") = LEAST_COLOUR;
+    m.attr("MIN_COLOUR") = MIN_COLOUR;
     // Scores (N,) of poses; with `evaluations` they are refined first: rotations (N, 3, 3), translations (N, 3), scores (N,).
     m.def("refine_poses", [](const TexturedMesh& mesh, const PosePhoto& photo, Input<float> rotations, Input<float> translations,
                              int evaluations, std::tuple<float, float, float> steps, int threads) {
@@ -147,7 +147,7 @@ void bind_poses(nb::module_& m) {
                 coverage.data()[pixel.place] = pixel.coverage;
                 const Vec3<float> c = pixel.log_colour;
                 store3(colour.data() + 3 * (size_t)pixel.place,
-                       {std::exp(c.x) - LEAST_COLOUR, std::exp(c.y) - LEAST_COLOUR, std::exp(c.z) - LEAST_COLOUR});
+                       {std::exp(c.x) - MIN_COLOUR, std::exp(c.y) - MIN_COLOUR, std::exp(c.z) - MIN_COLOUR});
                 store3(normal.data() + 3 * (size_t)pixel.place, pixel.normal);
             }
         }

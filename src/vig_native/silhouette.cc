@@ -14,12 +14,12 @@ namespace {
 
 constexpr double BEHIND_EDGE = 0.002;       // metres by which the surface beyond an occlusion edge must lie behind it
 constexpr double BEFORE_EDGE = 0.04;        // metres by which the edge's own surface may come forward within a pixel
-constexpr double LEAST_SQUARE = 1e-12;      // squared length in the image of an edge's normal below which it is rounding
-constexpr double LEAST_BRIGHTNESS = 1e-6;   // squared albedo by which edges' rows are divided at least
-constexpr double LEAST_GAIN = 0.1;          // nats per pixel added to an edge's gain: its curvature would have a pole
+constexpr double MIN_SQUARE = 1e-12;      // squared length in the image of an edge's normal below which it is rounding
+constexpr double MIN_BRIGHTNESS = 1e-6;   // squared albedo by which edges' rows are divided at least
+constexpr double MIN_GAIN = 0.1;          // nats per pixel added to an edge's gain: its curvature would have a pole
 constexpr double CURVATURE = 0.5;           // share of a gain per pixel that counts as curvature per pixel squared
 constexpr int BOUNDARY_ROWS = 16;           // of the normal matrix kept for edges, per pixel of width and height
-constexpr int LEAST_BOUNDARY_ROWS = 4096;   // a small image may be full of edges
+constexpr int MIN_BOUNDARY_ROWS = 4096;   // a small image may be full of edges
 
 // From the face's first corner, its other two weights grow by by_second, by_third a pixel; q by slope from base; q times
 // irradiance by lit_slope from lit_base.
@@ -306,8 +306,8 @@ void pull_edge(Task<R>& task, const Edge<R>& edge, const Crossing<R>& c, R persp
 // pixel is taken one pixel wide.
 template <class R>
 void keep_motion(Task<R>& task, const Edge<R>& edge, const Blend<R>& blend, Vec3<R> motion_a, Vec3<R> motion_b) {
-    const R brightness = std::max(dot(task.albedo, task.albedo), R(LEAST_BRIGHTNESS));
-    const R steepness = std::abs(blend.weight * blend.gain) + R(LEAST_GAIN);
+    const R brightness = std::max(dot(task.albedo, task.albedo), R(MIN_BRIGHTNESS));
+    const R steepness = std::abs(blend.weight * blend.gain) + R(MIN_GAIN);
     // (root x motion)^2 = curvature x steepness: a second derivative of the gain's size in a pixel.
     const R root = std::sqrt(R(CURVATURE) / (steepness * brightness));
     task.work.crossed.insert(task.work.crossed.end(), {edge.i, edge.j});
@@ -324,7 +324,7 @@ template <class R> int line_after(R place, int lines) {
 template <class D, class R> Gain<R> blend_edges(Task<R>& task, const std::vector<int32_t>& edges) {
     Gain<R> gain;
     const Eye<R>& eye = task.eye;
-    const size_t most = std::max(LEAST_BOUNDARY_ROWS, BOUNDARY_ROWS * (eye.width + eye.height));
+    const size_t most = std::max(MIN_BOUNDARY_ROWS, BOUNDARY_ROWS * (eye.width + eye.height));
     for (const int number : edges) {
         const Edge<R> edge = edge_of(task, number);
         if (!in_frame(edge, eye))
@@ -341,7 +341,7 @@ template <class D, class R> Gain<R> blend_edges(Task<R>& task, const std::vector
                     continue;
                 const Vec3<R> in_world = normal_at(task, edge.i) * (1 - c.share) + normal_at(task, edge.j) * c.share;
                 const Vec3<R> normal = eye.rotation * in_world;
-                if (normal.x * normal.x + normal.y * normal.y < R(LEAST_SQUARE))
+                if (normal.x * normal.x + normal.y * normal.y < R(MIN_SQUARE))
                     continue;
                 const Blend<R> blend = blend_of<D>(task, normal, edge, c, sides);
                 gain.value += blend.taken * blend.gain;

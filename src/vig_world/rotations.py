@@ -27,7 +27,7 @@ def matrix_of(vector: tuple[float, float, float]) -> np.ndarray:
     ])  # fmt: skip
 
 
-def turned_about_z(points: np.ndarray, angles: np.ndarray) -> np.ndarray:
+def turn_about_z(points: np.ndarray, angles: np.ndarray) -> np.ndarray:
     """Return clouds of points (N, P, 3), each turned by its angle (N,) radians about +Z."""
     c, s = np.cos(angles), np.sin(angles)
     zero, one = np.zeros_like(c), np.ones_like(c)

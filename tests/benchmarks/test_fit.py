@@ -103,7 +103,7 @@ def test_the_measurements_carry_the_kept_names(fits: Fits, monkeypatch) -> None:
         "fits_per_s_one_start_threads1_batch2",
         "fits_per_s_whole_threads1_batch2",
     ]
-    assert all(len(rate.per_second) == throughput.LEAST_RUNS for rate in rates)
+    assert all(len(rate.per_second) == throughput.MIN_RUNS for rate in rates)
 
 
 def test_processor_time_is_printed_beside_the_wall_clock() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks import groups as grouping
-from benchmarks.groups import LEAST_SEEN, OVERLAP, Group, make_group
+from benchmarks.groups import MIN_SEEN, OVERLAP, Group, make_group
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
 from vig_world.assets.target import target_vertices
@@ -31,7 +31,7 @@ def groups(classes: list[ObjectClass]) -> list[Group]:
 def test_objects_overlap_and_each_is_seen(groups: list[Group]):
     for group in groups:
         assert 2 <= len(group.amodal) <= 4
-        assert (group.visible.sum((1, 2)) >= 0.8 * LEAST_SEEN * group.amodal.sum((1, 2))).all()
+        assert (group.visible.sum((1, 2)) >= 0.8 * MIN_SEEN * group.amodal.sum((1, 2))).all()
         for number in range(1, len(group.amodal)):
             mine = group.amodal[number]
             shared = [(mine & other).sum() / min(mine.sum(), other.sum()) for other in group.amodal[:number]]

@@ -31,7 +31,7 @@ def test_a_report_names_machine_and_versions_and_survives_json(tmp_path) -> None
 
 
 def test_interleaved_times_are_per_call_and_the_order_turns(monkeypatch) -> None:
-    monkeypatch.setattr(measuring, "LEAST_SECONDS", 0.0)  # one call of each in a round
+    monkeypatch.setattr(measuring, "MIN_SECONDS", 0.0)  # one call of each in a round
     order: list[str] = []
 
     def sleeper(name: str, seconds: float):
@@ -49,7 +49,7 @@ def test_interleaved_times_are_per_call_and_the_order_turns(monkeypatch) -> None
 
 
 def test_a_fast_function_is_called_many_times_in_a_round(monkeypatch) -> None:
-    monkeypatch.setattr(measuring, "LEAST_SECONDS", 0.02)
+    monkeypatch.setattr(measuring, "MIN_SECONDS", 0.02)
     seen: list[int] = []
     found = interleaved({"fast": seen.append}, rounds=1)
     assert len(seen) > 1000

@@ -16,7 +16,7 @@ from vig.io.errors import UserError
 
 SECONDS = 10
 """A mutant may take; the machine that runs this may be busy."""
-MOST_MEMORY = 600 << 20
+MAX_MEMORY = 600 << 20
 """Bytes by which the process may grow over all mutants of a test."""
 
 REVIEW_ORDER: list[Any] = [
@@ -34,7 +34,7 @@ def outcomes(mutants: Iterable[Any], read: Callable[[Any], object]) -> Counter[s
     """Read all mutants; how many were `accepted` and `refused`.
 
     Anything but a value or a UserError of one line fails the test, as do a mutant that takes longer than
-    SECONDS and memory that grows by more than MOST_MEMORY.
+    SECONDS and memory that grows by more than MAX_MEMORY.
     """
 
     def ring(*_: object) -> None:
@@ -57,7 +57,7 @@ def outcomes(mutants: Iterable[Any], read: Callable[[Any], object]) -> Counter[s
     finally:
         signal.signal(signal.SIGALRM, former)
     grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) << 10
-    assert grown < MOST_MEMORY, f"reading took {grown >> 20} MiB"
+    assert grown < MAX_MEMORY, f"reading took {grown >> 20} MiB"
     print(dict(counts))
     return counts
 

@@ -39,7 +39,7 @@ WORLD_OPTIONS: dict[str, dict[str, Any]] = {
 }
 """Arguments of `make_dataset` by the name of the world."""
 SAMPLES, SEED = 20, 31
-DEVIATIONS, LEAST_TOLERANCE_DEG, SHARE_TOLERANCE = 4.0, 5.0, 0.1
+DEVIATIONS, MIN_TOLERANCE_DEG, SHARE_TOLERANCE = 4.0, 5.0, 0.1
 """By how much explanations may differ between kinds of processor, whose sums round otherwise, which fits
 amplify: angles by so many of their stated deviations, or degrees where that is less; shares and confidences.
 Between AVX512, AVX2 and plain arithmetic azimuths of trusted views differ by 2.7 deviations at the most."""
@@ -93,7 +93,7 @@ def view_differences(expected: dict[str, Any], actual: dict[str, Any]) -> Iterat
         }.items():
             bound = SHARE_TOLERANCE
             if key in one["deviation"]:
-                bound = max(DEVIATIONS * one["deviation"][key], LEAST_TOLERANCE_DEG)
+                bound = max(DEVIATIONS * one["deviation"][key], MIN_TOLERANCE_DEG)
             if not difference <= bound:
                 yield f"{name}/{key}: expected {one[key]}; got {other[key]}"
 

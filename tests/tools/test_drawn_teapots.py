@@ -46,6 +46,6 @@ def test_ratios_are_undone(design: TeapotDesign) -> None:
 
 def test_giving_up_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(drawn_module, "flaws", lambda design: ["bad"])
-    monkeypatch.setattr(drawn_module, "MOST_TRIES", 2)
+    monkeypatch.setattr(drawn_module, "MAX_TRIES", 2)
     with pytest.raises(RuntimeError, match="2 drawn designs with a handle .* had flaws"):
         draw_design(np.random.default_rng(0))

@@ -195,7 +195,7 @@ def test_numpy_alone_puts_the_object_on_the_photo(
     """What the JSON and the GLB hold, and nothing of vig: the projected faces cover what the model's mask
     does, without the network's share. The last, three quarters hidden, would count as absent.
     """
-    monkeypatch.setattr("vig.inference.presence.LEAST_PRESENT", 0.0)
+    monkeypatch.setattr("vig.inference.presence.MIN_PRESENT", 0.0)
     photo = as_others_take_it(Image.open(example_photos()[number].photo).convert("RGB"), how)
     explanation = Explainer("teapot", ExplainSettings(network_mask_share=0.0)).explain(photo)
     explanation.save(tmp_path)

@@ -13,7 +13,7 @@ from safetensors.numpy import load_file, save_file
 import vig
 from tests.support import TEAPOT, run_vig
 from vig.inference import ExplainSettings, FitCalibration, Verdict, explain_one
-from vig.inference.calibration import CONFIDENCE_FEATURES, LEAST_DEVIATION, residual
+from vig.inference.calibration import CONFIDENCE_FEATURES, MIN_DEVIATION, residual
 from vig.io.errors import UserError
 from vig.photo.pinhole import sight_axes
 from vig.recognition import Recognizer
@@ -22,7 +22,7 @@ from vig_app.examples import example_photos
 from vig_train.calibration import learning
 from vig_train.calibration.learning import (
     FOLDS,
-    LEAST_THRESHOLD,
+    MIN_THRESHOLD,
     PRECISION,
     CalibrationSamples,
     describe,
@@ -135,9 +135,9 @@ def test_few_fits_get_a_threshold_with_those_of_other_classes(
 
 
 def test_other_classes_views_are_right_as_often_as_their_confidence_says() -> None:
-    """The packaged file's weights are shares of all views; it holds those from `LEAST_THRESHOLD` on."""
+    """The packaged file's weights are shares of all views; it holds those from `MIN_THRESHOLD` on."""
     others = load_file(learning.RELIABILITY_FILE)
-    assert others["confidence"].min() >= LEAST_THRESHOLD and others["weight"].sum() < 1
+    assert others["confidence"].min() >= MIN_THRESHOLD and others["weight"].sum() < 1
     stated, right = (np.average(others[name], weights=others["weight"]) for name in ("confidence", "right"))
     assert stated == pytest.approx(right, abs=0.03)
 
@@ -206,7 +206,7 @@ def test_intervals_hold_on_other_meshes_than_they_were_learned_on() -> None:
 def test_nothing_is_trusted_when_nothing_is_right_often_enough() -> None:
     right = np.zeros(100, dtype=bool)
     assert lowest_threshold(np.linspace(0, 0.9, 100), right, np.ones(100)) == 1.0
-    assert lowest_threshold(np.linspace(0, 0.9, 1000), np.ones(1000, bool), np.ones(1000)) == LEAST_THRESHOLD
+    assert lowest_threshold(np.linspace(0, 0.9, 1000), np.ones(1000, bool), np.ones(1000)) == MIN_THRESHOLD
 
 
 def test_what_is_wrong_of_one_mesh_weighs_more_than_what_is_wrong_here_and_there() -> None:
@@ -465,9 +465,9 @@ def test_fits_are_calibrated_from_what_they_say_uncalibrated(
     others = np.arange(found.deviation.shape[1]) != 10  # azimuth's is of all views
     expected = float(residual(fit.confidence_features)) * found.deviation[0]
     np.testing.assert_allclose(
-        fit.deviation[others], expected[others].clip(LEAST_DEVIATION), rtol=1e-4, atol=1e-9
+        fit.deviation[others], expected[others].clip(MIN_DEVIATION), rtol=1e-4, atol=1e-9
     )
-    assert (expected[others] > LEAST_DEVIATION).any()
+    assert (expected[others] > MIN_DEVIATION).any()
     np.testing.assert_allclose(
         found.features, np.stack([fit.confidence_features for fit in twice]), rtol=1e-5
     )

@@ -6,7 +6,7 @@ from tools.classes.mixing import Mixing, drawn_in_order, first_sound
 from tools.classes.mug_flaws import flaws
 from vig_world.assets.mugs.design import MUGS, MugDesign
 
-MOST_TRIES = 200
+MAX_TRIES = 200
 
 _OF_HEIGHT = ("corner_height", "handle_top", "handle_bottom")
 _OF_RADIUS = ("corner_inset", "handle_reach", "handle_lean", "handle_thickness", "handle_width")
@@ -28,13 +28,13 @@ MIXING = Mixing(
 def draw_mug(rng: np.random.Generator, name: str = "drawn") -> MugDesign:
     """Draw a sound mug: body, wall, and the handle's place, curve and section each of two training designs.
 
-    Raises RuntimeError when `MOST_TRIES` drawn designs in a row have flaws.
+    Raises RuntimeError when `MAX_TRIES` drawn designs in a row have flaws.
     """
 
     def draw() -> MugDesign:
         return MugDesign(**MIXING.absolute({"name": name} | MIXING.mixture(rng, lambda group: MUGS["train"])))
 
-    return first_sound(draw, flaws, MOST_TRIES, "mugs")
+    return first_sound(draw, flaws, MAX_TRIES, "mugs")
 
 
 def drawn_mugs(count: int, seed: int = 0) -> tuple[MugDesign, ...]:

@@ -11,7 +11,7 @@ from vig_world.assets.designs.design import HANDLES, TEAPOTS, Handle, TeapotDesi
 SHARES: dict[Handle, float] = {"behind": 0.7, "above": 0.22, "straight": 0.08}
 """Probability of each handle."""
 
-MOST_TRIES = 200
+MAX_TRIES = 200
 
 _OF_SHOULDER = ("belly_height", "spout_base_height", "spout_tip_height", "handle_top", "handle_bottom")
 _OF_NECK = ("lid_height", "knob_height", "knob_radius")
@@ -45,7 +45,7 @@ def draw_design(
 ) -> TeapotDesign:
     """Draw a sound design: body, lid, knob, spout and handle each of a mixture of two training designs.
 
-    Raises RuntimeError when `MOST_TRIES` drawn designs in a row have flaws.
+    Raises RuntimeError when `MAX_TRIES` drawn designs in a row have flaws.
     """
     shares = np.array([SHARES[handle] for handle in handles])
     handle = handles[int(rng.choice(len(handles), p=shares / shares.sum()))]
@@ -57,7 +57,7 @@ def draw_design(
     def draw() -> TeapotDesign:
         return TeapotDesign(**MIXING.absolute({"name": name} | MIXING.mixture(rng, chosen)))
 
-    return first_sound(draw, flaws, MOST_TRIES, f"designs with a handle {handle}")
+    return first_sound(draw, flaws, MAX_TRIES, f"designs with a handle {handle}")
 
 
 def drawn_designs(

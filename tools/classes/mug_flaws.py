@@ -17,10 +17,10 @@ REACHES = (0.18, 0.5)
 """Reach of the handle / width of the body."""
 _OPENING = 0.007
 """Metres between handle and wall, at the widest."""
-_LEAST_ROW = 0.0007
+_MIN_ROW = 0.0007
 """Metres of wall between the handle's places, and between them and rim or bottom."""
-_LEAST_WALL = 0.0009
-_LEAST_ANGLE = 2.5
+_MIN_WALL = 0.0009
+_MIN_ANGLE = 2.5
 """Degrees, of faces."""
 
 
@@ -28,11 +28,11 @@ def flaws(design: MugDesign) -> list[str]:
     """Return the flaws that make a design no mug, a sentence each; empty for a sound one."""
     outer, inner = outside(design), inside(design)
     flaws_found = []
-    if np.diff(wall_rows(design, outer)).min() * outer.length < _LEAST_ROW:
+    if np.diff(wall_rows(design, outer)).min() * outer.length < _MIN_ROW:
         flaws_found.append("the handle's places on the wall leave no room")
     if inner.points[0, 0] < 0.2 * inner.points[:, 0].max():
         flaws_found.append("it is not hollow")
-    if (outer.radius(inner.points[:, 1]) - inner.points[:, 0]).min() < _LEAST_WALL:
+    if (outer.radius(inner.points[:, 1]) - inner.points[:, 0]).min() < _MIN_WALL:
         flaws_found.append("the wall is too thin")
     line = centre_line(design, outer)
     gap = line[:, 0] - 0.5 * design.handle_thickness - outer.radius(line[:, 1])
@@ -43,7 +43,7 @@ def flaws(design: MugDesign) -> list[str]:
         flaws_found.append("it reaches below the ground")
     if line[:, 1].max() > 1.08 * design.height:
         flaws_found.append("the handle rises above the rim")
-    if thinnest(vertices) < _LEAST_ANGLE:
+    if thinnest(vertices) < _MIN_ANGLE:
         flaws_found.append("it has slivers")
     width = float(np.ptp(vertices[:, 1]))
     sizes = [

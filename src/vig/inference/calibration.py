@@ -54,7 +54,7 @@ UNCALIBRATED_WIDENING = 35.0
 scenes of four meshes right views were 3.7 degrees off (68 % quantile) where evidence alone says 0.1."""
 WITHIN_90 = 1.6449
 """Standard deviations on either side that hold 90 % of a Gaussian."""
-LEAST_DEVIATION = 1e-3
+MIN_DEVIATION = 1e-3
 """Deviation of any latent: even one that never varied, such as L00 at a set exposure, is uncertain."""
 
 
@@ -118,7 +118,7 @@ class FitCalibration:
         """Return the standard deviations (P,) from those of the curvature."""
         row = 0 if trusted else 1
         wide = np.sqrt((self.scale[row] * deviation) ** 2 + self.floor[row] ** 2)
-        widened: np.ndarray = np.maximum(residual(features) * wide, LEAST_DEVIATION)
+        widened: np.ndarray = np.maximum(residual(features) * wide, MIN_DEVIATION)
         return widened
 
     def to_json(self) -> str:

@@ -25,11 +25,11 @@ from vig.recognition.prediction import bin_centres
 from vig.scene import Latents, latent_layout
 from vig.scene.functions import log_odds
 
-LEAST_PROBABILITY = 1e-3
+MIN_PROBABILITY = 1e-3
 """Floor of a pixel's probability in `mask_log_probability`, so that none decides alone."""
 UNINFORMED = "no network knows such objects; of the views all round this one has the most evidence"
 """Reason for doubt where views are compared by the objective alone."""
-MOST_GAP = 3000.0
+MAX_GAP = 3000.0
 """Nats at which the evidence gap is clipped."""
 
 
@@ -247,7 +247,7 @@ def _features(
     centres = bin_centres(len(probability), prediction.symmetry.fold)
     rivals = centres[np.abs(prediction.azimuth_offsets(latents.azimuth)) > 2 * DISTINCT_AZIMUTH]
     features = {
-        "evidence_gap": 0.0 if selection.reverted else math.log1p(min(selection.gap, MOST_GAP)),
+        "evidence_gap": 0.0 if selection.reverted else math.log1p(min(selection.gap, MAX_GAP)),
         "view_log_probability": float(prediction.log_mass(latents.azimuth)[0]),
         "network_agrees": float(abs(float(network_off)) < DISTINCT_AZIMUTH),
         "hidden_fraction": 1 - pixels / max(1, int(shown.amodal.sum())),
@@ -261,7 +261,7 @@ def _features(
         "presence_log_odds": log_odds(float(prediction.presence[0])),
         "predicted_roll": abs(float(prediction.roll[0])),
         "outline_agreement": int((shown.amodal & predicted).sum()) / max(union, 1),
-        "rival_log_probability": float(prediction.log_mass(rivals).max(initial=math.log(LEAST_PROBABILITY))),
+        "rival_log_probability": float(prediction.log_mass(rivals).max(initial=math.log(MIN_PROBABILITY))),
     }
     return np.array([features[name] for name in CONFIDENCE_FEATURES], np.float64)
 
@@ -276,8 +276,8 @@ def _mask_log_probability(predicted: np.ndarray, mask: np.ndarray, amodal: np.nd
     # 0.3: predicted probability from which a pixel may well show the object
     about = amodal | (visible > 0.3)
     if not about.any():
-        return math.log(LEAST_PROBABILITY)
-    return float(np.log(np.maximum(same, LEAST_PROBABILITY))[about].mean())
+        return math.log(MIN_PROBABILITY)
+    return float(np.log(np.maximum(same, MIN_PROBABILITY))[about].mean())
 
 
 def _verdict(

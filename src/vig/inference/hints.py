@@ -20,7 +20,7 @@ POINT_WEIGHT = 100.0
 """Exponent of the points' Gaussian: evidence counts pixels as independent, which they are not."""
 COARSE_NOISE = 0.08
 """Standard deviation of a point where views are compared before the shape is fitted."""
-LEAST_VIEW = 0.002
+MIN_VIEW = 0.002
 """Probability added to each bin of azimuth: the network may rule out the user's view."""
 VIEW_SPREAD = math.radians(8.0)
 """Standard deviation about an azimuth that a user gives."""
@@ -111,7 +111,7 @@ class WindowHints:
             bins = azimuth.shape[1]
             # Bins of a symmetric class share the circle's 1 / fold part.
             centres = bin_centres(bins, prediction.symmetry.fold)
-            weight = azimuth[0].astype(np.float64) + LEAST_VIEW
+            weight = azimuth[0].astype(np.float64) + MIN_VIEW
             if self.azimuth is not None:
                 off = prediction.symmetry.difference(centres, np.float32(self.azimuth))
                 weight = np.exp(-0.5 * (off.astype(np.float64) / VIEW_SPREAD) ** 2)

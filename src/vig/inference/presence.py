@@ -6,7 +6,7 @@ import numpy as np
 
 from vig.inference.settings import Fit, Verdict
 
-LEAST_PRESENT = 0.5
+MIN_PRESENT = 0.5
 """Probability of presence below which the object counts as absent; also that of each of several objects, and
 of a tracked one that is looked for again."""
 TRUSTED_PRESENCE = 0.7
@@ -20,7 +20,7 @@ def judge_presence(fit: Fit, present: float, name: str) -> Fit:
     """
     sure = present >= TRUSTED_PRESENCE
     judged = replace(fit, present=present, mask_trusted=fit.mask_trusted and sure)
-    if present < LEAST_PRESENT:
+    if present < MIN_PRESENT:
         reason = f"no {name} was found in the photo; give a box if there is one"
         nothing = np.zeros_like(fit.visible)
         hidden = np.zeros_like(fit.mask)

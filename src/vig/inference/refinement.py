@@ -29,7 +29,7 @@ class Selection:
     Attributes:
         point: (1, P') of the objective.
         path: (T, P') how it was reached, from its start on.
-        reverted: Whether the network's guess was kept because no end had `LEAST_GAIN_NATS` more evidence.
+        reverted: Whether the network's guess was kept because no end had `MIN_GAIN_NATS` more evidence.
         start_evidence: Log posterior at that guess, nats.
         evaluations: Evaluations of the objective, by all starts together.
         gap: Nats by which the score of the best end of another view is below; infinite where there is none.
@@ -75,7 +75,7 @@ def select(
     start = start_point(objective, guess)
     start_evidence = float(objective.evaluate_one(start, sigma, derivatives=False).value[0])
     # By evidence alone: the view probability of the guess is the highest by its nature.
-    reverted = informed and float(ends.evidence[best]) <= start_evidence + LEAST_GAIN_NATS
+    reverted = informed and float(ends.evidence[best]) <= start_evidence + MIN_GAIN_NATS
     point = start if reverted else ends.points[best : best + 1]
     azimuth, symmetry = objective.azimuth(ends.points), objective.object_class.symmetry
     other_view = np.abs(symmetry.difference(azimuth, azimuth[best])) > DISTINCT_AZIMUTH
@@ -120,7 +120,7 @@ def select(
     )
 
 
-LEAST_GAIN_NATS = 0.1
+MIN_GAIN_NATS = 0.1
 """Gains of evidence below it are rounding, which differs between processors: log posteriors are sums of some
 10^4 nats in single precision."""
 AZIMUTH_SPREAD = math.radians(8.0)

@@ -22,11 +22,11 @@ GRID = 4
 """Bumps along each side of a square about the object; their deviation is the distance of neighbours."""
 ROUNDS, BUDGET = 3, Budget(20, 0.3)
 """Alternations between gain and latents, and the budget of each descent."""
-FIRST_NOISE, LEAST_NOISE, MOST_NOISE = 2.0, 0.5, 3.0
+FIRST_NOISE, MIN_NOISE, MAX_NOISE = 2.0, 0.5, 3.0
 """Multiples of the pixel model's sigma: at first, and the bounds of the estimate."""
 WIDENING = 2.0
 """The noise is this multiple of the residual's root mean square, as neighbours err alike."""
-LEAST, MOST = 0.3, 3.0
+MIN_GAIN, MAX_GAIN = 0.3, 3.0
 """Bounds of the gain."""
 BRIGHTEST = 8.0
 """Greatest value of a divided photo, linear RGB; brighter pixels are highlights whatever the gain."""
@@ -52,7 +52,7 @@ def with_shading_gain(
         if gain is None:
             return objective, selection
         divided, penalty = _divide_by_gain(objective, gain.factor), gain.penalty
-        noise = min(max(WIDENING * gain.residual, LEAST_NOISE * pixel_sigma), MOST_NOISE * pixel_sigma)
+        noise = min(max(WIDENING * gain.residual, MIN_NOISE * pixel_sigma), MAX_NOISE * pixel_sigma)
         descent = settings.optimizer(divided, point, of_photo, noise, BUDGET)
         point, evaluations = descent.points, evaluations + int(descent.evaluations.sum()) + 1
         path.append(point if descent.path is None else descent.path[1:, 0])
@@ -76,7 +76,7 @@ class _Gain:
     """A gain and its residual.
 
     Attributes:
-        factor: (H, W), within `LEAST` and `MOST`.
+        factor: (H, W), within `MIN_GAIN` and `MAX_GAIN`.
         penalty: Penalty of its heights, nats.
         residual: Root mean square of visible pixels, linear RGB.
     """
@@ -109,7 +109,7 @@ def _gain(
     normal = bumps.T @ weighted + precision * np.eye(bumps.shape[1])
     missing = ((observed - rendered) * rendered).sum(1)
     heights = np.linalg.solve(normal, bumps.T @ (weight * missing))
-    gain = (1 + bumps @ heights).clip(LEAST, MOST)
+    gain = (1 + bumps @ heights).clip(MIN_GAIN, MAX_GAIN)
     squares = np.square(observed / gain[:, None] - rendered).mean(1)
     residual = math.sqrt(visible @ squares / visible.sum())
     penalty = 0.5 * precision * float(np.square(heights).sum())

@@ -22,9 +22,9 @@ from safetensors import safe_open
 from vig.io.errors import UserError
 from vig_renderer.checks import check_indices as check_indices
 
-MOST_JSON = 16 << 20  # bytes of a JSON file, unless its reader has another limit
-MOST_TABLE = 1 << 30  # bytes of a JSON file with an entry for each of many photos
-MOST_TENSORS = 1 << 30  # bytes of a safetensors file
+MAX_JSON = 16 << 20  # bytes of a JSON file, unless its reader has another limit
+MAX_TABLE = 1 << 30  # bytes of a JSON file with an entry for each of many photos
+MAX_TENSORS = 1 << 30  # bytes of a safetensors file
 
 _LEARNING = threading.RLock()  # held where msgspec learns types, as it does not expect two threads there
 if hasattr(os, "register_at_fork"):  # a child has no thread that could release it
@@ -70,7 +70,7 @@ def _came(error: Exception) -> str:
     return f"a damaged file ({text or type(error).__name__})"
 
 
-def read_bytes(path: str | Path, most: int = MOST_JSON) -> bytes:
+def read_bytes(path: str | Path, most: int = MAX_JSON) -> bytes:
     """Read a regular file of at most `most` bytes. OSError or ValueError for anything else."""
     # Without O_NONBLOCK, opening a named pipe would wait for its writer.
     with open(os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:
@@ -111,7 +111,7 @@ def parse_json(data: bytes | str) -> Any:
         raise ValueError(f"no JSON from line {error.lineno} on") from error
 
 
-def read_json(path: str | Path, most: int = MOST_JSON) -> Any:
+def read_json(path: str | Path, most: int = MAX_JSON) -> Any:
     """Read a JSON file of at most `most` bytes. OSError or ValueError as `read_bytes` and `parse_json`."""
     return parse_json(read_bytes(path, most))
 
@@ -126,7 +126,7 @@ def _finite_float(text: str) -> float:
 
 
 def read_tensors(
-    path: str | Path, framework: Literal["np", "pt"] = "np", most: int = MOST_TENSORS, finite: bool = True
+    path: str | Path, framework: Literal["np", "pt"] = "np", most: int = MAX_TENSORS, finite: bool = True
 ) -> tuple[dict[str, Any], dict[str, str]]:
     """Read the tensors and the metadata of a safetensors file.
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from vig.known_object.picture import LEAST_COLOUR, Picture
+from vig.known_object.picture import MIN_COLOUR, Picture
 from vig.known_object.surface import Surface
 from vig_native import engine
 
@@ -17,7 +17,7 @@ def align(surface: Surface, picture: Picture, pose: np.ndarray) -> np.ndarray:
     picture: Its camera is that of the pose. Light is solved for, as in `score_pose` of vig_native/pose.h.
     """
     photo = picture.native(surface)
-    logs = np.log(picture.colour.clip(0, None) * np.float32(picture.exposure) + np.float32(LEAST_COLOUR))
+    logs = np.log(picture.colour.clip(0, None) * np.float32(picture.exposure) + np.float32(MIN_COLOUR))
     for spread in (0.6, 0.4, 0.3, 0.2):
         coverage, base, normal, light = _draw_surface(surface, photo, pose)
         place = (coverage > 0.5) & (picture.seen > 0.5)
@@ -65,4 +65,4 @@ def _draw_surface(surface: Surface, photo: object, pose: np.ndarray) -> tuple[np
     """Return the covered share (n, n), log colours and normals (n, n, 3), and the light (6,)."""
     at = contiguous(pose[:3, :3], pose[:3, 3])
     coverage, colour, normal, _, light = engine.draw_pose(surface.mesh, photo, *at)
-    return coverage, np.log(colour + np.float32(LEAST_COLOUR)), normal, light
+    return coverage, np.log(colour + np.float32(MIN_COLOUR)), normal, light

@@ -30,9 +30,9 @@ _TABLE = {
 }
 DIRECTIONS, PIXELS = 100, 200
 """Views whose keypoints are kept, some 20 degrees apart, and pixels of the object's diameter in them."""
-SIMILAR, MOST_ALIKE = 0.9, 6
+SIMILAR, MAX_ALIKE = 0.9, 6
 """Least cosine of the descriptors of a match, and matches of each of a photo's keypoints at most."""
-LEAST_MATCHES = 5  # keypoints that one pose explains
+MIN_MATCHES = 5  # keypoints that one pose explains
 
 
 @dataclass(frozen=True)
@@ -183,7 +183,7 @@ class Matches:
             cosine = alike[row, column]
             order = np.lexsort((-cosine, row))
             row, column, cosine = row[order], column[order], cosine[order]
-            kept = np.arange(len(row)) - np.searchsorted(row, row) < MOST_ALIKE
+            kept = np.arange(len(row)) - np.searchsorted(row, row) < MAX_ALIKE
             parts.append(np.stack([row + start, column, cosine - SIMILAR + 0.02])[:, kept])
         mine, its, weight = np.concatenate(parts, axis=1)
         return Matches(photo, lens, views, mine.astype(int), its.astype(int), weight)
@@ -232,7 +232,7 @@ class Matches:
             rows = np.nonzero(number == view)[0]
             rows = np.sort(rows[np.argsort(-self.weight[rows], kind="stable")[:120]])
             for _ in range(2):  # objects of one kind
-                if len(rows) < LEAST_MATCHES:
+                if len(rows) < MIN_MATCHES:
                     break
                 each = factor[rows, None]
                 error = np.abs(middle[rows, None] + each * on[rows] - at[rows])
@@ -241,7 +241,7 @@ class Matches:
                 agree &= error < np.minimum(0.06 * PIXELS * np.abs(each), 25)
                 first = np.unique(self.mine[rows], return_index=True)[1]
                 votes = np.maximum.reduceat(agree * self.weight[rows], first, axis=1)
-                sums = votes.sum(1) * ((votes > 0).sum(1) >= LEAST_MATCHES - 1)
+                sums = votes.sum(1) * ((votes > 0).sum(1) >= MIN_MATCHES - 1)
                 best = int(sums.argmax())
                 if sums[best] <= 0:
                     break
@@ -277,7 +277,7 @@ class Matches:
         inside = np.zeros(0, int)
         for tolerance in (0.1, 0.05, 0.03):
             inside = self.agreeing(pose, tolerance)
-            if len(inside) < LEAST_MATCHES:
+            if len(inside) < MIN_MATCHES:
                 return None
             start = cv2.Rodrigues(pose[:3, :3])[0], pose[:3, 3:].copy()
             done, turn, shift = cv2.solvePnP(on[inside], at[inside], self.lens.K, None, *start, True)

@@ -13,7 +13,7 @@ from vig.io.errors import UserError
 from vig.known_object.surface import Surface
 from vig_native import engine
 
-LEAST_COLOUR: float = engine.LEAST_COLOUR
+MIN_COLOUR: float = engine.MIN_COLOUR
 """Added to colours before their logarithm: noise and haze of dark pixels."""
 LOG_OTHER = -0.75 - 1.5 * math.log(2 * math.pi)
 """Log density of log colours that neither the object's surface nor the surroundings explain."""
@@ -143,7 +143,7 @@ class Picture:
     def exposure(self) -> float:
         """Return the factor that makes the content of the box as bright as surfaces usually are.
 
-        Else `LEAST_COLOUR` would hide the contrast of dark photos.
+        Else `MIN_COLOUR` would hide the contrast of dark photos.
         """
         seen, colour = self.seen[self.within], self.colour[self.within]
         mean = float((colour.mean(2) * seen).sum() / max(float(seen.sum()), 1.0))
@@ -159,8 +159,8 @@ class Picture:
             return None
         beside = self.seen.copy()
         beside[self.within] = 0
-        darkest, span = math.log(LEAST_COLOUR), math.log(1 + 1 / LEAST_COLOUR)
-        logs = np.log(self.colour.clip(0, None) * np.float32(self.exposure) + LEAST_COLOUR)
+        darkest, span = math.log(MIN_COLOUR), math.log(1 + 1 / MIN_COLOUR)
+        logs = np.log(self.colour.clip(0, None) * np.float32(self.exposure) + MIN_COLOUR)
         shares = (beside / max(float(beside.sum()), 1e-9))[None].astype(np.float64)
         density = engine.colour_density(((logs - darkest) / span).clip(0, 1).astype(np.float64), shares)[0]
         logs = np.log(0.8 * density / span**3 + 0.2 * math.exp(LOG_OTHER))

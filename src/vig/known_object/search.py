@@ -18,7 +18,7 @@ VIEWS, TURNS = 400, 36
 VIEW_PIXELS, VIEW_SAMPLES = 24, 4
 """Pixels a side of a view, and samples a side of each: print is blurred, as in a photo that small."""
 VIEW_DISTANCE = 6.0  # distance of the views' camera in radii of the object, with little perspective
-MOST_ASPECT = 0.35
+MAX_ASPECT = 0.35
 """A view is left out where the log ratio of its box's sides differs by more from the given box's, unless
 fewer than 200 remained."""
 SAME = math.radians(5.0)  # angle below which poses that were refined are one
@@ -229,7 +229,7 @@ class Views:
         width, height = np.moveaxis(high - low, 2, 0)
         aspect = math.log((right - left) / (bottom - top)) - np.log(width / height)
         turn, view = np.nonzero(
-            np.abs(aspect) < max(MOST_ASPECT, float(np.partition(np.abs(aspect), 200, axis=None)[200]))
+            np.abs(aspect) < max(MAX_ASPECT, float(np.partition(np.abs(aspect), 200, axis=None)[200]))
         )
         scale = np.sqrt((right - left) * (bottom - top) / (width * height))[turn, view]
         at = np.array([left + right, top + bottom]) / 2 - scale[:, None] * (low + high)[turn, view] / 2

@@ -107,7 +107,7 @@ class Surface:
         count = np.stack([np.bincount(each, minlength=number.max() + 1) for each in number])
         both = count.min(0) >= 0.3 * count.max(0)
         total = [[np.bincount(each, colour, count.shape[1]) for colour in colours.T] for each in number]
-        mean = np.log(np.array(total)[..., both] / count[:, None, both] + engine.LEAST_COLOUR)
+        mean = np.log(np.array(total)[..., both] / count[:, None, both] + engine.MIN_COLOUR)
         weight = count[0, both] / count[0].sum()
         unlike = np.abs(mean[0] - mean[1]).max(0)
         # A carton of fine chequers, printed alike on two sides, has 1, .14 and .00; one of HOPE's with nearly

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from vig.inference.settings import Fit, Verdict
-from vig.known_object.picture import LEAST_COLOUR, Picture
+from vig.known_object.picture import MIN_COLOUR, Picture
 from vig.known_object.search import Poses
 from vig.known_object.surface import Surface
 from vig.scene.functions import sigmoid
@@ -62,7 +62,7 @@ def print_explained(picture: Picture, coverage: np.ndarray, colour: np.ndarray, 
     if alike.sum() < 10:
         return 0.0
     photo, texture = (
-        np.log(each[alike].astype(np.float64).clip(0, None) + LEAST_COLOUR).mean(1)
+        np.log(each[alike].astype(np.float64).clip(0, None) + MIN_COLOUR).mean(1)
         for each in (picture.colour * picture.exposure, colour)
     )
     photo, texture = photo - photo.mean(), texture - texture.mean()

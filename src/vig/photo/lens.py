@@ -18,7 +18,7 @@ from vig.photo.checks import existing_file
 from vig.photo.decoding import open_picture
 
 WIDEST = 0.15  # focal length, in longer sides of the photo, below which K is not in this photo's pixels
-LEAST_COSINE = 0.2
+MIN_COSINE = 0.2
 """Cosine of the angle between the lens's optical axis and the rays of a window that it may show, at least."""
 DISTORTION = re.compile(
     r"d|(?!undist).*dist(?!anc).*|.*coef.*|.*(radial|tangential).*|[kps][1-9]|tau[xy]|xi|omega|kc|alphac?|skew"

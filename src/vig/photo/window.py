@@ -11,7 +11,7 @@ from PIL import Image
 
 from vig.io.errors import UserError
 from vig.photo.images import linear_photo, linear_planes
-from vig.photo.lens import LEAST_COSINE, Intrinsics
+from vig.photo.lens import MIN_COSINE, Intrinsics
 from vig.photo.masks import box_of
 from vig.scene import IMAGE_SIZE, Camera
 from vig.scene.camera import FOCAL_OVER_WIDTH
@@ -187,7 +187,7 @@ class Window:
         matrix: np.ndarray = self.lens.K @ self.turn.T @ np.diag([1 / self.focal, 1 / self.focal, 1.0])
         half = self.side / 2
         depth = matrix[2] @ [[-half, half, -half, half], [-half, -half, half, half], [1, 1, 1, 1]]
-        if depth.min() < LEAST_COSINE:
+        if depth.min() < MIN_COSINE:
             raise UserError(
                 f"expected an object that the lens sees less than 80 degrees off its axis; got a window of"
                 f" {self.side:.0f} pixels about {self.centre[0]:.0f}, {self.centre[1]:.0f}. Check the camera."

@@ -22,7 +22,7 @@ MOVED_WINDOWS = 2
 MOVES = 2
 """Looks at each window, which is moved each time. Windows of 60 real cars overlap the true ones by .79 as
 the map has them, by .95 after one move, by .97 after two."""
-LEAST_ROLL = math.radians(5.0)
+MIN_ROLL = math.radians(5.0)
 """Roll, as the network sees it, from which a window is turned, radians."""
 UNTRAINED = (
     "expected a box or a mask of the object, as its class has no network to find it; got neither. Give --box"
@@ -225,7 +225,7 @@ def upright(photo: np.ndarray | ImagePyramid, window: Window, recognizer: Recogn
     # the median after one turn, 2 after two
     for _ in range(3):
         roll = float(predict_windows(photo, [window], recognizer).roll[0])
-        if abs(roll) < LEAST_ROLL:
+        if abs(roll) < MIN_ROLL:
             break
         window = replace(window, roll=window.roll + roll)
     return window
@@ -258,7 +258,7 @@ def _move_window(window: Window, prediction: Prediction) -> Window:
     x, y = (box[0] + box[2] / 2 - 0.5) * window.side, (box[1] + box[3] / 2 - 0.5) * window.side
     centre = window.to_photo(x, y)
     w, h = box[2] * window.side, box[3] * window.side
-    turn = window.roll + (roll if abs(roll) > LEAST_ROLL else 0.0)
+    turn = window.roll + (roll if abs(roll) > MIN_ROLL else 0.0)
     return Window.round_box((centre[0] - w / 2, centre[1] - h / 2, w, h), turn)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from vig.io.checks import check_number
 from vig.scene import LatentLayout, Latents, regressed_layout, rotate_z
-from vig.scene.shape_model import MOST_MODES
+from vig.scene.shape_model import MAX_MODES
 from vig_renderer.arrays import Array, like
 
 MASK_CLASSES = ("visible", "hidden", "background")
@@ -131,7 +131,7 @@ class NetworkSettings:
         check_sizes("context", self.context, 1, 2048)
         check_sizes("object_map", (self.object_map,), 0, 2048)
         check_sizes("expansion", (self.expansion,), 1, 16)
-        check_sizes("modes", (self.modes,), 1, MOST_MODES)
+        check_sizes("modes", (self.modes,), 1, MAX_MODES)
         check_sizes("azimuth_bins", (self.azimuth_bins,), 6, 3600)
         if self.azimuth_bins % 2:
             raise ValueError(

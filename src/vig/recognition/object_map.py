@@ -29,7 +29,7 @@ SIDES_FOR_SEVERAL = (*PHOTO_SIDES, 608)
 """The same for several objects, some of them small: a 23rd of the photo and more."""
 BOX_SIDES = (26.0, 150.0)
 """Longer sides of boxes, pixels, that the map predicts."""
-MOST_LOG_SIZE = 4.0
+MAX_LOG_SIZE = 4.0
 """Log size of a box, in cells, and of a cell, in boxes, at most: beyond any that is trained."""
 NUMBERS = 5
 """Numbers of a cell: the centre's logit; how far right and down of the cell's middle it is, in cells; log
@@ -85,7 +85,7 @@ def _at_scale(photo: np.ndarray | ImagePyramid, recognizer: Recognizer, side: in
     for row, column in np.argwhere(_is_highest(probability) & (probability > 0.02)).tolist():
         right, down, *log_size = numbers[1:, row, column].tolist()
         w, h = (
-            MAP_STRIDE * pixels * math.exp(min(max(each, -MOST_LOG_SIZE), MOST_LOG_SIZE)) for each in log_size
+            MAP_STRIDE * pixels * math.exp(min(max(each, -MAX_LOG_SIZE), MAX_LOG_SIZE)) for each in log_size
         )
         x = whole.left + pixels * (left + MAP_STRIDE * (column + 0.5 + right))
         y = whole.top + pixels * (top + MAP_STRIDE * (row + 0.5 + down))

@@ -12,7 +12,7 @@ import numpy as np
 from vig.recognition.network import latents_of, layout_of_numbers
 from vig.scene import LatentLayout, Latents, Symmetry
 
-LEAST_MASK, MASK_STEP, NUMBER_STEP, DEVIATION_STEP = 0.02, 1 / 8, 1 / 512, 1 / 16
+MIN_MASK, MASK_STEP, NUMBER_STEP, DEVIATION_STEP = 0.02, 1 / 8, 1 / 512, 1 / 16
 """Least probability of a mask, and steps of its logarithm (nats), of numbers (units of the latents) and of a
 deviation's logarithm, see `Prediction.round_for_search`. Between AVX2 and AVX-512 masks differ by 4e-8, so
 that 2 % of photos have a pixel on another step."""
@@ -132,14 +132,14 @@ class Prediction:
         """Return the same prediction in steps far above rounding, as searches start from it.
 
         Networks add up in another order on each kind of processor, and searches amplify a last digit. Masks
-        are in steps of `MASK_STEP` nats, 0 below `LEAST_MASK`; numbers of `NUMBER_STEP`; the logarithms of
+        are in steps of `MASK_STEP` nats, 0 below `MIN_MASK`; numbers of `NUMBER_STEP`; the logarithms of
         deviations of `DEVIATION_STEP`. Azimuth, by which ends are only compared, stays as it is.
         """
         mask, log_deviation = self.mask.astype(np.float64), np.log(self.deviation.astype(np.float64))
-        coarse = np.exp(round_to_grid(np.log(np.maximum(mask, LEAST_MASK)), MASK_STEP))
+        coarse = np.exp(round_to_grid(np.log(np.maximum(mask, MIN_MASK)), MASK_STEP))
         rounded = replace(
             self,
-            mask=np.where(mask < LEAST_MASK, 0.0, coarse).astype(self.mask.dtype),
+            mask=np.where(mask < MIN_MASK, 0.0, coarse).astype(self.mask.dtype),
             numbers=round_to_grid(self.numbers, NUMBER_STEP),
             deviation=np.exp(round_to_grid(log_deviation, DEVIATION_STEP)).astype(self.deviation.dtype),
         )

@@ -18,7 +18,7 @@ def angle_difference(a: Array, b: Array) -> Array:
 FOCAL_OVER_WIDTH = 1.12  # focal length over the image's width of the paper's camera
 DISTANCE = 0.4  # metres of the paper's camera, which suits things of a teapot's size
 IMAGE_SIZE = 150  # pixels a side of the images that are fitted, as in the paper
-MOST_PIXELS = 16_384  # a side of an image
+MAX_SIDE = 16_384  # a side of an image
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,9 @@ class Camera:
 
     def __post_init__(self) -> None:
         for side in (self.width, self.height):
-            if not _real(side) or side != int(side) or not 1 <= side <= MOST_PIXELS:
+            if not _real(side) or side != int(side) or not 1 <= side <= MAX_SIDE:
                 raise ValueError(
-                    f"a camera's image must have 1 to {MOST_PIXELS} whole pixels a side;"
+                    f"a camera's image must have 1 to {MAX_SIDE} whole pixels a side;"
                     f" got {self.width} x {self.height}. Give the photo's size."
                 )
         vertical = self.focal if self.focal_y is None else self.focal_y

@@ -7,10 +7,10 @@ import numpy as np
 from vig.io.checks import check_arrays, check_indices
 from vig_renderer.arrays import Array, floating, like
 
-MOST_MODES = 64
+MAX_MODES = 64
 """Components of a shape model, so that a damaged file cannot ask for any memory; so are
 faces and vertices bounded."""
-MOST_FACES = 400_000
+MAX_FACES = 400_000
 ARRAYS = {
     "mean": ("float32 float64", ("V", 3)),
     "basis": ("float32 float64", ("K", "V", 3)),
@@ -40,11 +40,11 @@ class ShapeModel:
         arrays = {name: getattr(self, name) for name in ARRAYS}
         sizes = check_arrays(arrays, ARRAYS)
         most_vertices = 200_000
-        most = {"V": most_vertices, "F": MOST_FACES, "K": MOST_MODES}
+        most = {"V": most_vertices, "F": MAX_FACES, "K": MAX_MODES}
         if sizes["V"] < 3 or any(sizes[letter] > bound for letter, bound in most.items()):
             raise ValueError(
-                f"a shape model must have 3 to {most_vertices} vertices, at most {MOST_FACES} faces and"
-                f" {MOST_MODES} components; it has {sizes['V']}, {sizes['F']} and {sizes['K']}"
+                f"a shape model must have 3 to {most_vertices} vertices, at most {MAX_FACES} faces and"
+                f" {MAX_MODES} components; it has {sizes['V']}, {sizes['F']} and {sizes['K']}"
             )
         # Greatest distance of a vertex from the origin, and its greatest move along one component, metres.
         largest = 100.0

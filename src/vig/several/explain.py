@@ -9,7 +9,7 @@ import numpy as np
 
 from vig.explainer import Box, Explainer, Lens, Photo, lens_of
 from vig.explanation import Explanation
-from vig.inference.presence import LEAST_PRESENT, judge_presence
+from vig.inference.presence import MIN_PRESENT, judge_presence
 from vig.io.errors import UserError
 from vig.parallel import on_one_core
 from vig.photo import ImagePyramid, Window
@@ -21,7 +21,7 @@ from vig.several.known import find_known_together, fit_known_jointly
 from vig.several.scene import SceneExplanation
 from vig_renderer.defaults import with_default_settings
 
-MOST_OBJECTS = 24  # objects of one photo, at most
+MAX_OBJECTS = 24  # objects of one photo, at most
 
 
 @with_default_settings
@@ -45,9 +45,9 @@ def explain_together(
         UserError: See `Explainer.explain`; also for more or fewer boxes than explainers, or too many.
     """
     explainers, boxes = _explainers(explainers), list(boxes) if isinstance(boxes, Iterable) else []
-    if not 1 <= len(boxes) <= MOST_OBJECTS or len(boxes) != len(explainers):
+    if not 1 <= len(boxes) <= MAX_OBJECTS or len(boxes) != len(explainers):
         raise UserError(
-            f"expected an explainer and a box for each of 1 to {MOST_OBJECTS} objects; got"
+            f"expected an explainer and a box for each of 1 to {MAX_OBJECTS} objects; got"
             f" {len(explainers)} and {len(boxes)}. Give as many of both."
         )
     picture, lens = coded_photo(photo), lens_of(photo, focal, K)
@@ -80,8 +80,8 @@ def explain_found(
     explainers = _explainers(explainers)
     if not explainers:
         raise UserError("expected an explainer for each class that is sought; got none. Give one.")
-    if not isinstance(most, int) or not 1 <= most <= MOST_OBJECTS:
-        raise UserError(f"expected 1 to {MOST_OBJECTS} objects; got {most}. Give a number within.")
+    if not isinstance(most, int) or not 1 <= most <= MAX_OBJECTS:
+        raise UserError(f"expected 1 to {MAX_OBJECTS} objects; got {most}. Give a number within.")
     picture, lens = coded_photo(photo), lens_of(photo, focal, K)
     names = " or ".join(each.object_class.name for each in explainers[:5])
     names += f" or one of {len(explainers) - 5} others" if len(explainers) > 5 else ""
@@ -166,7 +166,7 @@ def find_together(
         (candidate, explainer)
         for explainer in explainers
         for candidate in find_several(pyramid, explainer.recognizer, most)
-        if candidate.present >= LEAST_PRESENT
+        if candidate.present >= MIN_PRESENT
     ]
     separate = apart([candidate for candidate, _ in candidates], most)
     return [

@@ -22,7 +22,7 @@ import numpy as np
 from vig.explainer import Explainer
 from vig.explanation import Explanation
 from vig.inference import PixelLabel, WindowHints, explain_one, resolve
-from vig.inference.hints import LEAST_VIEW
+from vig.inference.hints import MIN_VIEW
 from vig.inference.refinement import DISTINCT_AZIMUTH
 from vig.photo import ImagePyramid
 from vig.photo.filters import dilation, gaussian_filter
@@ -228,7 +228,7 @@ def _of_view(prediction: Prediction, azimuth: np.floating[Any]) -> Prediction:
     if not fold:
         return prediction
     off = prediction.symmetry.difference(bin_centres(bins, fold), azimuth)
-    near = np.where(np.abs(off) <= DISTINCT_AZIMUTH, prediction.azimuth + LEAST_VIEW, np.float32(0))
+    near = np.where(np.abs(off) <= DISTINCT_AZIMUTH, prediction.azimuth + MIN_VIEW, np.float32(0))
     return replace(prediction, azimuth=near / near.sum(1, keepdims=True))
 
 

@@ -9,7 +9,7 @@ from vig.explainer import Box, Explainer, Lens
 from vig.explanation import Explanation
 from vig.hints import Hints
 from vig.inference.hints import PixelLabel
-from vig.inference.presence import LEAST_PRESENT
+from vig.inference.presence import MIN_PRESENT
 from vig.known_object import WholePhoto
 from vig.several.joint import exclusive
 from vig.several.scene import SceneExplanation
@@ -25,7 +25,7 @@ def find_known_together(
     seen = [each for one in explainers for each in one.find_and_explain(whole, lens, most)]
     chosen: list[Explanation] = []
     for each in sorted(seen, key=lambda each: -each.present):
-        if each.present < LEAST_PRESENT or len(chosen) == most:
+        if each.present < MIN_PRESENT or len(chosen) == most:
             break
         if all(_overlap(each.amodal, other.amodal) < 0.5 for other in chosen):
             chosen.append(each)

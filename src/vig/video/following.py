@@ -10,7 +10,7 @@ from vig.explainer import Box, Explainer, Photo
 from vig.explanation import Explanation
 from vig.hints import Hints
 from vig.inference import ExpectedStart, Verdict
-from vig.inference.presence import LEAST_PRESENT
+from vig.inference.presence import MIN_PRESENT
 from vig.parallel import on_one_core
 from vig.photo import Window
 from vig.photo.checks import MIN_SIDE
@@ -19,7 +19,7 @@ from vig.photo.pinhole import project, turned_pose
 from vig.recognition import Prediction, find
 from vig.scene import Camera, latent_layout, rotate_z
 
-MOST_HIDDEN = 0.85  # share hidden from which a frame does not locate the object
+MAX_HIDDEN = 0.85  # share hidden from which a frame does not locate the object
 SLOWING = 0.9  # factor of the speed for each frame without the object
 
 
@@ -83,7 +83,7 @@ class Sighting:
             shape=explanation.latents.shape[0],
             lost=explanation.verdict in (Verdict.FAILED, Verdict.ABSENT)
             or hidden is None
-            or hidden > MOST_HIDDEN,
+            or hidden > MAX_HIDDEN,
             network=network,
         )
 
@@ -227,7 +227,7 @@ class Follower:
             return None
         best = on_one_core(lambda: find(part, self.explainer.recognizer))
         window = replace(best.window, left=best.window.left + left, top=best.window.top + top)
-        return window if best.present >= LEAST_PRESENT else None
+        return window if best.present >= MIN_PRESENT else None
 
     def _is_object(self, sighting: Sighting) -> bool:
         """Return whether the sighting may be of the object: near the prediction, as large, of its colour."""

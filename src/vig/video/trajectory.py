@@ -14,7 +14,7 @@ from vig.scene import Camera
 from vig.video.following import SLOWING, Sighting, window_at
 from vig.video.smoothing import BINS, LikeliestPath, smooth
 
-MOST_SPREAD = math.radians(12.0)  # standard deviation of azimuth about one view, at most
+MAX_SPREAD = math.radians(12.0)  # standard deviation of azimuth about one view, at most
 FAR = math.radians(25.0)  # a frame whose own view is farther from the chosen one is fitted again near that
 TURN = math.radians(0.7)
 """Standard deviation of the change of the speed of azimuth from frame to frame, radians."""
@@ -100,7 +100,7 @@ class Trajectory:
         )
         spread = np.where(np.abs(off) > FAR, math.inf, [_spread(each) for each in sightings])
         if not np.isfinite(spread[~lost]).any():
-            off, spread = np.zeros(len(path)), np.full(len(path), MOST_SPREAD)
+            off, spread = np.zeros(len(path)), np.full(len(path), MAX_SPREAD)
         angle = ANGLE_NOISE[0] + ANGLE_NOISE[1] * hidden
         noise = PLACE_NOISE[0] + PLACE_NOISE[1] * hidden
         shifts = side * noise, side * SHIFT, math.inf
@@ -198,7 +198,7 @@ def _spread(sighting: Sighting) -> float:
     """Return the standard deviation of a frame's azimuth about one view, radians."""
     # 2.0: A deviation of azimuth counts views from the other side, too: about one view it is so much smaller
     # math.radians(3.0): standard deviation of azimuth about one view, at least
-    return min(max(sighting.azimuth_deviation / 2.0, math.radians(3.0)), MOST_SPREAD)
+    return min(max(sighting.azimuth_deviation / 2.0, math.radians(3.0)), MAX_SPREAD)
 
 
 def azimuth_off(azimuth: float, other: float, fold: int) -> float:

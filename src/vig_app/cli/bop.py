@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from vig import Explainer, Hints
-from vig.io.checks import MOST_TABLE, read_json, reading
+from vig.io.checks import MAX_TABLE, read_json, reading
 from vig.io.errors import UserError
 from vig.io.files import atomic_write
 from vig.io.printing import end, note
@@ -93,13 +93,13 @@ def images_of(settings: BopCommand) -> Iterator[BopImage]:
     path = settings.targets or settings.dataset / "test_targets_bop19.json"
     sought: dict[tuple[int, int], dict[int, int]] = defaultdict(lambda: defaultdict(int))
     with reading(path, "targets of BOP", 'Write a list of {"scene_id", "im_id", "obj_id", "inst_count"}.'):
-        for entry in read_json(path, MOST_TABLE):
+        for entry in read_json(path, MAX_TABLE):
             image = int(entry["scene_id"]), int(entry["im_id"])
             sought[image][int(entry["obj_id"])] += int(entry.get("inst_count", 1))
         if not sought:
             raise ValueError("an empty list")
     found = None if settings.detections is None else detections_of(settings.detections)
-    scene_file = cache(lambda folder, name: read_json(folder / name, MOST_TABLE))
+    scene_file = cache(lambda folder, name: read_json(folder / name, MAX_TABLE))
     for (scene, number), counts in sorted(sought.items()):
         folder = settings.dataset / settings.split / f"{scene:06}"
         with reading(folder, f"image {number} of a scene of BOP", "Check --split and the targets."):
@@ -125,7 +125,7 @@ def detections_of(path: Path) -> dict[tuple[int, int], list[Instance]]:
     found = defaultdict(list)
     remedy = 'Write a list of {"scene_id", "image_id", "category_id", "score", "segmentation": run lengths}.'
     with reading(path, "detections of BOP", remedy):
-        for entry in read_json(path, MOST_TABLE):
+        for entry in read_json(path, MAX_TABLE):
             runs = coco_runs(entry["segmentation"])
             runs.check()
             instance = Instance(int(entry["category_id"]), runs, float(entry["score"]))
@@ -137,7 +137,7 @@ def mesh_of(folder: Path, number: int) -> tuple[Path, float]:
     """Return the mesh of an object and its longest side, metres; UserError where either is not known."""
     path = folder / "models_info.json"
     with reading(path, f"the size of object {number}", "Write size_x, size_y, size_z in millimetres."):
-        info = read_json(path, MOST_TABLE)[str(number)]
+        info = read_json(path, MAX_TABLE)[str(number)]
         length = max(float(info[f"size_{axis}"]) for axis in "xyz") / MILLIMETRES
     return folder / f"obj_{number:06}.ply", length
 

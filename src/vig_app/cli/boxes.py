@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from vig.explainer import Box, check_box
-from vig.io.checks import MOST_TABLE, read_json, reading
+from vig.io.checks import MAX_TABLE, read_json, reading
 from vig.io.errors import UserError
 from vig.io.printing import note
 from vig.known_object import Keypoints, Surface
 from vig.known_object.packs import SUFFIXES, pack_of_mesh
 from vig.scene import ObjectClass
-from vig.several import MOST_OBJECTS
+from vig.several import MAX_OBJECTS
 from vig_app.cli.naming import by_photo, list_names
 from vig_app.cli.options import HintOptions, PlaceOptions, changed_options
 from vig_app.labels import Label, read_labels
@@ -32,8 +32,8 @@ def boxes_of(
     if place.objects is not None:
         if place.box is not None or place.boxes is not None:
             raise UserError("expected --objects, --box or --boxes; got two of them. Give one.")
-        if not 1 <= place.objects <= MOST_OBJECTS:
-            raise UserError(f"expected --objects of 1 to {MOST_OBJECTS}; got {place.objects}. Give fewer.")
+        if not 1 <= place.objects <= MAX_OBJECTS:
+            raise UserError(f"expected --objects of 1 to {MAX_OBJECTS}; got {place.objects}. Give fewer.")
     if place.labels is not None and (
         place.box is not None or place.boxes is not None or changed_options(hints)
     ):
@@ -45,7 +45,7 @@ def boxes_of(
         if place.box is not None:
             raise UserError("expected --box or --boxes; got both. Give one.")
         with reading(place.boxes, "boxes by the photos' file names", REMEDY):
-            if not isinstance(entries := read_json(place.boxes, MOST_TABLE), dict):
+            if not isinstance(entries := read_json(place.boxes, MAX_TABLE), dict):
                 raise ValueError("it is not an object")
             by_name = {name: _read(entry, place.object_class) for name, entry in entries.items()}
         of_photo = by_photo(by_name, photos, "boxes", place.boxes)
@@ -178,8 +178,8 @@ def _read(entry: Any, class_name: str) -> tuple[Box | None, Objects]:
     if not isinstance(entry[0], list | dict):
         return _box(entry), ()
     objects = tuple(_object(item, class_name) for item in entry)
-    if len(objects) > MOST_OBJECTS:
-        raise ValueError(f"a photo has {len(objects)} boxes, more than {MOST_OBJECTS}")
+    if len(objects) > MAX_OBJECTS:
+        raise ValueError(f"a photo has {len(objects)} boxes, more than {MAX_OBJECTS}")
     return None, objects
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from vig.hints import Hints
 from vig.inference import PixelLabel
-from vig.io.checks import MOST_TABLE, read_json, reading
+from vig.io.checks import MAX_TABLE, read_json, reading
 from vig.io.errors import UserError
 from vig.photo.checks import refuse
 from vig.photo.images import coded_photo
@@ -114,7 +114,7 @@ def cameras_of(options: CameraOptions, photos: Sequence[Path]) -> list[Any]:
         return [_parse_lens(options.intrinsics)] * len(photos)
     assert options.cameras is not None
     with reading(options.cameras, "cameras by the photos' names", REMEDY):
-        content = read_json(options.cameras, MOST_TABLE)
+        content = read_json(options.cameras, MAX_TABLE)
         if isinstance(content, list) or (isinstance(content, dict) and content.keys() & CAMERA_KEYS):
             return [content] * len(photos)
         if not isinstance(content, dict) or not content:

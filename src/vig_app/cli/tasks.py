@@ -14,7 +14,7 @@ from vig.likelihood import LIKELIHOODS
 from vig.photo.video import is_video
 from vig.recognition import WEIGHTS_FILE
 from vig.scene import ObjectClass
-from vig.several import MOST_OBJECTS
+from vig.several import MAX_OBJECTS
 from vig_app.cli.boxes import Objects, boxes_of, classes_of, labels_of
 from vig_app.cli.hints import cameras_of, hints_of, mask_of
 from vig_app.cli.naming import list_names
@@ -53,7 +53,7 @@ def plan_of(command: FitCommand) -> Plan:
                 f"no network was trained for '{name}': each photo needs --box or --mask, and views are tried"
                 f" all round; `vig class train {name}` trains one"
             )
-    most = place.objects or (MOST_OBJECTS if place.meshes else 0)
+    most = place.objects or (MAX_OBJECTS if place.meshes else 0)
     named = {ObjectClass.load(Path(pack)).name: pack for pack in (object_class, *others) if place.meshes}
     if place.meshes and place.boxes is not None and len(named) <= len(others):
         raise UserError("expected --meshes of different names with --boxes; got two of one name. Rename one.")

@@ -17,7 +17,7 @@ GAP = 4  # texels between charts, at least
 WIDENED = 2 * GAP  # texels round a chart that show it, too, for a viewer that reduces the image
 AXES = np.repeat(np.eye(3), 2, 0) * np.array([[1], [-1]] * 3)
 """(6, 3), the directions that charts look along, outwards."""
-LEAST_COSINE = 0.25
+MIN_COSINE = 0.25
 """Cosine of a face's normal and its chart's direction, at least: else it takes the one nearest its normal."""
 SPLITS = 4  # times that faces below another part of their chart are made a chart of their own
 
@@ -126,7 +126,7 @@ def _directions(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
         np.add.at(smooth, pairs[:, 1], before[pairs[:, 0]])
         smooth /= np.maximum(np.linalg.norm(smooth, axis=1, keepdims=True), 1e-30)
     direction = (smooth @ AXES.T).argmax(1)
-    steep = (own * AXES[direction]).sum(1) < LEAST_COSINE
+    steep = (own * AXES[direction]).sum(1) < MIN_COSINE
     return np.where(steep, (own @ AXES.T).argmax(1), direction)
 
 
@@ -225,5 +225,5 @@ def _below(place: np.ndarray, height: np.ndarray, seen: np.ndarray) -> np.ndarra
     column, row = place.mean(1).astype(int).T
     over = seen[row, column]
     reach = np.ptp(place[over], axis=1).max(1) + np.ptp(place, axis=1).max(1) + 2
-    far = height.mean(1)[over] - height.mean(1) > reach / LEAST_COSINE
+    far = height.mean(1)[over] - height.mean(1) > reach / MIN_COSINE
     return (over >= 0) & far

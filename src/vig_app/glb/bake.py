@@ -21,10 +21,10 @@ from vig_app.pictures import PANEL, close_up, others_in_window, part_albedo
 from vig_renderer.edges import smooth_normals
 
 SEEN, MIRRORED, INVENTED = 255, 128, 0  # values of the map of where a texel's colour is from
-LEAST_IRRADIANCE = 0.05, 0.15
+MIN_IRRADIANCE = 0.05, 0.15
 """Light of a white surface, of 1, from which a colour begins to count, and from which it counts in full;
-`LEAST_FACING` likewise."""
-LEAST_FACING = 0.15, 0.45  # cosine of normal and sight
+`MIN_FACING` likewise."""
+MIN_FACING = 0.15, 0.45  # cosine of normal and sight
 BLEEDS = 2  # pixels of the window beside an outline that may show things beyond it, and do not count
 BORDER = 7  # pixels beside an outline from which colours count in full
 NEAR = 0.02
@@ -119,13 +119,13 @@ class _Shown:
         eye, length = -pose[:3, :3].T @ pose[:3, 3], float(np.ptp(explanation.vertices, axis=0).max())
         light, depth = _light(explanation)[part], shown.depth[part]
         layers = np.empty((5, height, width), np.float32)
-        layers[:3] = np.moveaxis(shown.photo[part] / np.maximum(light, LEAST_IRRADIANCE[0])[..., None], 2, 0)
+        layers[:3] = np.moveaxis(shown.photo[part] / np.maximum(light, MIN_IRRADIANCE[0])[..., None], 2, 0)
         visible = shown.visible[part]
         if explanation.others is not None:
             visible = visible & (others_in_window(explanation, PANEL)[part] < 0.5)
         layers[3] = _inside(visible, depth, 0.03 * length)  # depth jumps at outlines within the object
-        layers[3] *= _ramp(_facing(shown.normals[part], camera, part), LEAST_FACING)
-        layers[3] *= _ramp(light, LEAST_IRRADIANCE)
+        layers[3] *= _ramp(_facing(shown.normals[part], camera, part), MIN_FACING)
+        layers[3] *= _ramp(light, MIN_IRRADIANCE)
         layers[4] = 1 / depth
         layers[:3] /= np.maximum(layers[:3].max(0), 1)  # colours that are too bright keep their hue
         across, down = -1 - 2 * x / width, -1 - 2 * y / height

@@ -25,7 +25,7 @@ from vig_renderer.edges import smooth_normals
 
 LOOKS_BACK = np.diag([1.0, -1.0, -1.0, 1.0])
 """Cameras of glTF, USD and nerfstudio look along -Z with Y up, those of OpenCV along +Z with Y down."""
-MOST_SCALED = 1.5  # greatest scale of an object of a scene, so that it stands on the ground of the others
+MAX_SCALED = 1.5  # greatest scale of an object of a scene, so that it stands on the ground of the others
 FLOATS, WHOLE = 5126, 5125
 VERTICES, CORNERS = 34962, 34963
 LINEAR, MIPMAPS, CLAMPED = 9729, 9987, 33071
@@ -78,7 +78,7 @@ def write_scene(path: Path, scene: SceneExplanation, textures: Sequence[Texture 
 
     The ground is y = 0. The photo gives size and distance of each object only as their ratio: each is moved
     along its sight until it stands there, and scaled along (`scale` of its node), which leaves the picture
-    as it is; by `MOST_SCALED` at most, as something may stand on a shelf.
+    as it is; by `MAX_SCALED` at most, as something may stand on a shelf.
     """
     shown = scene.shown or range(len(scene.objects))
     poses = [scene.poses[number][1] for number in shown]
@@ -112,7 +112,7 @@ def on_one_ground(poses: Sequence[np.ndarray]) -> tuple[list[float], np.ndarray]
     above = heights > 0.05 * np.linalg.norm([pose[:3, 3] for pose in poses], axis=1)
     height = float(np.exp(np.log(heights[above]).mean())) if above.any() else float(heights.mean())
     scales = np.where(above, height / np.where(above, heights, 1.0), 1.0)
-    scales = scales.clip(1 / MOST_SCALED, MOST_SCALED)
+    scales = scales.clip(1 / MAX_SCALED, MAX_SCALED)
     back = np.array([0.0, 0.0, -1.0]) + up[2] * up
     if np.linalg.norm(back) < 1e-6:  # it looks straight down
         back = np.array([0.0, 1.0, 0.0]) - up[1] * up

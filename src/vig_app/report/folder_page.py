@@ -18,8 +18,8 @@ from vig.photo.outline import SMALLEST_PICTURE
 from vig_app.report.html import fill_template, jpeg_bytes, write_page
 from vig_app.results import VERDICTS, name_of
 
-MOST_ENTRIES = 200  # photos on a run's page, at most
-MOST_ERRORS = 200  # photos that are listed as not explained
+MAX_ENTRIES = 200  # photos on a run's page, at most
+MAX_ERRORS = 200  # photos that are listed as not explained
 WHOLE = 1200  # pixels of the longer side of the picture of several objects, at most
 THUMBNAIL_FILE = "thumbnail.jpg"
 COLUMNS = {
@@ -66,7 +66,7 @@ def folder_html(
     Args:
         entries: The photos that are shown.
         total: Number of explained photos, if more than are shown.
-        errors: Reasons why others were not; the first `MOST_ERRORS` are shown.
+        errors: Reasons why others were not; the first `MAX_ERRORS` are shown.
         title: Title in place of their number.
         picture: (H, W, 3) uint8, of all of them.
         note: Line under the title.
@@ -82,7 +82,7 @@ def folder_html(
         total=total,
         entries=entries,
         errors=errors,
-        most_errors=MOST_ERRORS,
+        most_errors=MAX_ERRORS,
         picture=None if picture is None else reduce_picture(picture, WHOLE),
         columns=COLUMNS,
         data=[[entry.name, *(entry.described[key] for key in COLUMNS.values())] for entry in entries],
@@ -90,7 +90,7 @@ def folder_html(
 
 
 def write_run_page(out: Path, rows: Iterable[Mapping[str, Any]]) -> None:
-    """Write report.html of a run: its first `MOST_ENTRIES` photos in review order. Takes the rows twice."""
+    """Write report.html of a run: its first `MAX_ENTRIES` photos in review order. Takes the rows twice."""
     objects, photos, errors = 0, set[str](), []
     for row in rows:
         if row["error"] is None:
@@ -99,7 +99,7 @@ def write_run_page(out: Path, rows: Iterable[Mapping[str, Any]]) -> None:
         else:
             errors.append(row["error"])
     entries = []
-    for row in heapq.nsmallest(MOST_ENTRIES, (row for row in rows if row["error"] is None), review_order):
+    for row in heapq.nsmallest(MAX_ENTRIES, (row for row in rows if row["error"] is None), review_order):
         folder = row["folder"].split("/")[0]  # the page of all for several objects
         picture = np.full((24, 32, 3), 128, np.uint8)  # where no thumbnail was asked for
         with suppress(Exception), Image.open(out / row["folder"] / THUMBNAIL_FILE) as thumbnail:

@@ -15,7 +15,7 @@ from vig.record import read_explanation
 from vig_app.report import words
 from vig_app.report.html import fill_template
 
-MOST = 40  # photos of a gallery, each some 0.2 MB of the page
+MAX_PHOTOS = 40  # photos of a gallery, each some 0.2 MB of the page
 PICTURE = re.compile(r'<img id="(photo|outlines-of)" src="(data:image/[a-z]+;base64,[\w+/=]+)"')
 DATA = re.compile(r'<script type="application/json" id="data">(.*?)</script>', re.DOTALL)
 
@@ -62,11 +62,9 @@ def card_of(folder: Path, name: str, note: str = "", link: str = "") -> Card:
 
 
 def cards_of(results: Path, out: Path) -> tuple[list[Card], int]:
-    """Return the cards of a folder of results, by name, `MOST` at most, for a page in `out`, from which they
-    link to each one's own; and how many results it holds.
+    """Return the cards of a folder of results, by name, `MAX_PHOTOS` at most, and how many results it holds.
 
-    Raises:
-        UserError: No explanation with its page is in it.
+    They are for a page in `out`, from which they link to each one's own.
     """
     pages = [
         path for depth in ("", "*/", "*/*/") for path in sorted(results.glob(f"{depth}explanation.json"))
@@ -78,7 +76,7 @@ def cards_of(results: Path, out: Path) -> tuple[list[Card], int]:
             " Explain photos first: vig fit PHOTOS --out RESULTS."
         )
     names = ["/".join(folder.relative_to(results).parts) or folder.resolve().name for folder in folders]
-    shown = list(zip(folders, names, strict=True))[:MOST]
+    shown = list(zip(folders, names, strict=True))[:MAX_PHOTOS]
     return [card_of(folder, name, link=_link(folder, out)) for folder, name in shown], len(folders)
 
 

@@ -19,7 +19,7 @@ BORDER = 4  # pixels of its frame in the verdict's colour
 LABEL = 34  # pixels of the two lines under it
 GAP = 6  # pixels between tiles
 PER_SHEET = 200  # photos
-MOST_SHEETS = 5
+MAX_SHEETS = 5
 VERDICT_COLOURS = {
     "trusted": (45, 164, 78),
     "ambiguous": (191, 135, 0),
@@ -49,14 +49,14 @@ def write_sheets(
         picture: File of each photo's folder that is shown.
 
     Returns:
-        The files, `MOST_SHEETS` at most; further ones of an earlier run are removed.
+        The files, `MAX_SHEETS` at most; further ones of an earlier run are removed.
 
     Raises:
         UserError: They cannot be written.
     """
-    ordered = heapq.nsmallest(MOST_SHEETS * PER_SHEET, rows, review_order)
+    ordered = heapq.nsmallest(MAX_SHEETS * PER_SHEET, rows, review_order)
     written = []
-    for number in range(MOST_SHEETS):
+    for number in range(MAX_SHEETS):
         path, part = out / sheet_name(number), ordered[number * PER_SHEET : (number + 1) * PER_SHEET]
         if part:
             with atomic_write(path) as temporary:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from vig.inference.presence import LEAST_PRESENT
+from vig.inference.presence import MIN_PRESENT
 from vig.scene import Latents
 
 
@@ -61,7 +61,7 @@ def summary(described: dict[str, Any]) -> str:
             return f"{described['class']}: none; below is the fit that was dismissed"
         return (
             f"{described['class']}: in the photo with a probability of {_round_down(described):.0%}, below"
-            f" the {LEAST_PRESENT:.0%} needed; below is the fit at the likeliest place, which was rejected"
+            f" the {MIN_PRESENT:.0%} needed; below is the fit at the likeliest place, which was rejected"
         )
     if confidence is None:
         confidences = "how sure was not learned"
@@ -92,7 +92,7 @@ def probabilities(described: dict[str, Any]) -> list[tuple[str, float]]:
     named = (("in the photo", "present"), ("view right", "confidence"), ("mask right", "mask_confidence"))
     known = [(name, described[key]) for name, key in named if described[key] is not None]
     if described["verdict"] == "absent":
-        return [(f"in the photo ({LEAST_PRESENT:.0%} needed)", _round_down(described))]
+        return [(f"in the photo ({MIN_PRESENT:.0%} needed)", _round_down(described))]
     others = [
         (f"or azimuth {view['azimuth_deg']:.0f}°", view["probability"]) for view in described["alternatives"]
     ]

@@ -28,7 +28,7 @@ from vig_app.server.limits import Limits
 Result = TypeVar("Result")
 KINDS = {"png": "image/png", "glb": "model/gltf-binary", "html": "text/html"}
 """Media types of files of an explanation, by their endings."""
-MOST_PIXELS = 50_000_000  # pixels of a picture: more would take a gigabyte
+MAX_PIXELS = 50_000_000  # pixels of a picture: more would take a gigabyte
 WAITING = 32  # requests that may wait for the one that is fitted
 
 
@@ -106,7 +106,7 @@ class Service:
 
 
 def _check(path: Path, image: Image.Image) -> None:
-    check_pixels(path, *image.size, MOST_PIXELS)
+    check_pixels(path, *image.size, MAX_PIXELS)
     image.load()
 
 

@@ -25,7 +25,7 @@ KINDS = {
     "KeyPointLabels": "keypointlabels",
 }
 """Tags of a labelling configuration that are answered, and the types of their results."""
-MOST_BYTES = 100_000_000
+MAX_BYTES = 100_000_000
 SECONDS = 20.0
 
 
@@ -56,11 +56,11 @@ def fetch(task: Mapping[str, Any], config: str, address: str | None, token: str 
     request = urllib.request.Request(full, headers={"Authorization": f"Token {token}"} if token else {})
     try:
         with urllib.request.build_opener(_NoRedirect).open(request, timeout=SECONDS) as answer:
-            content: bytes = answer.read(MOST_BYTES + 1)
+            content: bytes = answer.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         raise UserError(f"expected a photo at '{url[:100]}'; got an error ({error}).") from None
-    if len(content) > MOST_BYTES:
-        raise UserError(f"expected at most {MOST_BYTES:,} bytes at '{url[:100]}'; got more.")
+    if len(content) > MAX_BYTES:
+        raise UserError(f"expected at most {MAX_BYTES:,} bytes at '{url[:100]}'; got more.")
     return content
 
 

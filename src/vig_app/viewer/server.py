@@ -34,7 +34,7 @@ from vig_app.viewer.walk import Walk
 
 HOST = "127.0.0.1"
 SENT_SIDE = 1600  # pixels of the longer side of the photo that is sent
-MOST_BYTES = 1 << 22  # bytes of a page's post, at most
+MAX_BYTES = 1 << 22  # bytes of a page's post, at most
 COMMANDS = ("save", "find", "step", "open")  # actions that are no corrections
 
 
@@ -301,7 +301,7 @@ class _Handler(BaseHTTPRequestHandler):
         """Take an action."""
         try:
             length = int(self.headers["Content-Length"])
-            if self.path != "/act" or not 0 < length <= MOST_BYTES:
+            if self.path != "/act" or not 0 < length <= MAX_BYTES:
                 raise ValueError("expected actions of vig view")
             request: Request = decode(Request, parse_json(self.rfile.read(length)))
         except (TypeError, ValueError) as error:

@@ -15,7 +15,7 @@ from vig.inference import PixelLabel
 from vig.io.errors import UserError
 from vig.parallel import on_one_core
 from vig.photo.images import coded_photo
-from vig.several import MOST_OBJECTS
+from vig.several import MAX_OBJECTS
 from vig.several.explain import find_together
 from vig_app.corrections import State, box_of
 from vig_app.report.folder import save_explanation
@@ -111,7 +111,7 @@ class Session:
         Raises:
             UserError: The class's network does not find objects.
         """
-        found = on_one_core(partial(find_together, self.photo, [self.explainer], MOST_OBJECTS))
+        found = on_one_core(partial(find_together, self.photo, [self.explainer], MAX_OBJECTS))
         return [box_of(window) for _, window, _ in found]
 
     def _check(self, state: State) -> None:

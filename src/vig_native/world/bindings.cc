@@ -17,7 +17,7 @@ using namespace world;
 
 namespace {
 
-constexpr int MOST_PIXELS = 1 << 26;  // samples of an image
+constexpr int MAX_PIXELS = 1 << 26;  // samples of an image
 
 Vec3<double> vector3(const char* name, nb::handle given) { return load3(array_of<double>(name, given, {3}).data()); }
 
@@ -33,7 +33,7 @@ void check(bool fits, const char* what) {
 
 // A texture that keeps its texels alive.
 Texture texture_of(const Input<uint32_t>& texels, size_t first, int log_width, int log_height, float repeats) {
-    check(log_width >= 0 && log_height >= 0 && log_width < MOST_LEVELS && log_height < MOST_LEVELS,
+    check(log_width >= 0 && log_height >= 0 && log_width < MAX_LEVELS && log_height < MAX_LEVELS,
           "log_size of a texture must be 0 to 9");
     size_t needed = 0;
     for (int level = 0; level <= std::min(log_width, log_height); ++level)
@@ -120,7 +120,7 @@ Item make_item(std::shared_ptr<Asset> asset, nb::handle rotation, nb::handle tra
 
 Camera make_camera(nb::handle rotation, nb::handle translation, double focal, double cx, double cy, double near, int width,
                    int height) {
-    check(width > 0 && height > 0 && (int64_t)width * height <= MOST_PIXELS / PIXEL_SAMPLES,
+    check(width > 0 && height > 0 && (int64_t)width * height <= MAX_PIXELS / PIXEL_SAMPLES,
           "an image must have from 1 to 16 million pixels");
     check(focal > 0 && near > 0 && std::isfinite(focal + cx + cy), "focal and near must be positive numbers, cx and cy finite");
     return {matrix3("rotation", rotation), vector3("translation", translation), focal, cx, cy, near, width, height};
@@ -142,7 +142,7 @@ nb::tuple settle_items(const std::vector<Item>& items, const Camera& camera, nb:
                        nb::handle indices, nb::handle depths, nb::handle hidden, double level, double tolerance) {
     const auto numbers = array_of<int64_t>("indices", indices, {-1});
     const int64_t count = numbers.size();
-    check(count > 0 && count <= MOST_PIXELS, "the object must have pixels");
+    check(count > 0 && count <= MAX_PIXELS, "the object must have pixels");
     for (int64_t n = 0; n < count; ++n)
         check(numbers.data()[n] >= 0 && numbers.data()[n] < camera.width * camera.height, "indices must be pixels of the image");
     const ObjectPixels pixels = {(int)count, numbers.data(), array_of<float>("depths", depths, {count}).data(),

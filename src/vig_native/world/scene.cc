@@ -8,7 +8,7 @@ namespace {
 constexpr int CLUSTER_FACES = 64;
 // Vertices that all clusters of a part project, over those that it has, up to which it is divided: each cluster's are
 // projected anew, and numbers that are spread over the mesh would cost more than the faces that are left out.
-constexpr double MOST_SHARED = 2;
+constexpr double MAX_SHARED = 2;
 constexpr float ANYWHERE = 1e6f;  // metres: the radius of a sphere that is always in the frame
 
 Cluster cluster_of(const Asset& asset, int first, int end) {
@@ -52,7 +52,7 @@ void add_clusters(Asset& asset, Part& part, int first_face, int end_face) {
         asset.clusters.push_back(cluster_of(asset, first, std::min(first + CLUSTER_FACES, end_face)));
         projected += asset.clusters.back().end_vertex - asset.clusters.back().first_vertex;
     }
-    if (projected > MOST_SHARED * (whole.end_vertex - whole.first_vertex)) {
+    if (projected > MAX_SHARED * (whole.end_vertex - whole.first_vertex)) {
         asset.clusters.resize(part.first_cluster);
         asset.clusters.push_back(whole);
     }

@@ -7,7 +7,7 @@
 
 namespace vig::world {
 
-constexpr int MOST_LEVELS = 10;  // levels of a texture pyramid: up to 512 texels a side
+constexpr int MAX_LEVELS = 10;  // levels of a texture pyramid: up to 512 texels a side
 constexpr int ATTRIBUTES = 5;    // a vertex's: normal and texture coordinates; for the object see `lit_asset`
 
 struct Sphere {

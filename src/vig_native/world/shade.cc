@@ -9,8 +9,8 @@
 namespace vig::world {
 namespace {
 
-constexpr float LEAST_LIGHT = 0.1f;  // share of the irradiance that no shadow takes away
-constexpr float MOST_LIGHT = 1.25f;  // largest ratio of a place's light to the object's, which may be in a dim corner
+constexpr float MIN_LIGHT = 0.1f;  // share of the irradiance that no shadow takes away
+constexpr float MAX_LIGHT = 1.25f;  // largest ratio of a place's light to the object's, which may be in a dim corner
 constexpr float EVEN = 0.6f;         // far from the object, this share of the irradiance is the mean of all directions; half at 1 m
 
 #pragma GCC diagnostic ignored "-Wpsabi"  // vectors are returned by functions of this file alone, which are inlined
@@ -65,7 +65,7 @@ void look_up(const Grid& grid, const Rows& places, const Rows& normals, float* l
 // in which half the longer axis or the shorter one is nearest to a texel.
 struct Sampler {
     const Texture& texture;
-    int deepest, starts[MOST_LEVELS];
+    int deepest, starts[MAX_LEVELS];
     explicit Sampler(const Texture& t) : texture(t), deepest(std::min(t.log_width, t.log_height)) {
         for (int level = 0, at = 0; level <= deepest; ++level) {
             starts[level] = at;
@@ -264,7 +264,7 @@ void Drawing::shade_range(int number, const int* sorted, int total, const Light&
                 for (int n = 0; n < LANES; ++n)
                     lobe[n] *= lobe[n];
             for (int n = 0; n < LANES; ++n) {
-                const float least = left[n] > LEAST_LIGHT ? left[n] : LEAST_LIGHT, open = least < MOST_LIGHT ? least : MOST_LIGHT;
+                const float least = left[n] > MIN_LIGHT ? left[n] : MIN_LIGHT, open = least < MAX_LIGHT ? least : MAX_LIGHT;
                 const float arriving = polynomial(light.radiance, mirrored[n]);
                 const float graze = 1 - facing[n], graze2 = graze * graze;
                 const float fresnel = part.mirror + (1 - part.mirror) * smooth * graze2 * graze2 * graze;

@@ -16,7 +16,7 @@ from vig.io.checks import check_number, decode
 from vig.recognition.network import MASK_CLASSES, check_sizes
 from vig.scene import IMAGE_SIZE, Latents, regressed_layout, rotate_z
 from vig.scene.light import L_COUNT
-from vig.scene.shape_model import MOST_MODES
+from vig.scene.shape_model import MAX_MODES
 from vig_train.network.weights import load_network
 from vig_train.training.targets import azimuth_labels
 
@@ -44,7 +44,7 @@ class PaperSettings:
     dropout: float = 0.5
 
     def __post_init__(self) -> None:
-        check_sizes("modes", (self.modes,), 1, MOST_MODES)
+        check_sizes("modes", (self.modes,), 1, MAX_MODES)
         check_sizes("azimuth_bins", (self.azimuth_bins,), 5, 3600)
         check_sizes("filters, dense", (*self.filters, *self.dense), 1, 8192)
         check_number("dropout", self.dropout, 0.0, 0.99)

@@ -13,7 +13,7 @@ from vig_world.assets.own.copies import COPY, shape_copies
 from vig_world.assets.own.folder import fingerprint
 from vig_world.assets.own.load import MeshPiece, load, mesh_files
 from vig_world.assets.own.simplify import simplified
-from vig_world.assets.source_meshes import MOST_FACES
+from vig_world.assets.source_meshes import MAX_FACES
 from vig_world.mesh import face_normals, stack_meshes
 
 _ONE_OF = f"one of {' '.join(SUFFIXES)}"
@@ -69,7 +69,7 @@ def read_scans(
         for name, path in files:
             try:
                 loaded = load(folder, path)
-                pieces = tuple(simplified(loaded.pieces, MOST_FACES)) if materials else ()
+                pieces = tuple(simplified(loaded.pieces, MAX_FACES)) if materials else ()
                 welded, content = _weld(*stack_meshes(loaded.pieces)), fingerprint(loaded.files)
                 scans.append(Scan(name, *welded, content, pieces, tuple(loaded.notes)))
             except UserError as error:

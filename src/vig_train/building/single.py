@@ -19,7 +19,7 @@ from vig_world.assets.own.folder import fingerprint
 from vig_world.assets.own.load import MeshPiece, load
 from vig_world.assets.own.simplify import simplified
 
-MOST_FACES = 10_000
+MAX_FACES = 10_000
 """Faces of the surface that poses are searched with, at most; with 3,000 depths were off by 2 %."""
 TURNS = {
     Symmetry.NONE: "no turn about its vertical looks the same",
@@ -61,14 +61,14 @@ def pack_of_mesh(
     try:
         if cache is None:
             raise PermissionError("no folder can be made")
-        pack = _made_pack(mesh, loaded.pieces, settings, cache / "meshes" / f"{name[:40]}-{key}", say)
+        pack = _make_pack(mesh, loaded.pieces, settings, cache / "meshes" / f"{name[:40]}-{key}", say)
     except (OSError, UserError) as error:
         reason = error if isinstance(error, OSError) else error.__cause__
         if not isinstance(reason, OSError):
             raise
         say(f"the cache cannot be used ({reason}): '{mesh.name}' is made ready for this run alone")
         try:
-            pack = _made_pack(
+            pack = _make_pack(
                 mesh, loaded.pieces, settings, Path(tempfile.mkdtemp(prefix="vig-mesh-")) / key, say
             )
         except OSError as failure:
@@ -84,7 +84,7 @@ def pack_of_mesh(
     return pack
 
 
-def _made_pack(
+def _make_pack(
     mesh: Path, pieces: list[MeshPiece], settings: BuildSettings, pack: Path, say: Callable[[str], None]
 ) -> Path:
     """Return the pack's folder, which is filled where it is not there."""
@@ -97,7 +97,7 @@ def _made_pack(
         build_class(mesh, making / "pack", settings, lambda line: None)
         object_from_mesh = ObjectClass.load(making / "pack").object_from_mesh
         if object_from_mesh is not None:
-            Surface.of(simplified(pieces, MOST_FACES), object_from_mesh).save(making / "pack")
+            Surface.of(simplified(pieces, MAX_FACES), object_from_mesh).save(making / "pack")
         try:
             (making / "pack").rename(pack)
         except OSError:  # another process was faster

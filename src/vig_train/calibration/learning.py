@@ -64,7 +64,7 @@ FOLDS = 20
 """Folds of the cross-validation. With five a threshold hangs on which photos are in which fold."""
 RELIABILITY_FILE = Path(__file__).with_name("reliability.safetensors")
 """Confidences of other classes, and whether these views were right: `python -m benchmarks.reliability`."""
-LEAST_THRESHOLD = 0.7
+MIN_THRESHOLD = 0.7
 """Confidence below which nothing is trusted, however often the rest is right: set, not fitted."""
 MIN_GROUP = 40  # number of fits below which a group takes the deviations of others
 
@@ -263,7 +263,7 @@ def lowest_threshold(
 ) -> float:
     """Return the lowest threshold at which the precision less its standard error is at least `PRECISION`.
 
-    It is at least `LEAST_THRESHOLD`. The standard error is robust to correlation among fits of one
+    It is at least `MIN_THRESHOLD`. The standard error is robust to correlation among fits of one
     `model` (N,) (Liang and Zeger 1986): where all errors come from a few meshes, others may be like them.
     By default each fit is by itself. Without the standard error, the threshold chosen on these fits would be
     too low for other photos.
@@ -285,7 +285,7 @@ def lowest_threshold(
     expected = (share * count + 1) / (count + 2)
     error = np.maximum(error, np.sqrt(expected * (1 - expected) / count))
     enough = np.flatnonzero(share - error >= PRECISION)
-    return max(float(confidence[order][enough[-1]]), LEAST_THRESHOLD) if len(enough) else 1.0
+    return max(float(confidence[order][enough[-1]]), MIN_THRESHOLD) if len(enough) else 1.0
 
 
 def deviation_scale_and_floor(

@@ -20,7 +20,7 @@ from vig_world.studio.cutouts import ModelCutouts, draw_cutout
 SIDE, MARGIN = 128, 16  # pixels a side of a cut-out's picture, and those that are free about it
 COUNT = 4096  # cut-outs that a training has
 MORE = (1.0, 0.5, 0.3)  # shares of the pasted images that get a first, a second and a third one
-LEAST_HIDDEN, MOST_HIDDEN = 0.1, 0.85
+MIN_HIDDEN, MAX_HIDDEN = 0.1, 0.85
 """An image's cut-outs hide no more of its object than a share drawn between these."""
 SIZES = (0.25, 1.2)  # size of a cut-out, in sides of the object's box
 NOWHERE = (25.0, 125.0)  # the box, from and to, of an object that is not in the image, pixels
@@ -72,7 +72,7 @@ class CutoutLibrary(TensorRows):
         area, seen = masks.sum((1, 2, 3)), masks[:, 0].sum((1, 2))
         middle, lengths = _boxes(masks.sum(1))
         mean = (images * masks[:, :1]).sum((2, 3)) / seen.clamp_min(1)[:, None]
-        least_left = 1 - LEAST_HIDDEN - (MOST_HIDDEN - LEAST_HIDDEN) * uniform(count)
+        least_left = 1 - MIN_HIDDEN - (MAX_HIDDEN - MIN_HIDDEN) * uniform(count)
         chosen = uniform(count) < share
         for share_of_these in MORE:
             size = lengths.amax(1) * SIZES[0] * (SIZES[1] / SIZES[0]) ** uniform(count)

@@ -112,11 +112,11 @@ def draw_paint_layer(
     kind = rng.choice(7, p=[0.24, 0.18, 0.12, 0.12, 0.12, 0.12, 0.1])
     if kind == 0:  # painted ceramics
         image = stock_decoration(int(rng.integers(DECORATIONS)))
-        paint = _looked_up(image, around * float(rng.choice([1, 1, 2])), 1 - level)
+        paint = _look_up(image, around * float(rng.choice([1, 1, 2])), 1 - level)
         return paint[:3], paint[3]
     image = stock_texture(int(rng.integers(TEXTURES)))
     repeats = float(rng.choice([1, 2, 3, 5, 8]))
-    paint = _looked_up(image, around * 2 * repeats, -level * repeats)
+    paint = _look_up(image, around * 2 * repeats, -level * repeats)
     if kind == 1:  # a print all over
         return paint, np.ones(len(level), np.float32)
     if kind == 2:  # a motif on one side
@@ -145,7 +145,7 @@ def draw_paint_layer(
     return colour, expit(rng.uniform(2, 20) * (value - rng.uniform(-1, 1.5)))
 
 
-def _looked_up(image: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+def _look_up(image: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Return the nearest texels (C, N) of a repeating image (H, W, C), u right, v down, in its sizes."""
     height, width = image.shape[:2]
     row, column = (v * height).astype(np.int32) % height, (u * width).astype(np.int32) % width

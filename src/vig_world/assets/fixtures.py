@@ -18,7 +18,7 @@ _SKINS = np.array(
 )
 
 
-def _swept(points: list[list[float]], count: int, sides: int) -> Mesh:
+def _smooth_tube(points: list[list[float]], count: int, sides: int) -> Mesh:
     """Return a smooth tube through stations (x, y, z, half width, half height)."""
     curve = smooth(points, count)
     return tube(curve[:, :3], curve[:, 3:], sides)
@@ -37,7 +37,7 @@ def arm(rng: np.random.Generator) -> Prop:
             [0.045, y, 0.008, 0.009, 0.0085],
             [0.085, y * 0.95, 0.0, 0.01, 0.01],
         ]
-        fingers.append((_swept(stations, 9, 8), skin))
+        fingers.append((_smooth_tube(stations, 9, 8), skin))
     thumb = [
         [0.03, -0.05, 0.002, 0.006, 0.006],
         [0.045, -0.052, 0.004, 0.01, 0.009],
@@ -60,8 +60,8 @@ def arm(rng: np.random.Generator) -> Prop:
     ]
     pattern = str(rng.choice(("cloth", "cloth", "stripes", "paint", "speckle")))
     fabric = material("cloth", rng, pattern, None, 128)
-    hand = [*fingers, (_swept(thumb, 9, 8), skin), (_swept(palm, 16, 12), skin)]
-    parts = [*hand, (_swept(sleeve, 8, 14), fabric)]
+    hand = [*fingers, (_smooth_tube(thumb, 9, 8), skin), (_smooth_tube(palm, 16, 12), skin)]
+    parts = [*hand, (_smooth_tube(sleeve, 8, 14), fabric)]
     return Prop("arm", tuple((scale_mesh(mesh, size), stuff) for mesh, stuff in parts))
 
 

@@ -19,7 +19,7 @@ from vig_world.assets.own.simplify import simplified
 from vig_world.mesh import face_normals
 
 FILE = "meshes.safetensors"  # name of the file in a pack's build folder
-MOST_FACES = 20_000  # most faces of a mesh; one with more is simplified
+MAX_FACES = 20_000  # most faces of a mesh; one with more is simplified
 NEIGHBOURS = 4  # vertices of the template by which a vertex of a mesh is moved
 
 
@@ -77,7 +77,7 @@ class SourceMesh:
         split: str,
     ) -> "SourceMesh":
         """Return the mesh of a file's pieces, moved by a linear map (3, 3) and an offset (3,)."""
-        pieces = simplified(list(pieces), MOST_FACES)
+        pieces = simplified(list(pieces), MAX_FACES)
         starts = np.cumsum([0] + [len(piece.vertices) for piece in pieces])
         return SourceMesh(
             np.concatenate([p.vertices @ linear.T + offset for p in pieces]).astype(np.float32),

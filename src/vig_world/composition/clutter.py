@@ -9,7 +9,7 @@ from vig_world.assets.footprint import Footprint
 from vig_world.assets.things import Support
 from vig_world.composition.occluders import place_prop
 from vig_world.composition.stage import MARGIN, StagedRoom
-from vig_world.rotations import about_z, turned_about_z
+from vig_world.rotations import about_z, turn_about_z
 
 FAR = 4.5  # metres from the camera beyond which supports are left empty
 BACKGROUND = 4  # number of supports besides the object's own on which clutter is scattered
@@ -111,7 +111,7 @@ class _Proposals:
         square = np.array([support.turn for support in supports]) + stage.room.turn
         square += rng.choice([0.0, np.pi, np.pi / 2], count) + rng.normal(0, 0.08, count)
         angles = np.where(rng.uniform(size=count) < 0.5, square, rng.uniform(0, 2 * np.pi, count))
-        clouds = turned_about_z(np.stack([stage.library.extremes(*name) for name in names]), angles)
+        clouds = turn_about_z(np.stack([stage.library.extremes(*name) for name in names]), angles)
         poses = [stage.pose(support) for support in supports]
         rotations, origins = np.array([pose[0] for pose in poses]), np.array([pose[1] for pose in poses])
         reach = np.abs(clouds @ rotations[..., :2]).max(1)

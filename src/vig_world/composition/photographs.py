@@ -15,7 +15,7 @@ DECORATED, METAL = 0.5, 0.08  # shares of painted and of metal objects
 LEVEL, LOW = math.radians(15.0), math.radians(42.0)
 """Elevation below which most photographs are taken, and most of the others."""
 LEVEL_SHARE, LOW_SHARE = 0.55, 0.33
-LEAST_GAP = 0.25
+MIN_GAP = 0.25
 """Least depth of the object, over the standard camera's distance: the camera keeps off the largest shapes."""
 SCALE, SHIFT = 0.1, 0.04  # standard deviations of the log size, and of the place, of the content of boxes
 
@@ -53,8 +53,8 @@ def draw_manner(
     # A tenth are rolled by any angle up to half a radian.
     roll = rng.uniform(-0.5, 0.5) if rng.random() < 0.1 else rng.normal(0, 0.05)
     lens, angles = Lens(farther, float(roll)), (azimuth, float(elevation))
-    if (gap := _gap(lens, object_class, vertices, *angles)) < LEAST_GAP:
-        lens = replace(lens, farther=farther + LEAST_GAP - gap)
+    if (gap := _gap(lens, object_class, vertices, *angles)) < MIN_GAP:
+        lens = replace(lens, farther=farther + MIN_GAP - gap)
     lens = framing_lens(lens, object_class, vertices, *angles)
     lens = reframe(lens, math.exp(rng.normal(0, SCALE)), rng.normal(0, SHIFT, 2))
     seamless = bool(rng.random() < 0.35)

@@ -27,7 +27,7 @@ ZONE_WEIGHTS = {
 PROPOSALS = {False: 48, True: 200}  # places drawn at a time; more where the room is to hide the object
 EYE_CLEARANCE = 0.06  # metres between the camera and walls or furniture
 LOWEST_EYE = 0.02  # metres above the floor
-MOST_NEAR = 0.02  # share of the frame in which something may be nearer than `Actor.nearest`
+MAX_NEAR = 0.02  # share of the frame in which something may be nearer than `Actor.nearest`
 EDGE = 0.01  # metres between the object's outline and the edge of its support
 COVERED, LOW_COVER = 12.0, 0.7
 """Supports with less clearance, metres, are likelier by this factor where the room is to hide the object."""
@@ -83,7 +83,7 @@ def find_place(
             rejected["place open"] += 1  # beside a window, for example: nothing is behind the object
         elif layout.kind == EMPTY:
             return stage  # only the ground is near its camera
-        elif (stage.behind < actor.nearest).mean() > MOST_NEAR or not proposals.is_free(place, slid):
+        elif (stage.behind < actor.nearest).mean() > MAX_NEAR or not proposals.is_free(place, slid):
             rejected["place near"] += 1
         else:
             return stage
@@ -207,7 +207,7 @@ def fits_seamless_ground(actor: Actor) -> bool:
     x, y = (columns - camera.cx) / camera.focal, (rows - camera.cy) / camera.focal
     rays = np.stack([x, y, np.ones_like(x)], axis=-1).reshape(-1, 3) @ view.rotation  # (N, 3) of depth 1
     surely = 0.01  # metres, and share of the frame, by which a view on a seamless ground must fail
-    if (-rays[:, 2] * actor.nearest > height).mean() > MOST_NEAR + surely:
+    if (-rays[:, 2] * actor.nearest > height).mean() > MAX_NEAR + surely:
         return False
     level, towards = np.linalg.norm(rays[:, :2], axis=1), -view.eye[:2]
     along = rays[:, :2] @ towards / level

@@ -25,7 +25,7 @@ MARGIN = 0.004  # metres between any two things
 NEAREST = 0.09
 """Least depth of anything in a scene, metres; less where things smaller than teapots are seen from nearer."""
 
-LEAST_GAP, WIDEST_GAP = 0.002, 0.1  # metres between the object and occluders before it
+MIN_GAP, WIDEST_GAP = 0.002, 0.1  # metres between the object and occluders before it
 HAND_INSIDE = 6  # least distance of holding fingertips from the edge of the layout's frame, pixels
 SMALL = 0.25
 """Scale of the object below which the camera's distance from ground and furniture is its multiple."""
@@ -143,7 +143,7 @@ class StagedRoom:
         actor, (axes, origin) = self.actor, self.pose(self.support)
         numbers = (
             *actor.middle, actor.front, float(actor.body.depths[0]), actor.scale, self.margin, self.nearest,
-            LEAST_GAP * 0.5**self.halvings, WIDEST_GAP * actor.scale * math.cos(actor.elevation),
+            MIN_GAP * 0.5**self.halvings, WIDEST_GAP * actor.scale * math.cos(actor.elevation),
             *self.support.half, self.support.clearance, HAND_INSIDE,
         )  # fmt: skip
         shown = actor.view.native, actor.sums, len(actor.pixels)

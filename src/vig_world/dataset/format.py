@@ -20,12 +20,12 @@ from vig_world.dataset.spec import SPLITS
 FORMAT_VERSION = 3
 DEPTH_SCALES = (0.1, 0.2, 0.5, 1.0)
 """Millimetres per unit of a depth image: the finest that holds its farthest surface."""
-MOST_DEPTH = 65535  # value, in units, of surfaces beyond the range of the coarsest
+MAX_DEPTH = 65535  # value, in units, of surfaces beyond the range of the coarsest
 OBJECT_ID = 1  # identifier of the one object, in BOP's and COCO's files
-MOST_SAMPLES = 1_000_000  # files are numbered with six digits
+MAX_SAMPLES = 1_000_000  # files are numbered with six digits
 Size = tuple[int, int]  # width and height of pictures, pixels
 STANDARD_SIZE: Size = (IMAGE_SIZE, IMAGE_SIZE)
-LEAST_SIDE, MOST_SIDE, MOST_ASPECT = 32, 4096, 4.0
+MIN_SIDE, MAX_SIDE, MAX_ASPECT = 32, 4096, 4.0
 """Pixels of a side of pictures; the longer side over the shorter one."""
 PICTURE_MODES = {"rgb": "RGB", "depth": "I;16", "mask": "L", "mask_visib": "L", "normal": "RGB"}
 REMEDY = "Make the dataset again."
@@ -57,9 +57,9 @@ def most_bytes(size: Size) -> int:
 def check_size(size: Size) -> None:
     """Raise UserError for a size of pictures that no dataset has."""
     shorter, longer = sorted(size)
-    if not (LEAST_SIDE <= shorter and longer <= min(MOST_SIDE, MOST_ASPECT * shorter)):
+    if not (MIN_SIDE <= shorter and longer <= min(MAX_SIDE, MAX_ASPECT * shorter)):
         raise UserError(
-            f"expected a size of {LEAST_SIDE} to {MOST_SIDE} pixels a side, at most {MOST_ASPECT:g} times as"
+            f"expected a size of {MIN_SIDE} to {MAX_SIDE} pixels a side, at most {MAX_ASPECT:g} times as"
             f" long as wide; got {size[0]}x{size[1]}. Choose another, such as 640x480."
         )
 
@@ -122,8 +122,8 @@ def _check_settings(settings: dict[str, Any]) -> None:
             decode(kind, settings[name])
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from None
-    if not 1 <= settings["count"] <= MOST_SAMPLES:
-        raise ValueError(f"count must be from 1 to {MOST_SAMPLES}; it is {settings['count']}")
+    if not 1 <= settings["count"] <= MAX_SAMPLES:
+        raise ValueError(f"count must be from 1 to {MAX_SAMPLES}; it is {settings['count']}")
     check_size(tuple(settings["size"]))
     if not settings["class"].isprintable() or set(settings["class"]) & set("/\\"):
         raise ValueError("class must be a name without slashes")

@@ -17,8 +17,8 @@ from vig.scene import IMAGE_SIZE, srgb8_from_linear
 from vig_world import World
 from vig_world.dataset.format import (
     COLUMNS,
-    MOST_DEPTH,
-    MOST_SAMPLES,
+    MAX_DEPTH,
+    MAX_SAMPLES,
     PICTURE_MODES,
     REMEDY,
     SCENE,
@@ -100,7 +100,7 @@ class Dataset:
         if kind == "normal":
             return np.where(stack.any(-1, keepdims=True), stack / np.float32(127.5) - 1, np.float32(0))
         if kind == "depth":
-            known = (stack > 0) & (stack < MOST_DEPTH)
+            known = (stack > 0) & (stack < MAX_DEPTH)
             metres = (self.depth_scales[np.array(chosen, int)] / 1000).astype(np.float32)
             return np.where(known, stack * metres[:, None, None], np.float32(np.inf))
         return stack > 127
@@ -111,7 +111,7 @@ class Dataset:
         path = self.folder / SCENE / "scene_camera.json"
         with reading(path, "the cameras of a dataset", REMEDY):
             # bytes of each sample's entry
-            table = read_json(inside(self.folder, path.relative_to(self.folder)), 1024 * MOST_SAMPLES)
+            table = read_json(inside(self.folder, path.relative_to(self.folder)), 1024 * MAX_SAMPLES)
             cameras = decode(dict[str, dict[str, Any]], table)
             scales = [decode(float, cameras[str(i)]["depth_scale"]) for i in range(len(self))]
             if not all(scale > 0 for scale in scales):

@@ -12,8 +12,8 @@ with optional_import("world"):
     import pyarrow.compute as pc
     import pyarrow.parquet as pq
 
-MOST_TABLE = 1 << 30  # bytes of the table's file
-MOST_IN_LIST, MOST_TEXT = 256, 16_384  # limits of each sample: entries of a list, bytes of each text column
+MAX_TABLE = 1 << 30  # bytes of the table's file
+MAX_IN_LIST, MAX_TEXT = 256, 16_384  # limits of each sample: entries of a list, bytes of each text column
 
 _TYPES = {
     name: pa.list_(pa.string()) if kind == "list" else pa.type_for_alias(kind)
@@ -31,7 +31,7 @@ def read_table(root: Path, split: str, texts: bool = True) -> pa.Table:
     count = read_info(root)["splits"][split]["count"]
     path = inside(root, f"{split}/{TABLE}")
     with reading(path, "the table of a dataset", REMEDY):
-        data = pa.py_buffer(read_bytes(path, MOST_TABLE))
+        data = pa.py_buffer(read_bytes(path, MAX_TABLE))
         file = pq.ParquetFile(pa.BufferReader(data))
         metadata, held = file.metadata, file.schema_arrow.names
         latents = [name for name in held if name not in COLUMNS]
@@ -45,8 +45,8 @@ def read_table(root: Path, split: str, texts: bool = True) -> pa.Table:
             raise ValueError(f"it has {metadata.num_rows} rows for {count} samples")
         for group in groups:
             chunks = [group.column(i) for i in range(group.num_columns)]
-            if any(chunk.num_values > MOST_IN_LIST * group.num_rows for chunk in chunks):
-                raise ValueError(f"a list in it has more than {MOST_IN_LIST} entries")
+            if any(chunk.num_values > MAX_IN_LIST * group.num_rows for chunk in chunks):
+                raise ValueError(f"a list in it has more than {MAX_IN_LIST} entries")
         leaves = [metadata.schema.column(i) for i in range(metadata.num_columns)]
         strings = [leaf.path for leaf in leaves if leaf.physical_type == "BYTE_ARRAY"]
         file = pq.ParquetFile(pa.BufferReader(data), read_dictionary=strings)
@@ -71,8 +71,8 @@ def _column(name: str, column: pa.ChunkedArray) -> pa.ChunkedArray:
             int(pc.sum(pc.take(pc.binary_length(chunk.dictionary), chunk.indices)).as_py() or 0)
             for chunk in texts.chunks
         )
-        if lengths > MOST_TEXT * max(len(column), 1):
-            raise ValueError(f"{name} has more than {MOST_TEXT} bytes of text a row")
+        if lengths > MAX_TEXT * max(len(column), 1):
+            raise ValueError(f"{name} has more than {MAX_TEXT} bytes of text a row")
     stored = texts.type.value_type if pa.types.is_dictionary(texts.type) else texts.type
     expected = wanted.value_type if pa.types.is_list(column.type) and pa.types.is_list(wanted) else wanted
     if stored != expected and not pa.types.is_null(stored):  # null: empty everywhere

@@ -15,7 +15,7 @@ from vig.scene import ObjectClass
 from vig_world.dataset.format import (
     INFO,
     MANIFEST,
-    MOST_SAMPLES,
+    MAX_SAMPLES,
     REMEDY,
     Size,
     complete_split,
@@ -136,7 +136,7 @@ def _setting_problems(
     if split == "test":
         expected = bop.localisation_targets([item["gt_info"][0] for item in merged])
         try:
-            same = read_json(inside(root, bop.TARGETS), 256 * MOST_SAMPLES) == expected
+            same = read_json(inside(root, bop.TARGETS), 256 * MAX_SAMPLES) == expected
         except (OSError, ValueError):
             same = False
         if not same:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from vig.scene import ObjectClass, latent_layout
-from vig_world.dataset.format import DEPTH_SCALES, MOST_DEPTH, read_info
+from vig_world.dataset.format import DEPTH_SCALES, MAX_DEPTH, read_info
 from vig_world.dataset.spec import SceneSpec
 from vig_world.generation import bop
 from vig_world.raster.picture import Picture
@@ -22,9 +22,9 @@ def depth_units(depth: np.ndarray) -> tuple[np.ndarray, float]:
     """
     for scale in DEPTH_SCALES:
         scaled = np.round(np.where(np.isfinite(depth), depth * (1000 / scale), 0.0))
-        if scaled.max() < MOST_DEPTH:
+        if scaled.max() < MAX_DEPTH:
             break
-    return scaled.clip(0, MOST_DEPTH).astype(np.uint16), scale
+    return scaled.clip(0, MAX_DEPTH).astype(np.uint16), scale
 
 
 def normal_units(normals: np.ndarray) -> np.ndarray:

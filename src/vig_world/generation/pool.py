@@ -15,7 +15,7 @@ from vig_world.generation.job import Failure, Job, Maker, store
 Draw = tuple[int, int]
 """A sample's index and the number of its draw, see `vig_world.composition.sampling.sample`."""
 HOPELESS = 16  # draws of which not one succeeds, after which a run ends
-MOST_DRAWS = 100  # draws of one sample
+MAX_DRAWS = 100  # draws of one sample
 CHUNK = 8  # samples in a task of a cluster: a few hundred kilobytes to send back
 
 
@@ -42,7 +42,7 @@ def make_samples(
             the one this machine belongs to.
 
     Raises:
-        UserError: `HOPELESS` draws failed and none succeeded, or `MOST_DRAWS` of one sample failed; a file
+        UserError: `HOPELESS` draws failed and none succeeded, or `MAX_DRAWS` of one sample failed; a file
             cannot be written; Ray is not installed, or there is no cluster.
     """
     waiting, made, failed = [(index, 0) for index in missing], 0, 0
@@ -63,7 +63,7 @@ def make_samples(
                             f"sample {index}: its worker process was killed {failure.attempts} times,"
                             " possibly out of memory: use fewer workers"
                         )
-                    if (failed >= HOPELESS and not made) or draw + 1 >= MOST_DRAWS:
+                    if (failed >= HOPELESS and not made) or draw + 1 >= MAX_DRAWS:
                         raise UserError(
                             f"expected scenes that can be made; {failed} failed and {made} were made."
                             f" The last failure: {failure.reason}"

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-MOST_TEXELS = 512  # most texels along a side; larger textures are reduced
+MAX_TEXELS = 512  # most texels along a side; larger textures are reduced
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ def _encode(level: np.ndarray) -> np.ndarray:
 
 def _resample(level: np.ndarray, axis: int) -> np.ndarray:
     size = level.shape[axis]
-    wanted = min(MOST_TEXELS, 1 << max(0, round(np.log2(size))))
+    wanted = min(MAX_TEXELS, 1 << max(0, round(np.log2(size))))
     if size == wanted:
         return level
     level = np.moveaxis(level, axis, 0)

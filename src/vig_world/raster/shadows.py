@@ -16,7 +16,7 @@ from vig_native import engine
 
 BOUNCE = 0.25  # share of the blocked light that returns by reflection, from the blocker or its surroundings
 
-MOST_CELLS = 72
+MAX_CELLS = 72
 REACH = 0.5  # metres of height over which a blocker's effect fades to 1 / e: rooms are closed, and yet light
 
 
@@ -32,8 +32,8 @@ def ambient_occlusion(vertices: np.ndarray, faces: np.ndarray) -> dict[str, np.n
         rasteriser takes them.
     """
     low, high = vertices.min(0), vertices.max(0)
-    # 12 cm; more where a room would need more than MOST_CELLS along a side
-    cell = max(0.12, float((high - low).max()) / MOST_CELLS)
+    # 12 cm; more where a room would need more than MAX_CELLS along a side
+    cell = max(0.12, float((high - low).max()) / MAX_CELLS)
     points = surface_points(vertices, faces, cell**2 / 3)
     origin = low.astype(np.float64) - 1.5 * cell
     x, y, z = (np.ceil((high - origin) / cell).astype(int) + 3).tolist()

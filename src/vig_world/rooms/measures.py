@@ -11,7 +11,7 @@ from vig_world.rooms.plan import Body, Plan
 Array = np.ndarray
 CELL = 0.1
 NEAR = 0.6  # a side is open where the next thing is farther than this, metres: a person fits in
-LEAST = 0.5  # the least width, metres, of a free rectangle of the floor that counts as a support
+MIN_WIDTH = 0.5  # the least width, metres, of a free rectangle of the floor that counts as a support
 
 
 def _rectangle(support: Support) -> Body:
@@ -107,7 +107,7 @@ def floor_supports(plan: Plan, avoid: list[Body], most: int = 4) -> list[Support
     while len(result) < most:
         row, row_end, column, column_end = largest_rectangle(free)
         size = CELL * np.array([column_end - column, row_end - row])
-        if min(size) - 2 * skirted < LEAST - 1e-6:
+        if min(size) - 2 * skirted < MIN_WIDTH - 1e-6:
             break
         free[row:row_end, column:column_end] = False
         start = low + CELL * np.array([column, row])

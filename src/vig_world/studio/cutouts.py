@@ -43,7 +43,7 @@ VIEWS = 8
 SPLIT_SHARES: dict[Split, float] = {"train": 0.7, "validation": 0.1, "test": 0.2}
 """Shares of the models, by a hash of their names."""
 _ANY_SIZE = SizedKind("thing", 1e-3, 100.0, furniture=False)
-_MOST_FAILURES = 50
+_MAX_FAILURES = 50
 """Models in a row that give no cut-out before a drawing is given up."""
 
 
@@ -68,10 +68,10 @@ def draw_cutout(
 def _numbered_cutout(number: int, lookalike: bool) -> Image.Image:
     """Return the cut-out of a number: it takes a hundredth of a second."""
     name = f"{'lookalike' if lookalike else 'any'}/{number}"
-    return _made_once(name, lambda: [_make_cutout(number, lookalike)])[0]
+    return _make_once(name, lambda: [_make_cutout(number, lookalike)])[0]
 
 
-def _made_once(name: str, make: Callable[[], list[Image.Image]]) -> tuple[Image.Image, ...]:
+def _make_once(name: str, make: Callable[[], list[Image.Image]]) -> tuple[Image.Image, ...]:
     """Return the cut-outs of a name, made at most once on a machine."""
     made = asset_cache().arrays(
         f"{_code()}/{name}", lambda: {str(n): np.asarray(image) for n, image in enumerate(make())}
@@ -135,11 +135,11 @@ class ModelCutouts:
 
     def draw(self, rng: np.random.Generator) -> Image.Image:
         """Draw one of the models in one of its poses: RGBA, sRGB, as large as its outline."""
-        for _ in range(_MOST_FAILURES):
+        for _ in range(_MAX_FAILURES):
             name, number = self.files[int(rng.integers(len(self.files)))], int(rng.integers(VIEWS))
             if cutouts := _cutouts(self.root, name):
                 return cutouts[number]
-        raise UserError(f"{self.root}: expected models that can be drawn; {_MOST_FAILURES} could not.")
+        raise UserError(f"{self.root}: expected models that can be drawn; {_MAX_FAILURES} could not.")
 
     def thing(self, name: str) -> Prop | None:
         """Return the model of a file, of the catalogue's size; None where it cannot be read."""
@@ -191,7 +191,7 @@ def _cutouts(root: Path, name: str) -> tuple[Image.Image, ...]:
         rolls = [rng.uniform(0, 2 * math.pi) * (rng.random() < 0.15) for _ in range(VIEWS)]
         return [render_cutout(rng, shown, roll) for roll in rolls]
 
-    return _made_once(f"model/{seed.hex()[:24]}", make)
+    return _make_once(f"model/{seed.hex()[:24]}", make)
 
 
 def _model(root: Path, name: str) -> Prop | None:

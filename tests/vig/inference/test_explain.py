@@ -23,8 +23,8 @@ from vig.inference import (
     explain_one,
     resolve,
 )
-from vig.inference.calibration import LEAST_DEVIATION, UNCALIBRATED_WIDENING
-from vig.inference.confidence import MOST_GAP, _mixture_deviation, make_fit
+from vig.inference.calibration import MIN_DEVIATION, UNCALIBRATED_WIDENING
+from vig.inference.confidence import MAX_GAP, _mixture_deviation, make_fit
 from vig.inference.posterior import objective_of, objectives_of, pixel_prior, prior_of
 from vig.inference.refinement import RefinedStarts, select
 from vig.inference.settings import PICTURE, Stage
@@ -251,7 +251,7 @@ def test_a_calibration_decides_the_verdict_and_widens_deviations(
     row = 0 if verdict is Verdict.TRUSTED else 1
     evidence = plain.deviation / UNCALIBRATED_WIDENING
     expected = residual * scale[row] * evidence
-    assert (expected > 2 * LEAST_DEVIATION).all(), "or every factor would do"
+    assert (expected > 2 * MIN_DEVIATION).all(), "or every factor would do"
     azimuth, other = latent_layout(10).at("azimuth"), np.arange(24) != latent_layout(10).at("azimuth")
     assert_close(found.deviation[other], expected[other])
     if verdict is Verdict.TRUSTED:
@@ -299,8 +299,8 @@ def test_deviations_are_widened_by_scale_floor_and_residual() -> None:
     scale, floor = np.array([[30.0, 1.0], [50.0, 1.0]]), np.array([[4.0, 0.0], [12.0, 0.0]])
     said = replace(saying(0.0, 0.0, scale), floor=floor)
     deviation = np.array([0.1, 1e-6])
-    assert said.widen_deviations(deviation, features, True).tolist() == pytest.approx([2.5, LEAST_DEVIATION])
-    assert said.widen_deviations(deviation, features, False).tolist() == pytest.approx([6.5, LEAST_DEVIATION])
+    assert said.widen_deviations(deviation, features, True).tolist() == pytest.approx([2.5, MIN_DEVIATION])
+    assert said.widen_deviations(deviation, features, False).tolist() == pytest.approx([6.5, MIN_DEVIATION])
 
 
 def test_deviations_are_those_of_all_numbers_together(whole: Case, teapot: ObjectClass) -> None:
@@ -359,7 +359,7 @@ def test_another_view_is_one_more_than_25_degrees_away_and_near_is_within_30_nat
         assert found.reason == f"turned by {abs(turned_deg)} degrees it fits nearly as well ({gap} nats less)"
         assert azimuth_off(found.alternatives[0].latents, turned(whole.truth, turned_deg)) < 1e-3
     assert azimuth_off(found.latents, whole.truth) < 1e-3
-    lead = math.log1p(gap) if abs(turned_deg) > 25 else math.log1p(MOST_GAP)  # no other view at all
+    lead = math.log1p(gap) if abs(turned_deg) > 25 else math.log1p(MAX_GAP)  # no other view at all
     assert found.confidence_features[CONFIDENCE_FEATURES.index("evidence_gap")] == pytest.approx(lead)
 
 

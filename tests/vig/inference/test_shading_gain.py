@@ -12,7 +12,14 @@ from vig.inference import ExplainSettings, explain_one
 from vig.inference.posterior import objective_of
 from vig.inference.refinement import Selection
 from vig.inference.settings import PHOTO, PICTURE, for_tracking
-from vig.inference.shading_gain import BRIGHTEST, LEAST, MOST, _divide_by_gain, _gain, with_shading_gain
+from vig.inference.shading_gain import (
+    BRIGHTEST,
+    MAX_GAIN,
+    MIN_GAIN,
+    _divide_by_gain,
+    _gain,
+    with_shading_gain,
+)
 from vig.likelihood import GAUSSIAN
 from vig.recognition import Prediction
 from vig.scene import Latents, ObjectClass
@@ -139,7 +146,7 @@ def test_the_gain_keeps_its_bounds(factor: float, studio, teapot: ObjectClass) -
     objective = objective_of((factor * photo).clip(None, 8.0), prediction, teapot, VISIBLE)
     point = objective.point(truth)
     gain = _gain(objective, objective, point, NOISE, 1e-9)
-    assert gain is not None and gain.factor.min() >= LEAST and gain.factor.max() <= MOST
+    assert gain is not None and gain.factor.min() >= MIN_GAIN and gain.factor.max() <= MAX_GAIN
     assert _divide_by_gain(objective, gain.factor).likelihood.observed.max() <= BRIGHTEST
 
 

@@ -18,7 +18,7 @@ from vig_native import engine
 NO_FACE = -1
 BEHIND_EDGE, BEFORE_EDGE = 0.002, 0.04
 """Metres by which a surface beyond an edge lies behind it, and its own may come forward within a pixel."""
-LEAST_SQUARE = 1e-12
+MIN_SQUARE = 1e-12
 """Squared length in the image of an edge's normal below which its direction is lost in rounding."""
 
 
@@ -245,7 +245,7 @@ def _crossings(
     crossed &= (behind == NO_FACE) | (1 / behind_q >= 1 / q + BEHIND_EDGE)
     normals = shaded.normals @ shaded.rotation.T
     normal = ((1 - share)[:, None] * normals[index_a] + share[:, None] * normals[index_b])[:, :2]
-    crossed &= normal.square().sum(1) >= LEAST_SQUARE
+    crossed &= normal.square().sum(1) >= MIN_SQUARE
     weight = fold * normal[:, axis].square() / normal.square().sum(1)
     # Where the edge is beyond the middle as seen from inside, the surface in front reaches over the outer
     # pixel and shows its colour at the edge there; else the inner pixel gives of its own to what is behind.

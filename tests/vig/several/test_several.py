@@ -13,7 +13,7 @@ from benchmarks.groups import Group, make_group
 from tests.support import run_vig
 from vig.explanation import Explanation
 from vig.io.errors import UserError
-from vig.several import MOST_OBJECTS, SceneExplanation, explain_found, explain_together, order
+from vig.several import MAX_OBJECTS, SceneExplanation, explain_found, explain_together, order
 from vig.several.explain import ghosts
 from vig.several.joint import _Refit, _without, _without_cycles
 from vig_app.exports import export_run
@@ -152,7 +152,7 @@ def test_what_cannot_be_explained_is_refused(
     teapot, box, grey = explainers["teapot"], boxes_of(group)[0], np.full((120, 160, 3), 90, np.uint8)
     given: list[vig.Explainer]
     for given, boxes in (([teapot], [box, box]), ([], []), ([teapot] * 25, [box] * 25)):
-        with pytest.raises(UserError, match=f"1 to {MOST_OBJECTS} objects"):
+        with pytest.raises(UserError, match=f"1 to {MAX_OBJECTS} objects"):
             explain_together(group.photo, given, boxes)
     with pytest.raises(UserError, match="got a str in it"):
         explain_together(group.photo, ["teapot"], [box])  # type: ignore[list-item]

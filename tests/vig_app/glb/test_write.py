@@ -12,7 +12,7 @@ from tests.support import latents
 from vig import Camera
 from vig.record import glb_from_object
 from vig.scene import ObjectClass
-from vig_app.glb.files import MOST_SCALED, GlbObject, on_one_ground, write_glb
+from vig_app.glb.files import MAX_SCALED, GlbObject, on_one_ground, write_glb
 
 
 def write(
@@ -107,7 +107,7 @@ def test_objects_of_a_scene_stand_on_one_ground_and_the_picture_stays() -> None:
 
 def test_what_stands_much_higher_is_not_brought_down() -> None:
     scales, _ = on_one_ground([looking_down(0.4, -0.1, 60), looking_down(2.0, 0.2, 60)])
-    assert max(scales) == pytest.approx(MOST_SCALED) and min(scales) == pytest.approx(1 / MOST_SCALED)
+    assert max(scales) == pytest.approx(MAX_SCALED) and min(scales) == pytest.approx(1 / MAX_SCALED)
 
 
 @pytest.mark.parametrize("degrees", [90.0, -10.0, 0.0])

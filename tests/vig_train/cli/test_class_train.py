@@ -35,7 +35,7 @@ from vig_train.training.class_heads import HeadsTraining
 from vig_train.training.training import load_start_weights
 from vig_world.assets.source_meshes import FILE, save
 
-MOST_BYTES = 2_000_000
+MAX_BYTES = 2_000_000
 """Of a pack's weights."""
 
 
@@ -95,7 +95,7 @@ def test_the_pack_explains_photos(pack: Path) -> None:
 
 def test_the_weights_are_small_and_hold_no_trunk(pack: Path) -> None:
     tensors, metadata = read_tensors(pack / WEIGHTS_FILE, "pt")
-    assert (pack / WEIGHTS_FILE).stat().st_size <= MOST_BYTES
+    assert (pack / WEIGHTS_FILE).stat().st_size <= MAX_BYTES
     assert not [name for name in tensors if name.removeprefix("network.").startswith(TRUNK_PREFIXES)]
     assert metadata["trunk"] == shared_trunk()[1] and "quick" not in metadata
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from vig_train.training.pasting import MARGIN, MOST_HIDDEN, SIDE, CutoutLibrary, _beside
+from vig_train.training.pasting import MARGIN, MAX_HIDDEN, SIDE, CutoutLibrary, _beside
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def test_what_is_pasted_over_the_object_is_hidden(library: CutoutLibrary) -> Non
     pasted, changed = library.paste(images, masks, 1.0, np.random.default_rng(3))
     torch.testing.assert_close(changed.sum(1), masks.sum(1))
     hidden = changed[:, 1].sum((1, 2)) / masks[:, 0].sum((1, 2))
-    assert hidden.max() <= MOST_HIDDEN and (hidden > 0.2).float().mean() > 0.4
+    assert hidden.max() <= MAX_HIDDEN and (hidden > 0.2).float().mean() > 0.4
     coloured = (pasted.amax(1) - pasted.amin(1)) > 0.1  # neither grey nor shadow
     strange = coloured & (masks[:, 0] > 0)
     assert (changed[:, 1][strange] > 0.5).float().mean() > 0.95

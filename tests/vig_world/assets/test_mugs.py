@@ -153,7 +153,7 @@ def test_mixtures_take_every_parameter_and_ratios_are_undone() -> None:
 
 def test_giving_up_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(drawn_module, "flaws", lambda design: ["bad"])
-    monkeypatch.setattr(drawn_module, "MOST_TRIES", 2)
+    monkeypatch.setattr(drawn_module, "MAX_TRIES", 2)
     with pytest.raises(RuntimeError, match="2 drawn mugs had flaws"):
         draw_mug(np.random.default_rng(0))
 

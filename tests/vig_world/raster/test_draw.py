@@ -22,7 +22,7 @@ from vig_world.raster.rasterize import rasterize
 from vig_world.raster.view import View
 
 HERE = np.eye(3), np.zeros(3)
-EVEN, MOST_LIGHT = 0.6, 1.25
+EVEN, MAX_LIGHT = 0.6, 1.25
 """As in shade.cc."""
 LIGHT = np.array([EXPOSURE_L00, 0.4, 1.2, -0.5, 0.1, -0.2, 0.2, 0.1, -0.1])
 ABOVE = np.array([EXPOSURE_L00, 0, 1.0, 0, 0, 0, 0, 0, 0])
@@ -304,7 +304,7 @@ def test_a_rooms_corner_is_dimmer_than_its_wall(teapot: ObjectClass) -> None:
     picture = linear(draw([room], target(teapot, light), View.of(teapot, 0.9, 0.1), light))[..., 1]
     wall = picture[10:40, 10:140]
     assert wall.max() > 1.08 * wall.min()
-    assert wall.max() < 0.5 * EXPOSURE_L00 * Y00 * MOST_LIGHT
+    assert wall.max() < 0.5 * EXPOSURE_L00 * Y00 * MAX_LIGHT
 
 
 def test_what_hides_the_object_is_told_apart(teapot: ObjectClass) -> None:

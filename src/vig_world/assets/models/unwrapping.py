@@ -24,7 +24,7 @@ def unwrap(vertices: np.ndarray, faces: np.ndarray, uv: np.ndarray | None = None
     corner, index = np.unique(faces * (int(patch.max()) + 1) + patch[:, None], return_inverse=True)
     owner, of_patch = np.divmod(corner, int(patch.max()) + 1)
     points, triangles = vertices[owner], index.reshape(-1, 3)
-    flat = _laid_flat(points, of_patch, vertices, faces, patch) if uv is None else uv[owner]
+    flat = _unroll(points, of_patch, vertices, faces, patch) if uv is None else uv[owner]
     return Mesh(points.astype(np.float32), triangles.astype(np.int32), flat.astype(np.float32))
 
 
@@ -47,7 +47,7 @@ def smooth_patches(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return labels.astype(np.int64)
 
 
-def _laid_flat(
+def _unroll(
     points: np.ndarray, of_patch: np.ndarray, vertices: np.ndarray, faces: np.ndarray, patch: np.ndarray
 ) -> np.ndarray:
     """Return texture coordinates (N, 2), metres, of points (N, 3) that belong to patches (N,)."""

@@ -6,23 +6,23 @@ from pathlib import Path
 from vig.io.checks import name_stand_in, parse_json
 from vig.io.errors import UserError
 from vig_world.assets.own.meshes.stl import count_stl
-from vig_world.assets.own.siblings import MOST_BYTES
+from vig_world.assets.own.siblings import MAX_BYTES
 
-MOST_FACES = 1_000_000
-MOST_VALUES = 20 * MOST_FACES
+MAX_FACES = 1_000_000
+MAX_VALUES = 20 * MAX_FACES
 _HEADER = 2**16
 
 
 def refuse_huge(path: Path) -> None:
-    """Raise UserError for a mesh file of more than MOST_FACES faces or MOST_BYTES bytes.
+    """Raise UserError for a mesh file of more than MAX_FACES faces or MAX_BYTES bytes.
 
     Other errors (ValueError, KeyError, OSError, ...) mean that the file is damaged.
     """
     size = path.stat().st_size
     if size == 0:
         raise UserError(f"{path}: expected a mesh; got an empty file.")
-    if size > MOST_BYTES:
-        raise UserError(f"{path}: expected at most {MOST_BYTES >> 20} MiB; got {size >> 20}. Simplify it.")
+    if size > MAX_BYTES:
+        raise UserError(f"{path}: expected at most {MAX_BYTES >> 20} MiB; got {size >> 20}. Simplify it.")
     with path.open("rb") as file:
         if instead := name_stand_in(file.read(1024)):
             raise UserError(f"{path}: expected a mesh; got {instead}.")
@@ -34,8 +34,8 @@ def refuse_huge(path: Path) -> None:
         ".glb": lambda: _gltf(_glb_json(path)),
         ".gltf": lambda: _gltf(path.read_bytes()),
     }[path.suffix.lower()]()
-    if count > MOST_FACES:
-        raise UserError(f"{path}: expected at most {MOST_FACES:,} faces; got {count:,}. Simplify it.")
+    if count > MAX_FACES:
+        raise UserError(f"{path}: expected at most {MAX_FACES:,} faces; got {count:,}. Simplify it.")
 
 
 def _obj(path: Path) -> int:
@@ -54,7 +54,7 @@ def _obj(path: Path) -> int:
             if polygon:
                 triangles += line.count(b" ") + line.count(b"\t") + line.count(b"\v") + 1
                 polygon = line.rstrip(b"\r\n").endswith(b"\\")
-            if max(triangles, vertices // 3) > MOST_FACES:
+            if max(triangles, vertices // 3) > MAX_FACES:
                 break
     return max(triangles, vertices // 3)
 
@@ -97,7 +97,7 @@ def _gltf(text: bytes) -> int:
     tree = parse_json(text)
     accessors = tree.get("accessors", [])
     total = sum(int(accessor["count"]) for accessor in accessors)
-    if total > MOST_VALUES or any(int(accessor["count"]) < 0 for accessor in accessors):
+    if total > MAX_VALUES or any(int(accessor["count"]) < 0 for accessor in accessors):
         raise ValueError(
             f"its accessors hold {total} values"
         )  # without a buffer they are zeros, made by a loader

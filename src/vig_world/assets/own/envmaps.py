@@ -10,7 +10,7 @@ from vig_world.assets.hdr import read_panorama
 from vig_world.assets.own.folder import files_of, fingerprint
 
 SUFFIXES = (".hdr", ".exr")
-LIGHT_ROWS, MOST_ROWS = 64, 256
+LIGHT_ROWS, MAX_ROWS = 64, 256
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class OwnPanorama:
     def sharp(self) -> np.ndarray:
         """Return the panorama at up to 256 x 512, read from its file: (H, 2 H, 3) float32 linear radiance."""
         image = read_panorama(self.path)
-        return resized(image, min(len(image), MOST_ROWS))
+        return resized(image, min(len(image), MAX_ROWS))
 
 
 def read_envmaps(folder: str | Path) -> tuple[list[OwnPanorama], list[str]]:

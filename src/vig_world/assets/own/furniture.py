@@ -36,10 +36,10 @@ def read_furniture(folder: str | Path) -> tuple[list[FurnitureModel], list[str]]
     Raises:
         UserError: When there is no such folder, not one usable file in it, or its `vig.toml` is wrong.
     """
-    return read_each(folder, _FURNITURE, _made)
+    return read_each(folder, _FURNITURE, _make)
 
 
-def _made(name: str, mark: str, parts: Parts, settings: FileSettings) -> tuple[FurnitureModel, list[str]]:
+def _make(name: str, mark: str, parts: Parts, settings: FileSettings) -> tuple[FurnitureModel, list[str]]:
     vertices, faces = stack_meshes([mesh for mesh, _ in parts])
     family = settings.family or family_of_file(name)
     areas = level_areas(vertices.astype(np.float64), faces)

@@ -22,7 +22,7 @@ from vig_world.assets.own.meshes.obj import read_obj
 from vig_world.assets.own.meshes.off import read_off
 from vig_world.assets.own.meshes.ply import read_ply
 from vig_world.assets.own.meshes.stl import read_stl
-from vig_world.assets.own.siblings import MOST_BYTES, Siblings
+from vig_world.assets.own.siblings import MAX_BYTES, Siblings
 from vig_world.assets.own.surfaces import SurfaceMesh, paint
 from vig_world.mesh import stack_meshes
 
@@ -92,7 +92,7 @@ def load(root: Path, path: Path, nodes: tuple[str, ...] = ()) -> Loaded:
     """
     try:
         refuse_huge(path)
-        data = read_bytes(path, MOST_BYTES)
+        data = read_bytes(path, MAX_BYTES)
         siblings = Siblings(root, path)
         with warnings.catch_warnings(), np.errstate(all="ignore"):  # problems are reported by the caller
             warnings.simplefilter("ignore")
@@ -145,9 +145,9 @@ def _join_pieces(path: Path, meshes: list[SurfaceMesh]) -> list[MeshPiece]:
             texture = painted[3]
             key = (texture.shape, texture.tobytes(), opacity)
             groups.setdefault(key, []).append(MeshPiece(*painted, opacity))
-    return [_joined(group) for group in groups.values()]
+    return [_join(group) for group in groups.values()]
 
 
-def _joined(group: list[MeshPiece]) -> MeshPiece:
+def _join(group: list[MeshPiece]) -> MeshPiece:
     uv = np.concatenate([piece.uv for piece in group])
     return MeshPiece(*stack_meshes(group), uv, group[0].texture, group[0].opacity)

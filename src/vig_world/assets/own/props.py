@@ -18,7 +18,7 @@ from vig_world.assets.own.standing import SizedKind, stand
 from vig_world.assets.things import Material, Parts, PropModel, prop
 from vig_world.mesh import Mesh
 
-MOST_FACES = 20_000
+MAX_FACES = 20_000
 _PROP = SizedKind("prop", 0.01, 0.6, furniture=False)
 
 
@@ -36,12 +36,12 @@ def read_props(folder: str | Path) -> tuple[list[PropModel], list[str]]:
     """
 
     def made(name: str, mark: str, parts: Parts, settings: FileSettings) -> tuple[PropModel, list[str]]:
-        return PropModel(name, settings.family or _called(name), mark, lambda: parts, settings.zones), []
+        return PropModel(name, settings.family or _family_of(name), mark, lambda: parts, settings.zones), []
 
     return read_each(folder, _PROP, made)
 
 
-def _called(name: str) -> str:
+def _family_of(name: str) -> str:
     """Return a thing's name: its file's stem, or its folder's name if that is generic, such as `model`."""
     path = Path(name)
     generic = ("textured", "model", "mesh", "object", "scene", "untitled", "nontextured")
@@ -84,12 +84,12 @@ def read_each(
 def standing_parts(
     path: Path, pieces: list[MeshPiece], settings: FileSettings, kind: SizedKind
 ) -> tuple[Parts, list[str]]:
-    """Return the parts of a mesh file, upright in metres and of `MOST_FACES` at most, and the guesses made.
+    """Return the parts of a mesh file, upright in metres and of `MAX_FACES` at most, and the guesses made.
 
     Raises UserError when it has no triangle with an area, or no usual unit makes it one of this kind.
     """
     try:
-        pieces = outward(pieces, MOST_FACES)
+        pieces = outward(pieces, MAX_FACES)
         if not pieces:
             raise ValueError("triangles with an area; all of its are degenerate")
         pieces, guesses = stand(pieces, settings, path.suffix.lower(), kind)

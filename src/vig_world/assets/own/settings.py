@@ -24,7 +24,7 @@ from vig.io.files import compose_name
 from vig_world.assets.things import ZONE_NAMES, Zone
 
 FILE = "vig.toml"
-MOST_BYTES, MOST_LINE = 1 << 18, 1 << 13
+MAX_BYTES, MAX_LINE = 1 << 18, 1 << 13
 """Largest file and longest line, in bytes: a parser's time grows with the square of a dotted name."""
 
 REMEDY = (
@@ -73,9 +73,9 @@ def _read(path: Path) -> dict[str, Any]:
     table: dict[str, Any] = {}
     with reading(path, "settings of mesh files", REMEDY):
         with suppress(FileNotFoundError):
-            text = read_bytes(path, MOST_BYTES).decode()
-            if max(map(len, text.splitlines()), default=0) > MOST_LINE:
-                raise ValueError(f"a line of more than {MOST_LINE} characters")
+            text = read_bytes(path, MAX_BYTES).decode()
+            if max(map(len, text.splitlines()), default=0) > MAX_LINE:
+                raise ValueError(f"a line of more than {MAX_LINE} characters")
             table = tomllib.loads(text)
         decode(dict[Literal["defaults", "files"], dict[str, Any]], table)
         files = table.get("files", {})

@@ -11,7 +11,7 @@ from PIL import Image
 from vig.io.checks import name_stand_in, read_bytes
 from vig_world.assets.own.surfaces import TooManyPixelsError, open_picture
 
-MOST_BYTES = 512 * 2**20  # bytes of a file that is read, at most
+MAX_BYTES = 512 * 2**20  # bytes of a file that is read, at most
 
 
 def readings(name: bytes) -> list[str]:
@@ -89,7 +89,7 @@ class Siblings:
         if place is None:
             raise ValueError(f"{shown(name)} is missing or unreadable")
         try:
-            data = read_bytes(place, MOST_BYTES)
+            data = read_bytes(place, MAX_BYTES)
         except (OSError, ValueError) as error:
             raise ValueError(f"{shown(name)} is missing or unreadable ({str(error)[:200]})") from error
         if instead := name_stand_in(data):

@@ -21,7 +21,7 @@ def simplified(pieces: list[MeshPiece], most: int) -> list[MeshPiece]:
     low, size = points.min(0), float(np.ptp(points, axis=0).max())
     cells, best = 64.0, None
     for _ in range(6):
-        trial = [_clustered(piece, low, size / cells) for piece in pieces]
+        trial = [_cluster(piece, low, size / cells) for piece in pieces]
         count = sum(len(piece.faces) for piece in trial)
         if count <= most and (best is None or count > sum(len(piece.faces) for piece in best)):
             best = trial
@@ -41,7 +41,7 @@ def without_empty(piece: MeshPiece) -> MeshPiece:
     return replace(piece, vertices=piece.vertices[used], faces=faces.reshape(-1, 3), uv=piece.uv[used])
 
 
-def _clustered(piece: MeshPiece, low: np.ndarray, cell: float) -> MeshPiece:
+def _cluster(piece: MeshPiece, low: np.ndarray, cell: float) -> MeshPiece:
     grid = np.floor((piece.vertices - low) / cell).astype(np.int64)
     place = (grid[:, 0] * 2**40) + (grid[:, 1] * 2**20) + grid[:, 2]
     _, place = np.unique(place, return_inverse=True)
@@ -84,13 +84,13 @@ def outward(pieces: list[MeshPiece], most: int) -> list[MeshPiece]:
     pieces = simplified(pieces, most)
     volume = signed_volume(pieces) if pieces else None
     if volume:
-        return [_flipped(piece) for piece in pieces] if volume < 0 else pieces
+        return [_flip(piece) for piece in pieces] if volume < 0 else pieces
     pieces = simplified(pieces, most // 2)
     result = []
     for piece in pieces:
         volume = signed_volume([piece])
         if volume:
-            result.append(_flipped(piece) if volume < 0 else piece)
+            result.append(_flip(piece) if volume < 0 else piece)
         else:
             vertices, uv = (np.concatenate([each] * 2) for each in (piece.vertices, piece.uv))
             back = piece.faces[:, ::-1] + len(piece.vertices)
@@ -98,5 +98,5 @@ def outward(pieces: list[MeshPiece], most: int) -> list[MeshPiece]:
     return result
 
 
-def _flipped(piece: MeshPiece) -> MeshPiece:
+def _flip(piece: MeshPiece) -> MeshPiece:
     return replace(piece, faces=piece.faces[:, ::-1])

@@ -40,13 +40,13 @@ def stand(
     guesses = []
     up: str | None = settings.up
     if up is None:
-        up, sure = ("y", True) if suffix in (".glb", ".gltf") else _guessed_up(pieces, suffix, kind)
+        up, sure = ("y", True) if suffix in (".glb", ".gltf") else _guess_up(pieces, suffix, kind)
         if not sure:
             guesses.append(f'took {up} for its upward axis (set by up = "{up}")')
-    pieces = _turned(pieces, np.array(_UPRIGHT[up], np.float64))
+    pieces = _turn(pieces, np.array(_UPRIGHT[up], np.float64))
     if settings.turn:
         c, s = np.cos(np.deg2rad(settings.turn)), np.sin(np.deg2rad(settings.turn))
-        pieces = _turned(pieces, np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]))
+        pieces = _turn(pieces, np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]))
     points = np.concatenate([piece.vertices for piece in pieces])
     size = float(np.ptp(points, axis=0).max())
     scale = settings.scale
@@ -69,19 +69,19 @@ def stand(
     return [replace(piece, vertices=piece.vertices * scale) for piece in pieces], guesses
 
 
-def _turned(pieces: list[MeshPiece], rotation: np.ndarray) -> list[MeshPiece]:
+def _turn(pieces: list[MeshPiece], rotation: np.ndarray) -> list[MeshPiece]:
     return [replace(piece, vertices=piece.vertices @ rotation.T) for piece in pieces]
 
 
-def _guessed_up(pieces: list[MeshPiece], suffix: str, kind: SizedKind) -> tuple[str, bool]:
+def _guess_up(pieces: list[MeshPiece], suffix: str, kind: SizedKind) -> tuple[str, bool]:
     """Return which of y and z points up, by the side on which it can stand, and whether that is certain."""
-    steady = {up: _base(_turned(pieces, np.array(_UPRIGHT[up], np.float64))) for up in ("z", "y")}
+    steady = {up: _base(_turn(pieces, np.array(_UPRIGHT[up], np.float64))) for up in ("z", "y")}
     standing = [up for up, share in steady.items() if share > 0.1]  # of the footprint
     if len(standing) == 1:
         return standing[0], True
     if not kind.furniture:
         return "z", True  # small things may also lie
-    tops = {up: _level(_turned(pieces, np.array(_UPRIGHT[up], np.float64))) for up in ("z", "y")}
+    tops = {up: _level(_turn(pieces, np.array(_UPRIGHT[up], np.float64))) for up in ("z", "y")}
     for up, other in (("z", "y"), ("y", "z")):
         if tops[up] > 3.0 * tops[other]:
             return up, True

@@ -7,8 +7,8 @@ import numpy as np
 from vig_world.assets.things import Support
 from vig_world.mesh import face_normals
 
-LEAST_SIDE = 0.15
-LEAST_CLEARANCE = 0.2  # least side and free height of a support, metres
+MIN_SIDE = 0.15
+MIN_CLEARANCE = 0.2  # least side and free height of a support, metres
 _CELL = 0.02
 _LEVEL = 0.01  # metres by which heights on one support may differ from its own
 _REACH = 0.3
@@ -28,13 +28,13 @@ class _Hits:
 
 
 def level_areas(vertices: np.ndarray, faces: np.ndarray) -> list[Support]:
-    """Return level rectangles along the axes, at least LEAST_SIDE long with LEAST_CLEARANCE above, largest
+    """Return level rectangles along the axes, at least MIN_SIDE long with MIN_CLEARANCE above, largest
     first, of no zone.
 
     vertices (V, 3) metres, Z up; faces (F, 3), counter-clockwise seen from outside. At most 12.
     """
     hits = _hits(vertices, faces)
-    usable = hits.up & (hits.clearance >= LEAST_CLEARANCE)
+    usable = hits.up & (hits.clearance >= MIN_CLEARANCE)
     areas: list[tuple[int, Support]] = []
     most_supports = 12
     while usable.any() and len(areas) < 4 * most_supports:
@@ -46,7 +46,7 @@ def level_areas(vertices: np.ndarray, faces: np.ndarray) -> list[Support]:
         grid = np.zeros(hits.shape, bool)
         grid[hits.row[near], hits.column[near]] = True
         top, bottom, left, right = largest_rectangle(grid)
-        if min(bottom - top, right - left) * _CELL < LEAST_SIDE:
+        if min(bottom - top, right - left) * _CELL < MIN_SIDE:
             usable &= ~near
             continue
         inside = (
@@ -57,7 +57,7 @@ def level_areas(vertices: np.ndarray, faces: np.ndarray) -> list[Support]:
         high = hits.origin + _CELL * np.array([right, bottom])
         z = float(np.median(hits.z[inside]))
         clearance = float((hits.clearance[inside] - (z - hits.z[inside])).min())
-        area = _opened(vertices, faces, low, high, z, clearance)
+        area = _open_support(vertices, faces, low, high, z, clearance)
         if area is not None:
             areas.append(((bottom - top) * (right - left), area))
     areas.sort(key=lambda item: -item[0])
@@ -127,7 +127,7 @@ def largest_rectangle(grid: np.ndarray) -> tuple[int, int, int, int]:
     return rectangle
 
 
-def _opened(
+def _open_support(
     vertices: np.ndarray, faces: np.ndarray, low: np.ndarray, high: np.ndarray, z: float, clearance: float
 ) -> Support | None:
     """Return the rectangle from low to high (2,) with the first open side for its front: -y, +x, +y, -x.

@@ -9,8 +9,8 @@ from PIL import Image
 from vig.scene import linear_from_srgb
 from vig_world.assets.textures import BRIGHTEST, DARKEST
 
-MOST_TEXELS = 256
-MOST_PIXELS = 50_000_000  # most pixels of a picture, before it is reduced
+MAX_TEXELS = 256
+MAX_PIXELS = 50_000_000  # most pixels of a picture, before it is reduced
 GREY = 0.5  # albedo where a file has no readable colour
 
 
@@ -80,7 +80,7 @@ def paint(mesh: SurfaceMesh) -> list[Painted]:
     if colours is None:
         return [(mesh.vertices, mesh.faces, uv, _albedo(texture))]
     # fewer colours where they tint a picture, as each needs a copy of it
-    index, palette = _quantized(colours, 64 if texture.size == 3 else 8)
+    index, palette = _quantize(colours, 64 if texture.size == 3 else 8)
     tints = palette if mesh.linear else linear_from_srgb(palette)
     if texture.size == 3:
         vertices, faces, palette_uv = _by_palette(mesh.vertices, mesh.faces, index, len(palette))
@@ -116,20 +116,20 @@ class TooManyPixelsError(ValueError):
 def open_picture(data: bytes) -> Image.Image:
     """Decode a picture. TooManyPixelsError, or any other exception for a damaged one."""
     image = Image.open(io.BytesIO(data))
-    if image.width * image.height > MOST_PIXELS:
+    if image.width * image.height > MAX_PIXELS:
         raise TooManyPixelsError(f"a picture of {image.width} x {image.height} pixels")
     image.load()
     return image
 
 
 def linear_picture(image: Image.Image) -> np.ndarray:
-    """Return a picture as linear RGB, each side at most MOST_TEXELS."""
+    """Return a picture as linear RGB, each side at most MAX_TEXELS."""
     small = image.convert("RGBA") if image.mode in ("P", "PA") else image
     if small.mode.startswith("I") or small.mode == "F":
         levels = np.asarray(small, np.float64)
         small = Image.fromarray((levels * (255 / max(levels.max(), 255))).astype(np.uint8))
     small = small.convert("RGB")
-    small.thumbnail((MOST_TEXELS, MOST_TEXELS), Image.Resampling.BOX)
+    small.thumbnail((MAX_TEXELS, MAX_TEXELS), Image.Resampling.BOX)
     return linear_from_srgb(np.asarray(small, np.float32) / 255)
 
 
@@ -137,7 +137,7 @@ def _albedo(values: np.ndarray) -> np.ndarray:
     return np.clip(values, DARKEST, BRIGHTEST).astype(np.float32)
 
 
-def _quantized(colours: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
+def _quantize(colours: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
     """Return numbers (F,) of colours (F, 3), uint8, in a palette, and the palette (n, 3), in [0, 1]."""
     row = Image.fromarray(np.ascontiguousarray(colours[None], np.uint8))
     reduced = row.quantize(most, dither=Image.Dither.NONE)

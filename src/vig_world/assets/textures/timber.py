@@ -40,7 +40,7 @@ def wood(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     return base * np.maximum(shade, 0.15)[..., None]
 
 
-def _laid(
+def _lay_strips(
     rng: np.random.Generator, size: int, base: Array | None, along_v: Array, strip: Array, edge: Array
 ) -> Array:
     """Return strips of wood: which way each runs, a number in [-1, 1] of each, and where their joints are."""
@@ -64,7 +64,7 @@ def parquet(rng: np.random.Generator, size: int, base: Array | None) -> Array:
     strip = value[row, column, np.minimum(across.astype(int), strips - 1)]
     thin = squares / size
     edge = (across % 1 < strips * thin) | (x < thin) | (y < thin)
-    return _laid(rng, size, base, along_v, strip, edge)
+    return _lay_strips(rng, size, base, along_v, strip, edge)
 
 
 @kind(metres=(0.6, 1.2))
@@ -80,4 +80,4 @@ def herringbone(rng: np.random.Generator, size: int, base: Array | None) -> Arra
     thin = cells / size
     left, top = (u * cells) % 1 < thin, (v * cells) % 1 < thin
     edge = np.where(along_v, left | (top & (step == 7)), top | (left & (step == 0)))
-    return _laid(rng, size, base, along_v, strip, edge)
+    return _lay_strips(rng, size, base, along_v, strip, edge)

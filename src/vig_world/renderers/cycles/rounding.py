@@ -4,7 +4,7 @@ import numpy as np
 
 CUTS = 4  # parts into which each edge of a curved face is cut
 SAME = 0.999  # cosine of the angle below which two faces have one normal where they meet
-LEAST_BEND, MOST_BEND = 1e-5, 0.6
+MIN_BEND, MAX_BEND = 1e-5, 0.6
 """Metres by which an edge bends at least; and most of it, of its length, before it is left as it is."""
 
 
@@ -30,7 +30,7 @@ def round_mesh(
     edges = np.roll(points, -1, 1) - points
     straight = np.stack([points + edges / 3, points + 2 * edges / 3], 2)
     bend = np.linalg.norm(controls - straight, axis=-1).max((1, 2))
-    curved = bend > LEAST_BEND
+    curved = bend > MIN_BEND
     weights, corners, small = _pattern()
     patch = np.concatenate([points[curved], controls[curved].reshape(-1, 6, 3)], 1)
     middle = patch[:, 3:].mean(1) * 1.5 - patch[:, :3].mean(1) * 0.5
@@ -77,7 +77,7 @@ def _edge_controls(
     creased = (along * crease).sum(-1, keepdims=True) * crease
     leaving = np.where(((own * other).sum(-1) > SAME)[..., None], smooth, creased)
     length = np.linalg.norm(along, axis=-1, keepdims=True)
-    wild = np.linalg.norm(leaving - along, axis=-1, keepdims=True) > MOST_BEND * length
+    wild = np.linalg.norm(leaving - along, axis=-1, keepdims=True) > MAX_BEND * length
     leaving = np.where(wild.any(1, keepdims=True), along, leaving)
     controls: np.ndarray = ends + leaving / 3
     return controls.reshape(*faces.shape, 2, 3)

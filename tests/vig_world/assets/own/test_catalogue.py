@@ -297,10 +297,10 @@ def test_a_model_that_cannot_be_used_is_named_and_left_out(
 
 
 def test_files_that_unpack_to_too_much_are_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(unpack, "MOST_ENTRY", 10_000)
+    monkeypatch.setattr(unpack, "MAX_ENTRY", 10_000)
     path = catalogue(tmp_path / "tiny.sh3f", files={"a/car/car.obj": b"#" * 10_001})
     assert "unpacks to 10,001 bytes where at most 10,000 are read" in read_props(path)[1][0]
-    monkeypatch.setattr(unpack, "MOST_UNPACKED", 100)
+    monkeypatch.setattr(unpack, "MAX_UNPACKED", 100)
     with pytest.raises(UserError, match="got none of 2.*at most 100 are read"):
         mesh_folder(catalogue(tmp_path / "other.sh3f", [CAR, CUP | {"creator": "Bob"}]))
 

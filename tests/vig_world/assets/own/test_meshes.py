@@ -16,7 +16,7 @@ import trimesh
 from vig.io.errors import UserError
 from vig_train.building.reading import read_scans
 from vig_world.assets.own.load import load
-from vig_world.assets.own.meshes.polygons import triangulated
+from vig_world.assets.own.meshes.polygons import triangulate
 from vig_world.mesh import face_normals
 
 BOX = trimesh.creation.box((1, 2, 3))
@@ -56,7 +56,7 @@ def test_polygons_are_cut_by_their_shape() -> None:
     dart = np.array([[0, 0, 0], [2, -1, 0], [1, 0, 0], [2, 1, 0.0]])
     shape = np.array([[2, 0, 0], [2, 1, 0], [1, 1, 0], [1, 2, 0], [0, 2, 0], [0, 0, 0.0]])
     for polygon, area in ((dart, 1.0), (np.roll(dart, 1, 0), 1.0), (shape, 3.0), (np.roll(shape, 2, 0), 3.0)):
-        faces = triangulated(polygon, [np.arange(len(polygon))])
+        faces = triangulate(polygon, [np.arange(len(polygon))])
         normals = face_normals(polygon, faces)
         assert len(faces) == len(polygon) - 2
         assert (normals[:, 2] >= 0).all() and normals[:, 2].sum() / 2 == pytest.approx(area)

@@ -11,8 +11,8 @@ from PIL import Image
 
 from vig.io.errors import UserError
 from vig.scene import linear_from_srgb
-from vig_world.assets.own.counting import MOST_FACES as MOST_READ
-from vig_world.assets.own.props import MOST_FACES, read_props
+from vig_world.assets.own.counting import MAX_FACES as MAX_READ
+from vig_world.assets.own.props import MAX_FACES, read_props
 from vig_world.mesh import face_normals
 
 RED, BLUE = (200, 20, 20), (20, 20, 200)
@@ -219,7 +219,7 @@ def bad_files(folder: Path) -> dict[str, str]:
         "ply\nformat binary_little_endian 1.0\nelement vertex 5000000\nelement face 10000000\nend_header\n"
     )
     (folder / "huge.off").write_text("OFF\n5000000 10000000 0\n")
-    (folder / "huge.obj").write_bytes(b"v 0 0 0\n" + b"f 1 1 1\n" * (MOST_READ + 1))
+    (folder / "huge.obj").write_bytes(b"v 0 0 0\n" + b"f 1 1 1\n" * (MAX_READ + 1))
     box(folder / "hall.obj", (7, 8, 900))
     return {
         "empty.obj": "an empty file", "points.obj": "expected", "nan.obj": "NaN or infinite",
@@ -241,11 +241,11 @@ def test_bad_meshes_are_named_and_left_out(tmp_path: Path) -> None:
 
 def test_dense_meshes_are_thinned_without_losing_shape_or_closedness(tmp_path: Path) -> None:
     sphere = trimesh.creation.icosphere(subdivisions=6, radius=0.1)
-    assert len(sphere.faces) > 4 * MOST_FACES
+    assert len(sphere.faces) > 4 * MAX_FACES
     sphere.export(tmp_path / "a.ply")
     ((own,), _) = read_props(tmp_path)
     ((mesh, _),) = own.read()
-    assert 0.3 * MOST_FACES < len(mesh.faces) <= MOST_FACES
+    assert 0.3 * MAX_FACES < len(mesh.faces) <= MAX_FACES
     radius = np.linalg.norm(mesh.vertices - [0, 0, mesh.vertices[:, 2].max() / 2], axis=1)
     assert np.abs(radius - 0.1).max() < 0.002
     normals = face_normals(mesh.vertices.astype(np.float64), mesh.faces)

@@ -10,7 +10,7 @@ _UPRIGHT = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]], np.float64)
 """Rotation from a catalogue's axes (Y up, front +Z) to those of vig's own furniture (Z up, front -Y)."""
 
 
-def fitted_obj(data: bytes, rotation: np.ndarray, size: np.ndarray) -> bytes:
+def fit_obj(data: bytes, rotation: np.ndarray, size: np.ndarray) -> bytes:
     """Return an OBJ file turned upright and stretched to a box; materials and their coordinates stay.
 
     Args:

@@ -13,7 +13,7 @@ from vig.io.errors import UserError
 
 SUFFIX = ".sh3f"
 PROPERTIES = "PluginFurnitureCatalog.properties"
-MOST_SIDE = 10_000.0  # centimetres of a model's side
+MAX_SIDE = 10_000.0  # centimetres of a model's side
 
 
 @dataclass(frozen=True)
@@ -50,9 +50,9 @@ class CatalogueModel:
         """Return the width, height, depth: (3,) metres. UserError when one is missing or out of range."""
         sides = [self.fields.get(key, "nothing") for key in ("width", "height", "depth")]
         size = np.array([_number(side) for side in sides])
-        if not ((size > 0) & (size <= MOST_SIDE)).all():
+        if not ((size > 0) & (size <= MAX_SIDE)).all():
             raise UserError(
-                f"expected a width, height and depth of up to {MOST_SIDE:g} cm; got {', '.join(sides)[:60]}."
+                f"expected a width, height and depth of up to {MAX_SIDE:g} cm; got {', '.join(sides)[:60]}."
             )
         return size / 100
 
@@ -132,12 +132,12 @@ def parse_properties(data: bytes) -> dict[str, str]:
             continue
         match = re.match(r"((?:\\.|[^\\=:\s])*)[ \t\f]*[=:]?[ \t\f]*(.*)", logical)
         if match:
-            properties[_unescaped(match[1])] = _unescaped(match[2])
+            properties[_unescape(match[1])] = _unescape(match[2])
         logical = ""
     return properties
 
 
-def _unescaped(text: str) -> str:
+def _unescape(text: str) -> str:
     def character(match: re.Match[str]) -> str:
         word = match[1]
         return chr(int(word[1:], 16)) if len(word) > 1 else {"t": "\t", "n": "\n", "r": "\r"}.get(word, word)

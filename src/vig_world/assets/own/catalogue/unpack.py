@@ -13,7 +13,7 @@ from pathlib import Path
 from vig.io.errors import UserError
 from vig.io.files import atomic_folder, cache_folder
 from vig_world.assets.own.catalogue.choice import Choice, choice_of
-from vig_world.assets.own.catalogue.fitting import fitted_obj, material_files, picture_files
+from vig_world.assets.own.catalogue.fitting import fit_obj, material_files, picture_files
 from vig_world.assets.own.catalogue.reading import CatalogueModel, read_entry
 from vig_world.assets.own.catalogue.sources import SOURCES_FILE, Source, Sources
 from vig_world.assets.own.catalogue.zones import head_words, zones_of
@@ -23,8 +23,8 @@ from vig_world.assets.own.load import PICTURES
 from vig_world.assets.own.settings import FILE as SETTINGS_FILE
 
 FORMAT = 1  # version of unpacked folders, to be raised with any change of them; those of another are not used
-MOST_ENTRY = 256 << 20  # bytes of one file of a catalogue, unpacked
-MOST_UNPACKED = 4 << 30  # bytes of all files that are unpacked at once
+MAX_ENTRY = 256 << 20  # bytes of one file of a catalogue, unpacked
+MAX_UNPACKED = 4 << 30  # bytes of all files that are unpacked at once
 _LONGEST_NAME = 60
 
 
@@ -74,7 +74,7 @@ def _unpack(choice: Choice, folder: Path) -> None:
                 unpacker.unpack(model, folder / name)
             except UserError as error:
                 shutil.rmtree(folder / name, ignore_errors=True)
-                left_out[_described(model, left_out)] = str(error)
+                left_out[_describe(model, left_out)] = str(error)
                 continue
             file = f"{name}/{name}.obj"
             sources.append(Source(file, model.name, model.creator, model.licence, model.catalogue.name))
@@ -89,7 +89,7 @@ class _Unpacker:
     """Reads models out of catalogues, up to a number of bytes altogether."""
 
     def __init__(self, catalogues: tuple[Path, ...]) -> None:
-        self.left = MOST_UNPACKED
+        self.left = MAX_UNPACKED
         self.archives = {path: zipfile.ZipFile(path) for path in catalogues}
         self.entries = {
             path: {key: name for name in archive.namelist() for key in (name.lower(), name)}
@@ -115,7 +115,7 @@ class _Unpacker:
         try:
             out.write_bytes(data)
             refuse_huge(out)
-            fitted = fitted_obj(data, rotation, size)
+            fitted = fit_obj(data, rotation, size)
         except UserError as error:
             raise UserError(str(error).removeprefix(f"{out}: ")) from error
         except (ValueError, IndexError, OverflowError, MemoryError) as error:
@@ -123,14 +123,14 @@ class _Unpacker:
                 f"expected a readable OBJ file; got a damaged one ({str(error)[:150]})."
             ) from error
         for material in material_files(data):
-            found = self._referred(model.catalogue, material, path, folder, (".mtl",))
+            found = self._write_referred(model.catalogue, material, path, folder, (".mtl",))
             if found is not None:
                 for picture in picture_files(found[1]):
-                    self._referred(model.catalogue, picture, found[0], folder, PICTURES)
+                    self._write_referred(model.catalogue, picture, found[0], folder, PICTURES)
         out.write_bytes(fitted)
         (folder / SETTINGS_FILE).write_text(_settings(model))
 
-    def _referred(
+    def _write_referred(
         self, catalogue: Path, name: str, referrer: str, folder: Path, suffixes: tuple[str, ...]
     ) -> tuple[str, bytes] | None:
         """Write a file that another one of the zip refers to; return its path in the zip and its bytes.
@@ -157,7 +157,7 @@ class _Unpacker:
         if name is None:
             raise UserError(f"expected its file {path[:100]} in the catalogue; it is missing.")
         try:
-            data = read_entry(self.archives[catalogue], name, min(MOST_ENTRY, self.left))
+            data = read_entry(self.archives[catalogue], name, min(MAX_ENTRY, self.left))
         except ValueError as error:
             raise UserError(f"expected a model of ordinary size; {error}.") from error
         except Exception as error:  # damaged, encrypted, or packed in a way that is not known
@@ -211,7 +211,7 @@ def _unique_names(models: list[CatalogueModel]) -> list[str]:
     return result
 
 
-def _described(model: CatalogueModel, others: dict[str, str]) -> str:
+def _describe(model: CatalogueModel, others: dict[str, str]) -> str:
     """Return a model's name for a message, unlike those of others."""
     name = f"{model.name} of {model.catalogue.name}"
     return name if name not in others else f"{name} ({model.path or len(others)})"

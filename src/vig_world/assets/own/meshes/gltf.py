@@ -49,7 +49,7 @@ def read_gltf(data: bytes, siblings: Siblings, leave_out_copies: bool = True) ->
     Raises:
         ValueError: It is damaged, has positions outside its stated bounds, or needs unsupported features.
     """
-    meshes = _Reader(*_opened(data), siblings).meshes()
+    meshes = _Reader(*_open(data), siblings).meshes()
     return _without_copies(meshes, siblings) if leave_out_copies else meshes
 
 
@@ -66,7 +66,7 @@ def _without_copies(meshes: list[SurfaceMesh], siblings: Siblings) -> list[Surfa
     return [mesh for path, mesh in zip(paths, meshes, strict=True) if path not in copies]
 
 
-def _opened(data: bytes) -> tuple[dict[str, Any], bytes]:
+def _open(data: bytes) -> tuple[dict[str, Any], bytes]:
     """Return the JSON of a file, and the binary chunk of a GLB."""
     if data[:4] != b"glTF":
         return parse_json(data.removeprefix(b"\xef\xbb\xbf")), b""
@@ -196,19 +196,19 @@ class _Reader:
         values = np.zeros((count, size), kind)
         if "bufferView" in accessor:
             content, view = self._view(accessor["bufferView"])
-            values = _strided(
+            values = _strided_rows(
                 content, int(accessor.get("byteOffset", 0)), view.get("byteStride"), kind, count, size
             ).copy()
         if sparse := accessor.get("sparse"):
             places, new = sparse["indices"], sparse["values"]
-            where = _strided(
+            where = _strided_rows(
                 self._view(places["bufferView"])[0], int(places.get("byteOffset", 0)), None,
                 np.dtype(COMPONENTS[places["componentType"]]), int(sparse["count"]), 1,
             )[:, 0].astype(np.int64)  # fmt: skip
             if len(where) and where.max() >= count:
                 raise ValueError(f"a sparse accessor of {count} with an index of {where.max()}")
             content = self._view(new["bufferView"])[0]
-            values[where] = _strided(
+            values[where] = _strided_rows(
                 content, int(new.get("byteOffset", 0)), None, kind, int(sparse["count"]), size
             )
         return values
@@ -338,7 +338,7 @@ def _use_diffuse(material: dict[str, Any]) -> None:
         material["pbrMetallicRoughness"] = {new: gloss[old] for old, new in names.items() if old in gloss}
 
 
-def _strided(
+def _strided_rows(
     content: bytes, start: int, stride: int | None, kind: np.dtype, count: int, size: int
 ) -> np.ndarray:
     """Return numbers (count, size) of a view, its rows `stride` bytes apart or one behind the other."""

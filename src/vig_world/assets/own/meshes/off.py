@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 
-from vig_world.assets.own.meshes.polygons import triangulated
+from vig_world.assets.own.meshes.polygons import triangulate
 
 _HEADER = re.compile(r"(ST)?(C)?(N)?(4)?(n)?OFF\b", re.ASCII)
 
@@ -34,4 +34,4 @@ def read_off(data: bytes) -> tuple[np.ndarray, np.ndarray]:
         if len(row) < 1 + size:
             raise ValueError(f"a face of {size} corners with {len(row) - 1}")
         polygons.append(np.array(row[1 : 1 + size], np.int64))
-    return vertices, triangulated(vertices, polygons)
+    return vertices, triangulate(vertices, polygons)

@@ -11,7 +11,7 @@ def owners(polygons: Sequence[np.ndarray], places: np.ndarray) -> np.ndarray:
     return np.searchsorted(ends, places[:, 0], side="right")
 
 
-def triangulated(vertices: np.ndarray, polygons: Sequence[np.ndarray]) -> np.ndarray:
+def triangulate(vertices: np.ndarray, polygons: Sequence[np.ndarray]) -> np.ndarray:
     """Return triangles (F, 3) of polygons, each a row of indices of vertices (V, 3), corners in order.
 
     A convex polygon becomes a fan; one whose fan would turn over somewhere is cut into ears.
@@ -21,7 +21,7 @@ def triangulated(vertices: np.ndarray, polygons: Sequence[np.ndarray]) -> np.nda
 
 
 def triangles_of(vertices: np.ndarray, polygons: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Triangulate like `triangulated`; also return where (F, 3) corners lie among all polygons' corners."""
+    """Triangulate like `triangulate`; also return where (F, 3) corners lie among all polygons' corners."""
     lengths = np.array([len(polygon) for polygon in polygons], np.int64)
     starts = np.concatenate([[0], np.cumsum(lengths)])
     flat = np.concatenate([lengths[:0], *(np.asarray(polygon, np.int64) for polygon in polygons)])
