@@ -72,7 +72,7 @@ def _errors(explainer: vig.Explainer, dataset: Dataset, mask: bool) -> Iterator[
 
 
 def _lead(found: vig.Explanation) -> float:
-    return min((view.behind for view in found.fit.alternatives), default=math.inf)
+    return min((view.score_gap for view in found.fit.alternatives), default=math.inf)
 
 
 if __name__ == "__main__":

@@ -33,8 +33,8 @@ def remembered_networks() -> Iterator[None]:
     def run_once(
         self: Recognizer, which: str, image: np.ndarray, shapes: Mapping[str, tuple[int, ...]]
     ) -> Outputs:
-        picture = image.shape, hashlib.sha1(image.tobytes()).digest()
-        key = digest_of(self.weights), which, *picture, tuple(shapes.items())
+        picture = image.shape, image.dtype.str, hashlib.sha1(image.tobytes()).digest()
+        key = digest_of(self.weights), repr(self.settings), which, *picture, tuple(shapes.items())
         if key not in REMEMBERED:
             REMEMBERED[key] = run(self, which, image, shapes)
         return [output.copy() for output in REMEMBERED[key]]
@@ -42,3 +42,5 @@ def remembered_networks() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Recognizer, "_run", run_once)
         yield
+    REMEMBERED.clear()
+    DIGESTS.clear()

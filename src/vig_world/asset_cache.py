@@ -22,10 +22,13 @@ Arrays = dict[str, np.ndarray]
 
 
 class AssetCache:
-    """Arrays by name, a file each; damaged files are made again. None as folder keeps none."""
+    """Arrays by name, a file each; damaged files are made again. None as folder keeps none.
 
-    def __init__(self, folder: Path | None) -> None:
-        self.folder = folder
+    required: Whether a file that cannot be written is an error; else none is kept from then on.
+    """
+
+    def __init__(self, folder: Path | None, required: bool = False) -> None:
+        self.folder, self.required = folder, required
 
     def arrays(self, name: str, make: Callable[[], Arrays]) -> Arrays:
         """Return the result of `make`, made once where the cache can be read and written.
@@ -39,12 +42,14 @@ class AssetCache:
         path = self.folder / f"{name}.safetensors"
         try:
             return load_file(path)
-        except (OSError, SafetensorError):
+        except (OSError, ValueError, SafetensorError):
             pass
         made = make()
         try:
             write_arrays(path, made)
         except (OSError, UserError, SafetensorError):  # a full disk, or one that is read only
+            if self.required:
+                raise
             self.folder = None
         return made
 

@@ -1,6 +1,7 @@
 """The lines that commands print."""
 
 import json
+import os
 import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -18,7 +19,7 @@ def end(folder: Path, words: str, result: Mapping[str, Any] | None = None, lines
     With the result that --json asks for print that alone, and the folder, as one JSON object.
     """
     if result is not None:
-        print(json.dumps({**result, "folder": str(folder)}, indent=2, default=str), flush=True)
+        print(json.dumps({**result, "folder": str(folder)}, indent=2, default=os.fspath), flush=True)
         return
     print(*lines, folder, sep="\n", flush=True)
     note(words)

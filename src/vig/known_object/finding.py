@@ -18,7 +18,7 @@ from vig.scene.functions import sigmoid
 RANKING = (Stage(1, 80, 0, (0.0, 0.0, 0.0), math.inf),)
 """Compares poses as they are: without an outline a search makes those of keypoints no better."""
 ODDS = (-0.16, 1.82, 0.53)
-"""Log odds that a find is the object: constant, per log weight of its keypoints, per score. Fitted to
+"""Log odds that a detection is the object: constant, per log weight of its keypoints, per score. Fitted to
 photos of HOPE under two of its lights."""
 
 

@@ -259,12 +259,12 @@ class KnownObject:
             reason = f"the principal point is beside the photo of {width} x {height}: is K of another size?"
             verdict, right = Verdict.AMBIGUOUS, 0.99 * TRUSTED
         if not (visible > 0.5).any():
-            verdict, reason, right = Verdict.FAILED, Verdict.FAILED.value, 0.0
+            verdict, reason, right = Verdict.FAILED, Verdict.FAILED.value, 0.0 * right  # or NaN
         small = self._picture(pyramid, around, place, IMAGE_SIZE // 2).native(self.surface)
         sure = verdict is Verdict.TRUSTED or len(poses.scores) == 1
         deviation, framing_deviation = self._deviation(small, rotation, middle, latents, sure)
         framing_deviation[:2] *= around.focal / around.side
-        behind = (WEIGHTS.pixels * (poses.scores[0] - poses.scores)).tolist()
+        gaps = (WEIGHTS.pixels * (poses.scores[0] - poses.scores)).tolist()
         fit = Fit(
             latents=latents,
             framing=framing,
@@ -283,7 +283,7 @@ class KnownObject:
             evidence=float(WEIGHTS.pixels * poses.scores[0]),
             start_evidence=float(WEIGHTS.pixels * poses.scores[0]),
             evaluations=0,
-            alternatives=tuple(OtherView(*views[number], math.nan, behind[number]) for number in rivals),
+            alternatives=tuple(OtherView(*views[number], math.nan, gaps[number]) for number in rivals),
             descent=np.concatenate([latents.to_vector(), framing[None]], axis=1),
             view_threshold=math.nan if math.isnan(right) or not picture.outlined else TRUSTED,
             position_deviation=np.zeros(3, np.float32),

@@ -198,7 +198,7 @@ def format_help(settings: type) -> type:
             format_help(kind)  # type: ignore[arg-type]
             continue
         empty = any(each.default is value for value in (None, False, ()))
-        words = " ".join(described[each.name].split())
+        words = " ".join(described.get(each.name, "").split()) or None
         options = tyro.conf.arg(help=words, help_behavior_hint="" if empty else None)
         settings.__annotations__[each.name] = Annotated[kind, options]
     return settings

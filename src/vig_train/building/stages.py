@@ -21,7 +21,7 @@ from vig_world.asset_cache import AssetCache
 
 
 class BuildRun(AssetCache):
-    """What is kept of a class's stages, arrays by stage and inputs, and where they report.
+    """Cache of the stages of a class's build, and its progress output.
 
     Args:
         folder: Folder of the arrays.
@@ -30,7 +30,7 @@ class BuildRun(AssetCache):
     """
 
     def __init__(self, folder: Path, say: Callable[[str], None], progress: bool) -> None:
-        super().__init__(folder)
+        super().__init__(folder, required=True)
         self.say, self.progress = say, progress
 
     def result(

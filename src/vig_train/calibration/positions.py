@@ -33,13 +33,13 @@ def calibrate_positions(
 
     Args:
         calibration: Decides which fits are trusted.
-        datasets: Those of the world "photo" are used, `POSITION_PHOTOS` of each at most; without one the
-            calibration stays as it is.
+        datasets: Those of other worlds than the paper's are used, `POSITION_PHOTOS` of each at most; without
+            one the calibration stays as it is.
         object_class: Class that they show.
         recognizer: Its network, calibrated.
         advance: Called with 1 for each photo.
     """
-    photographs = [each for each in datasets if isinstance(each, Dataset) and each.world == "photo"]
+    photographs = [each for each in datasets if isinstance(each, Dataset) and each.world != "paper"]
     if not photographs:
         return calibration
     settings = ExplainSettings(replace(SPATIAL, density=calibration.density), calibration=calibration)

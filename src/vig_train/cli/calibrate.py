@@ -52,7 +52,7 @@ def calibrate(settings: Calibrate) -> int:
     with Meter(sum(map(fit_count, calibration_sets)), 0, not settings.json, "fits") as meter:
         run = FitRun(object_class, settings.workers, meter.advance, fits, processes=True)
         calibration, samples = calibrate_fits(calibration_sets, recognizer, run)
-    positions = sum(min(len(dataset), POSITION_PHOTOS) for dataset in datasets if dataset.world == "photo")
+    positions = sum(min(len(dataset), POSITION_PHOTOS) for dataset in datasets if dataset.world != "paper")
     with Meter(positions, 0, not settings.json, "positions") as meter:
         calibration = calibrate_positions(
             calibration, datasets, object_class, recognizer, advance=meter.advance

@@ -263,7 +263,7 @@ def frame_images(dataset: Dataset, recognizer: Recognizer) -> tuple[np.ndarray, 
 
 def fit_settings(settings: ExplainSettings, object_class: ObjectClass, dataset: Dataset) -> ExplainSettings:
     """Return settings of the fits of such images."""
-    return resolve(settings, object_class, photo=dataset.world == "photo")
+    return resolve(settings, object_class, photo=dataset.world != "paper")
 
 
 def box_of_silhouette(silhouette: np.ndarray) -> tuple[float, float, float, float] | None:

@@ -138,7 +138,7 @@ def summarise(
     posed = {method: result for method, result in results.items() if "azimuth_deg" in result.errors}
     uncertain = {method: result for method, result in results.items() if result.deviation is not None}
     kinds = quarters_hidden(dataset.occlusion, chosen)
-    if dataset.world == "photo":
+    if dataset.world != "paper":
         finish = np.array(dataset.finish)
         kinds |= {name: chosen & (finish == name) for name in sorted(set(finish[chosen].tolist()))}
     return table | {

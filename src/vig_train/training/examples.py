@@ -95,6 +95,7 @@ def hold_out(datasets: Sequence[Dataset], max_validation: int) -> tuple[np.ndarr
     of the images; of a single room, its last tenth. At most `max_validation` indices are to validate on.
     """
     rooms = np.array([spec.room.layout for dataset in datasets for spec in dataset.specs()])
+    rooms = np.where(rooms < 0, -1 - np.arange(len(rooms)), rooms)  # each image of the studio is its own
     distinct_rooms, counts = np.unique(rooms, return_counts=True)
     if len(distinct_rooms) == 1:
         held_out = np.arange(len(rooms)) >= len(rooms) - max(1, len(rooms) // 10)

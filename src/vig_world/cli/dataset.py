@@ -122,7 +122,7 @@ def show(settings: Show) -> int:
     """Run `vig dataset show`."""
     from vig_world.dataset import read_dataset
     from vig_world.generation.describe import describe_split
-    from vig_world.generation.keypoints import class_of
+    from vig_world.generation.keypoints import class_of_keypoints
     from vig_world.generation.show import contact_sheet, histograms
 
     dataset = read_dataset(settings.dataset, settings.split)
@@ -132,7 +132,7 @@ def show(settings: Show) -> int:
     object_class = None
     if not settings.plain:
         try:
-            object_class = class_of(settings.dataset, split, _class(settings.object_class))
+            object_class = class_of_keypoints(settings.dataset, split, _class(settings.object_class))
         except UserError as error:
             if settings.object_class is not None:
                 raise

@@ -133,9 +133,9 @@ class SceneSpec:
     held-out design of the class whose deviation from the model the object also has, -1 for none.
     azimuth, elevation radians; albedo (3,) linear RGB; light (9,) SH of incident radiance, world frame,
     as the rasteriser has it. panorama: asset number; panorama_angle: radians by which it was turned.
-    target: the requested occlusion, in [0, 0.9]; occlusion: as measured by the sampler, one sample per
-    pixel. rejected: number of rejected candidate placements, by reason. coat: None for a matt
-    object of one albedo; else `albedo` is its mean. lens: the camera's.
+    target: the requested occlusion, in [0, 0.9], or in the studio the measured one; occlusion: as measured by
+    the sampler, one sample per pixel. rejected: number of rejected candidate placements, by reason. coat:
+    None for a matt object of one albedo; else `albedo` is its mean. lens: the camera's.
     """
 
     seed: int
@@ -156,6 +156,12 @@ class SceneSpec:
     rejected: dict[str, int]
     coat: Coat | None = None
     lens: Lens = Lens()
+
+    @property
+    def finish(self) -> str:
+        """Return the coat's finish; `matt` without one, and `painted` for a mesh's own materials."""
+        plain = "painted" if self.room.layout < 0 else "matt"
+        return plain if self.coat is None else self.coat.finish
 
     def latents(self) -> np.ndarray:
         """Return all latents (P,) float32 in the order of `vig.scene.Latents.to_vector`."""

@@ -12,7 +12,7 @@ from vig.scene import ObjectClass
 from vig_world.dataset.format import OBJECT_ID, image_paths, read_info
 from vig_world.dataset.read import Dataset, image_bytes, read_dataset
 from vig_world.generation.files import refuse_used
-from vig_world.generation.keypoints import EDGES, OUTSIDE, class_of, keypoints, names_of
+from vig_world.generation.keypoints import EDGES, OUTSIDE, class_of_keypoints, keypoints, names_of
 
 
 def export_coco(root: str | Path, out: str | Path, split: str | None = None) -> Path:
@@ -59,7 +59,7 @@ def export_coco_keypoints(
     root, out = Path(root), Path(out)
     dataset = read_dataset(root, split)
     split = dataset.folder.name
-    object_class = class_of(root, split, object_class)
+    object_class = class_of_keypoints(root, split, object_class)
     path = out / "annotations" / f"keypoints_{split}.json"
     refuse_used(root, out, [out / "images" / split, path])
     annotations: list[dict[str, Any]] = []

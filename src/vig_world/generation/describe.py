@@ -74,7 +74,7 @@ def describe(
             "zone": spec.room.zone,
             "design": spec.design,
             "assets": assets_used(spec),
-            "finish": "matt" if spec.coat is None else spec.coat.finish,
+            "finish": spec.finish,
             "roll": spec.lens.roll,
             "photo": None if photo is None else json.dumps(asdict(photo)),
         },

@@ -74,6 +74,16 @@ def class_of(root: Path, split: str, given: ObjectClass | None) -> ObjectClass:
     return object_class
 
 
+def class_of_keypoints(root: Path, split: str, given: ObjectClass | None) -> ObjectClass:
+    """Return the class as `class_of`; UserError also where the objects of a split have no keypoints."""
+    if read_info(root)["splits"][split]["world"] == "studio":
+        raise UserError(
+            f"expected a dataset of the world photo or paper; got '{root}' of the studio, whose objects are"
+            " warped and have no keypoints. Make another, or export to coco or webdataset."
+        )
+    return class_of(root, split, given)
+
+
 def keypoints(dataset: Dataset, object_class: ObjectClass, indices: Iterable[int]) -> Iterator[Keypoints]:
     """Yield the keypoints of some samples. Raises UserError when a file of theirs is missing or damaged."""
     specs, size = dataset.specs(), dataset.size

@@ -111,12 +111,13 @@ def make_dataset(
             raise UserError(f"{name} must be one of {', '.join(known)}; got '{chosen}'")
     check_size(size)
     own = own or OwnAssets()
-    plain = "raster", STANDARD_SIZE, False, False, OwnAssets()
-    if world == "studio" and (tier, size, normals, photo, own) != plain:
+    given = {"tier": tier, "size": size, "normals": normals, "photo": photo, "own assets": own}
+    plain = ("raster", STANDARD_SIZE, False, False, OwnAssets())
+    others = [name for (name, value), usual in zip(given.items(), plain, strict=True) if value != usual]
+    if world == "studio" and others:
         raise UserError(
-            "the studio's images have 150x150 pixels, a camera's noise and packaged assets: expected neither"
-            " another tier or size, nor normals, photo, envmaps, props, furniture. Leave these out, or choose"
-            " another world."
+            "expected photographed images of 150x150 pixels by the rasteriser, without normals or own assets,"
+            f" as the studio makes; got another {', '.join(others)}. Leave it out or choose another world."
         )
     if object_class is None:
         object_class = ObjectClass.load("teapot")

@@ -11,7 +11,7 @@ from vig_world.dataset.read import read_dataset
 from vig_world.dataset.spec import SPLITS
 from vig_world.generation.coco import copy_image
 from vig_world.generation.files import refuse_used
-from vig_world.generation.keypoints import class_of, keypoints, mirror_order, names_of
+from vig_world.generation.keypoints import class_of_keypoints, keypoints, mirror_order, names_of
 
 DESCRIPTION = "data.yaml"
 USES = {"train": ("train", "validation", "test"), "val": ("validation", "test", "train"), "test": ("test",)}
@@ -33,7 +33,7 @@ def export_yolo_pose(
     root, out = Path(root), Path(out)
     dataset = read_dataset(root, split)
     split = dataset.folder.name
-    object_class = class_of(root, split, object_class)
+    object_class = class_of_keypoints(root, split, object_class)
     refuse_used(root, out, [out / "images" / split, out / "labels" / split])
     _description(out, object_class)  # refuses a folder of another class
     width, height = dataset.size

@@ -13,7 +13,7 @@ from vig_world.raster.view import View
 from vig_world.studio.studio import Studio, StudioImage, StudioSettings
 
 ROOM = Room(layout=-1, support=-1, zone="studio", origin=(0.0, 0.0, 0.0), turn=0.0, finishes=())
-"""The room of every scene of the studio: none, and nothing in it has a number of the world's catalogues."""
+"""Placeholder of the room, which the studio's scenes do not have."""
 
 
 class StudioScenes:
@@ -21,7 +21,7 @@ class StudioScenes:
 
     def __init__(self, object_class: ObjectClass, split: Split):
         self.object_class, self.split = object_class, split
-        self._studio = Studio(object_class, StudioSettings(absent=0.0), split)
+        self._studio = Studio(object_class, StudioSettings(absent=0.0), split, refused=False)
         self._image = lru_cache(maxsize=1)(self._studio.draw)  # drawn for its scene, then for its picture
 
     def sample(self, seed: int, index: int, draw: int = 0) -> SceneSpec:

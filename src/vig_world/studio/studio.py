@@ -197,8 +197,8 @@ class Studio:
         if shown >= PART:
             faces = self._part(rng) if shown == PART else self.object_class.shape_model.faces
             if shown == WHOLE and mesh is not None:
-                layer, albedo = self._source_object(rng, latents, mesh, vertices, view, environment)
-                surface = mesh.follow_template(vertices), mesh.faces
+                drawn = self._source_object(rng, latents, mesh, vertices, view, environment)
+                layer, albedo, surface = drawn
             else:
                 layer, albedo = self._object(rng, latents, vertices, faces, view, coat, environment, ground)
             layer = replace(layer, colour=layer.colour * tint)
@@ -306,13 +306,15 @@ class Studio:
         vertices: np.ndarray,
         view: View,
         environment: Environment,
-    ) -> tuple[Layer, np.ndarray]:
-        """Return one of the user's meshes, lit, and the mean albedo (3,) of its visible part."""
+    ) -> tuple[Layer, np.ndarray, tuple[np.ndarray, np.ndarray]]:
+        """Return one of the user's meshes, lit; the mean albedo (3,) of its visible part; and its vertices
+        (V, 3) and the faces (F, 3) that are drawn, those of clear glass left out.
+        """
         paint = draw_paint(rng, mesh, self.settings.own_colours)
-        light = np.asarray(latents.light[0])
-        look = appearance(mesh, mesh.follow_template(vertices), paint, light, view, environment.radiance_from)
+        light, vertices = np.asarray(latents.light[0]), mesh.follow_template(vertices)
+        look = appearance(mesh, vertices, paint, light, view, environment.radiance_from)
         mean = look.albedo.mean(0) if len(look.albedo) else np.full(3, 0.5)
-        return Layer(*look.average(SUPERSAMPLING)), mean
+        return Layer(*look.average(SUPERSAMPLING)), mean, (vertices, mesh.faces[paint.drawn[mesh.material]])
 
     def _object(
         self,

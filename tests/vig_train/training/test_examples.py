@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -29,6 +30,16 @@ def test_a_room_that_is_held_out_of_one_dataset_is_held_out_of_all(tmp_path: Pat
     assert sorted([*trained, *held]) == list(range(80))
     assert not set(rooms[trained]) & set(rooms[held])
     assert {index % 40 for index in held if index < 40} == {index % 40 for index in held if index >= 40}
+
+
+def test_images_of_the_studio_are_not_held_out_as_one_room(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dataset = tiny_dataset(tmp_path)
+    placeless = [SimpleNamespace(room=SimpleNamespace(layout=-1)) for _ in range(40)]
+    monkeypatch.setattr(type(dataset), "specs", lambda self: placeless)
+    trained, held = hold_out([dataset], max_validation=40)
+    assert HELD_OUT_SHARE * 40 <= len(held) <= HELD_OUT_SHARE * 40 + 1 and len(trained) + len(held) == 40
 
 
 def test_what_is_not_validated_on_is_not_trained_on_either(tmp_path: Path) -> None:

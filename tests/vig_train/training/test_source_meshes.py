@@ -69,6 +69,19 @@ def test_glass_is_dark_or_lets_the_inside_be_seen() -> None:
     assert all(paint.textures[1].max() <= 0.15 for paint in paints)
 
 
+def test_clear_glass_is_no_part_of_the_object_as_drawn(pack: ObjectClass) -> None:
+    """Its depth and silhouette are those of the inside."""
+    template = pack.shape_model.mean
+    size = np.ptp(template, axis=0)
+    pieces = [piece(box(size, template.mean(0)), RED), piece(box(3 * size, template.mean(0)), RED, 0.3)]
+    mesh = SourceMesh.of(pieces, np.eye(3), np.zeros(3), template, -1, "train")
+    save(pack.folder / "build" / FILE, [mesh])
+    source_meshes_of.cache_clear()
+    studio = Studio(ObjectClass.load(pack.folder), StudioSettings(source=1.0, absent=0.0))
+    shown = {len(studio.draw(0, index).faces) for index in range(24)}
+    assert shown == {12, 24}
+
+
 @pytest.fixture
 def pack(tmp_path: Path) -> ObjectClass:
     """A pack of boxes whose front is black, and of a mesh that is for the test."""

@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 from tests.support import contents, differing
+from vig.inference import ExplainSettings
+from vig.inference.settings import PHOTO
 from vig.io.errors import UserError
 from vig.scene import ObjectClass
+from vig_train.evaluation.fits import fit_settings
 from vig_world.dataset import read_dataset
 from vig_world.generation.check import check_dataset
+from vig_world.generation.coco import export_coco_keypoints
 from vig_world.generation.write import make_dataset
 from vig_world.raster.rasterize import rasterize
 from vig_world.raster.view import View
@@ -59,12 +63,22 @@ def test_the_camera_projects_the_object_onto_its_mask(teapot: ObjectClass) -> No
     assert occluded > 3
 
 
+def test_it_has_no_keypoints_and_is_fitted_as_photographs_are(
+    made: Path, tmp_path: Path, teapot: ObjectClass
+) -> None:
+    with pytest.raises(UserError, match="of the studio, whose objects are warped.*export to coco"):
+        export_coco_keypoints(made, tmp_path / "out", SPLIT, teapot)
+    assert not (tmp_path / "out").exists()
+    settings = fit_settings(ExplainSettings(), teapot, read_dataset(made, SPLIT))
+    assert settings.free_framing and settings.stages == PHOTO["stages"]
+
+
 @pytest.mark.parametrize(
     "settings", [{"tier": "cycles"}, {"size": (320, 240)}, {"normals": True}, {"photo": True}], ids=str
 )
 def test_what_the_studio_does_not_make_is_refused_before_anything_is_written(
     tmp_path: Path, settings: dict
 ) -> None:
-    with pytest.raises(UserError, match="150x150 pixels.*Leave these out"):
+    with pytest.raises(UserError, match="150x150 pixels.*got another [a-z]+. Leave it out"):
         make_dataset(tmp_path / "out", 2, 1, world="studio", **settings)
     assert not (tmp_path / "out").exists()
