@@ -21,7 +21,7 @@ MASK_RIGHT = 0.8
 class Verdict(Enum):
     """Reliability of an explanation; the value is a sentence for the user."""
 
-    TRUSTED = "the confidence in its view reaches the threshold that was chosen for the class"
+    TRUSTED = "its confidence reaches the threshold of its class"
     REVERTED = "the fit went astray; this is the recognition model's guess"
     AMBIGUOUS = "more than one explanation is within reach of the evidence"
     FAILED = "nothing of the object could be recognised in the photo"

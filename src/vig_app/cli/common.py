@@ -188,7 +188,7 @@ class Verb:
 
 @cache
 def format_help(settings: type) -> type:
-    """Join the lines of each option's help, and hide defaults None, False and (); returns the dataclass."""
+    """Join the lines of each option's help, and hide defaults that are empty or flags; returns the dataclass."""
     settings.__annotations__ = get_type_hints(settings, include_extras=True)
     params = [each for kind in settings.__mro__[-2::-1] for each in parse_from_object(kind).params]
     described = {each.arg_name: each.description or "" for each in params}
@@ -197,7 +197,7 @@ def format_help(settings: type) -> type:
         if is_dataclass(kind):
             format_help(kind)  # type: ignore[arg-type]
             continue
-        empty = any(each.default is value for value in (None, False, ()))
+        empty = each.default in ("", ()) or any(each.default is value for value in (None, False, True))
         words = " ".join(described.get(each.name, "").split()) or None
         options = tyro.conf.arg(help=words, help_behavior_hint="" if empty else None)
         settings.__annotations__[each.name] = Annotated[kind, options]

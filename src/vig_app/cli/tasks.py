@@ -37,6 +37,8 @@ def plan_of(command: FitCommand) -> Plan:
     """Resolve a command's options; UserError where they do not go together, or a file cannot be used."""
     run, place, files = command.run, command.place, files_of(command.run)
     say: Callable[[str], None] = (lambda line: None) if run.quiet else note
+    if run.workers < 1:
+        raise UserError(f"expected 1 or more --workers; got {run.workers}. Leave it out.")
     if command.video.timeout != VideoOptions.timeout:
         raise UserError("expected --timeout with --live; got it without. Leave it out.")
     with ledger_of(run.out) if any(map(is_video, command.images)) else nullcontext():

@@ -48,7 +48,13 @@ def test_help_states_no_empty_defaults(verb: str, capsys: pytest.CaptureFixture[
     run_vig(*verb.split(), "--help")
     words = " ".join(capsys.readouterr().out.replace("│", " ").split())
     assert "default: " in words or verb == "export"
-    assert not re.search(r"\{None\}|default: (None|False)?\)", words)
+    assert not re.search(r"\{None\}|default: (None|False|True)?\)", words)
+
+
+def test_a_run_without_workers_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    photo, out = str(example_photos()[0].photo), tmp_path / "out"
+    assert run_vig("fit", photo, "--workers", "0", "--out", str(out)) == 2
+    assert "expected 1 or more --workers; got 0" in capsys.readouterr().err and not out.exists()
 
 
 def test_help_fills_the_lines_of_the_terminal(
