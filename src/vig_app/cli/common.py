@@ -188,7 +188,7 @@ class Verb:
 
 @cache
 def format_help(settings: type) -> type:
-    """Join the lines of each option's help, and hide defaults that are empty or flags; returns the dataclass."""
+    """Join the lines of each option's help, and hide empty defaults and flags'; returns the dataclass."""
     settings.__annotations__ = get_type_hints(settings, include_extras=True)
     params = [each for kind in settings.__mro__[-2::-1] for each in parse_from_object(kind).params]
     described = {each.arg_name: each.description or "" for each in params}
