@@ -121,7 +121,7 @@ def test_features_that_an_earlier_version_did_not_have_have_no_weight(pack: Path
     assert after.view_weights.tolist() == [*range(len(kept))][::-1] + [0.0]
     assert after.threshold == before.threshold
     path.write_text(json.dumps(stored | {"features": [*CONFIDENCE_FEATURES[:-1], "taste"]}))
-    with pytest.raises(UserError, match="it is of other confidence features"):
+    with pytest.raises(UserError, match="learned with different confidence features"):
         FitCalibration.load(path)
 
 
