@@ -51,11 +51,11 @@ PLACES = [f"{package}.{name}" for package, names in ORDER.items() for name in na
 
 # The budget. A commit may lower a number; one that raises it says in CHANGELOG what was taken out for it.
 LINES = {
-    "vig_native": 7_944, "vig_renderer": 1_647, "vig": 14_748, "vig_app": 8_213, "vig_world": 17_418,
+    "vig_native": 7_944, "vig_renderer": 1_647, "vig": 14_750, "vig_app": 8_216, "vig_world": 17_412,
     "vig_train": 9_924, "vig_paper": 2_360,
 }  # fmt: skip
 CONSTANTS = 972
-REACHED_LINES = {"vig.explainer": 12_719, "vig_app.cli.fit": 18_411}
+REACHED_LINES = {"vig.explainer": 12_721, "vig_app.cli.fit": 18_413}
 """Lines of the modules that one imports, directly and indirectly: what is read to change it."""
 
 PICKLERS = {"pickle", "cPickle", "_pickle", "dill", "cloudpickle", "joblib", "shelve", "marshal"}

@@ -49,7 +49,7 @@ TOO_WIDE = "; the camera is so close to it that a weaker perspective than its le
 
 @with_default_settings
 class Explainer:
-    """Estimates pose, shape, colours, light and masks of objects of one class in photos.
+    """Estimator of pose, shape, colours, light and masks of objects of one class in photos.
 
     Example:
         ```python
@@ -214,8 +214,9 @@ class Explainer:
         window_hints = None
         if hints is not None or held_box is not None:
             window_hints = (hints or Hints()).in_window(window, self.object_class, held_box)
-        by = self.object_class, self.recognizer, settings
-        fit = next(explain(crop[None], *by, inside_photo[None], window_hints, expected))
+        images, valid = crop[None], inside_photo[None]
+        with_class = self.object_class, self.recognizer, settings
+        fit = next(explain(images, *with_class, valid, window_hints, expected))
         if too_wide:
             fit = replace(fit, reason=fit.reason + TOO_WIDE)
         if present < 1.0:

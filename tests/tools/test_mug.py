@@ -15,7 +15,7 @@ from vig_world.assets.mugs.mug import MUG_FACES, MUG_PARTS, PART_NAMES, mug_vert
 from vig_world.assets.target import draw_shape, shape_vertices
 from vig_world.composition.place import zone_weights
 
-FEW = 10
+FEW = 40
 """Random designs of the builder that are compared: a longer list begins with the shorter one."""
 
 

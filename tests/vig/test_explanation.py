@@ -101,6 +101,34 @@ def test_the_json_speaks_degrees_and_names_every_latent(
 ) -> None:
     photo = np.full((150, 150, 3), 0.2, np.float32)
     said = written(tmp_path, photo, Window.of(150, 150), fit, teapot)
+    assert set(said) == {
+        *(
+            "format",
+            "frames",
+            "glb_from_object",
+            "hints",
+            "mask_confidence",
+            "points",
+            "bounds",
+            "present",
+            "trusted",
+            "trusted_from",
+        ),
+        *(
+            "vig",
+            "class",
+            "verdict",
+            "reason",
+            "confidence",
+            "azimuth_deg",
+            "elevation_deg",
+            "albedo",
+            "light",
+            "shape",
+        ),
+        *("alternatives", "deviation", "hidden_fraction", "evidence_nats", "start_evidence_nats"),
+        *("evaluations", "window", "framing", "camera", "pinhole", "roll_deg", "family", "box", "front"),
+    }
     assert list(said) == [field.encode_name for field in msgspec.structs.fields(record.Explanation)]
     assert (said["class"], said["verdict"]) == ("teapot", "trusted")
     assert (said["mask_confidence"], said["trusted"]) == (0.7, ["view"])

@@ -259,7 +259,8 @@ class KnownObject:
             reason = f"the principal point is beside the photo of {width} x {height}: is K of another size?"
             verdict, right = Verdict.AMBIGUOUS, 0.99 * TRUSTED
         if not (visible > 0.5).any():
-            verdict, reason, right = Verdict.FAILED, Verdict.FAILED.value, 0.0 * right  # or NaN
+            verdict, reason = Verdict.FAILED, Verdict.FAILED.value
+            right = right if math.isnan(right) else 0.0
         small = self._picture(pyramid, around, place, IMAGE_SIZE // 2).native(self.surface)
         sure = verdict is Verdict.TRUSTED or len(poses.scores) == 1
         deviation, framing_deviation = self._deviation(small, rotation, middle, latents, sure)

@@ -65,6 +65,9 @@ def cards_of(results: Path, out: Path) -> tuple[list[Card], int]:
     """Return the cards of a folder of results, by name, `MAX_PHOTOS` at most, and how many results it holds.
 
     They are for a page in `out`, from which they link to each one's own.
+
+    Raises:
+        UserError: No explanation with its page is in it.
     """
     pages = [
         path for depth in ("", "*/", "*/*/") for path in sorted(results.glob(f"{depth}explanation.json"))

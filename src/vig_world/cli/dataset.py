@@ -49,12 +49,8 @@ def make(settings: Make) -> int:
         f"redrawn   {redrawn:.1f} placements a sample, before one suited ({reasons or 'none'})",
     ]
     result = asdict(settings) | described if settings.json else None
-    end(
-        folder,
-        f"made a dataset: vig dataset show {folder} --split {settings.split} draws a sheet of it",
-        result,
-        lines,
-    )
+    draw = f"vig dataset show {folder} --split {settings.split}"
+    end(folder, f"made a dataset: {draw} draws a sheet of it", result, lines)
     return 0
 
 
@@ -116,9 +112,7 @@ def check(settings: Check) -> int:
     splits_found = {of_split.split: asdict(of_split) | {"clean": of_split.clean} for of_split in findings}
     result = {"clean": clean, "splits": splits_found} if settings.json else None
     found = (
-        "it is as it was made"
-        if clean
-        else "some of it is not as it was made; remove the folder and make it again"
+        "it is as it was made" if clean else "it is not as it was made; remove the folder and make it again"
     )
     end(settings.dataset, f"checked: {found}", result, lines)
     return 0 if clean else 1

@@ -31,7 +31,7 @@ class StudioScenes:
         """
         image = self._image(seed, index, draw)
         latents = image.latents.astype(float)
-        of = latent_layout(self.object_class.shape_model.modes)
+        block = latent_layout(self.object_class.shape_model.modes)
         alone, visible = _masks(image)
         hidden = 1 - float(visible.sum() / max(alone.sum(), 1))
         models = self._studio.models
@@ -39,12 +39,12 @@ class StudioScenes:
             seed=seed,
             index=index,
             split=self.split,
-            shape=tuple(latents[of["shape"]].tolist()),
+            shape=tuple(latents[block["shape"]].tolist()),
             design=models[image.model].design if models else NO_DESIGN,
-            azimuth=float(latents[of["azimuth"]][0]),
-            elevation=float(latents[of["elevation"]][0]),
-            albedo=tuple(latents[of["albedo"]].tolist()),
-            light=tuple(latents[of["light"]].tolist()),
+            azimuth=float(latents[block["azimuth"]][0]),
+            elevation=float(latents[block["elevation"]][0]),
+            albedo=tuple(latents[block["albedo"]].tolist()),
+            light=tuple(latents[block["light"]].tolist()),
             panorama=-1,
             panorama_angle=0.0,
             target=hidden,

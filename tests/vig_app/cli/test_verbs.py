@@ -75,6 +75,18 @@ def test_help_describes_each_format_of_a_run(capsys: pytest.CaptureFixture[str])
     assert [name for name in run_formats() if f" {name}: " not in words] == []
 
 
+def test_results_are_drawn_on_the_whole_photo(capsys, photo, tmp_path):
+    assert run_vig("fit", photo, "--box", "40,30,60,50", "--out", tmp_path / "out", "--json") == 0
+    printed = json.loads(capsys.readouterr().out)
+    folder = Path(printed["results"][str(photo)]["folder"])
+    assert Image.open(folder / "overlay.png").size == (160, 120)
+    assert Image.open(folder / "mask.png").size == (160, 120)
+    stored = json.loads((folder / "explanation.json").read_text())
+    assert stored["verdict"] in ("trusted", "reverted", "ambiguous", "failed", "absent")
+    assert len(stored["shape"]) == 16
+    assert 0 <= stored["azimuth_deg"] < 360
+
+
 def test_chosen_files_have_the_mask_of_an_export_and_links_that_lead_somewhere(tmp_path: Path) -> None:
     """A large photo beside a small one: its picture is smaller than it, the mask is not."""
     photos = [tmp_path / "a.png", tmp_path / "b.png"]

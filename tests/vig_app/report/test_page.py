@@ -432,3 +432,11 @@ def test_a_run_has_a_gallery(
     path.write_text(json.dumps(whole))
     (tmp_path / "run/one/report.html").write_text("<p>mine")
     assert run_vig("gallery", tmp_path / "run") == 2 and "no photo or no mesh" in capsys.readouterr().err
+
+
+def test_several_photos_have_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    photos = [str(example.photo) for example in example_photos()[:2]]
+    run_vig("fit", *photos, "--out", tmp_path)
+    links = re.findall('<li><a href="([^"]+)">', (tmp_path / "report.html").read_text())
+    assert set(links) == {f"{example.photo.stem}/report.html" for example in example_photos()[:2]}
+    assert all((tmp_path / link).is_file() for link in links)
